@@ -1,0 +1,39 @@
+# Two commands: `make report` runs the main job, `make test` runs the tests. Both set themselves up.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: report test test-all lint bench lock clean
+
+.venv/ready: pyproject.toml requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+report: .venv/ready
+	$(BIN)/hfa report --output report
+
+test: .venv/ready
+	$(BIN)/python -m pytest -m "not slow"
+
+test-all: .venv/ready
+	$(BIN)/python -m pytest
+
+lint: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: .venv/ready
+	$(BIN)/python -m benchmarks
+
+# Rewrites the exact versions from the lower bounds in pyproject.toml.
+lock:
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check "setuptools>=68" ".[dev]"
+	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude hfa-toolchain > requirements.lock
+	rm -rf .venv-lock
+
+clean:
+	rm -rf .venv report
