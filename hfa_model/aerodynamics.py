@@ -1,0 +1,107 @@
+"""Loads on one panel, and their sums on the aircraft: lift, drag, pitching moment, hinge moment."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from hfa_model.kinematics import Flow, center_flow, center_height, outer_flow
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
+from hfa_model.vectors import Input, State
+
+
+class PanelLoads(NamedTuple):
+    """Loads on one panel in its own axes: wing and tail together unless said; lbf and ft lbf.
+
+    forward, sideward, downward: force components at the reference point. tail_downward: the tail's share
+    of `downward`, which acts at the end of the boom. moment: of the wing section about the quarter chord.
+    """
+
+    lift: Any
+    drag: Any
+    forward: Any
+    sideward: Any
+    downward: Any
+    tail_downward: Any
+    moment: Any
+
+
+class Loads(NamedTuple):
+    """Loads on the aircraft: lift, drag (lbf, about the flight path), pitching moment about the center of mass
+    and moment of one outer panel about its hinge without spring and damper (ft lbf), thrust (lbf), and the
+    loads of the center and of one outer panel."""
+
+    lift: Any
+    drag: Any
+    pitching_moment: Any
+    hinge_moment: Any
+    thrust: Any
+    center: PanelLoads
+    outer: PanelLoads
+
+
+def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: Any, p: Parameters) -> PanelLoads:
+    """L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
+    D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
+
+    q_i = ½ρV_i² takes the local speed; the drag takes q = ½ρV² with the aircraft's speed, and the tail makes
+    none: that is how the published matrices were made. Angles rad, speeds ft/s, density slug/ft^3.
+    Source: Gibson et al. 2011, Eqs. 36-43.
+    """
+    area = p.panel_span * p.chord
+    local_pressure = density * flow.speed**2 / 2
+    lift_coefficient = p.lift_slope * flow.alpha + p.aileron_lift * aileron
+    wing_lift = local_pressure * area * lift_coefficient
+    tail_lift = local_pressure * p.tail_area * p.lift_slope * (flow.alpha + elevator)
+    drag = density * speed**2 / 2 * area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
+    moment = local_pressure * p.chord * area * (p.zero_lift_moment + p.aileron_moment * aileron)
+    lift = wing_lift + tail_lift
+    sin_alpha, cos_alpha = ca.sin(flow.alpha), ca.cos(flow.alpha)
+    along_panel = drag * ca.cos(flow.sideslip)
+    return PanelLoads(
+        lift=lift,
+        drag=drag,
+        forward=lift * sin_alpha - along_panel * cos_alpha,
+        sideward=-drag * ca.sin(flow.sideslip),
+        downward=-lift * cos_alpha - along_panel * sin_alpha,
+        tail_downward=-tail_lift * cos_alpha,
+        moment=moment,
+    )
+
+
+def aircraft_loads(x: State, u: Input, density: Any, p: Parameters, variant: Variant) -> Loads:
+    """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
+
+    X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),
+    D = -(X cos α + Z sin α),  L = X sin α - Z cos α,
+    M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
+    H = -(s/2) Z_o - (s/2) m g cos η cos θ.
+
+    The lever l of the outer panels' forward force and the projection π of their section moment are the
+    variant's (`variants.py`). Source: Gibson et al. 2011, Eqs. 31-44.
+    """
+    center = panel_loads(center_flow(x, p), x.speed, u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_flow(x, p), x.speed, u.aileron_outer, u.elevator_outer, density, p)
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
+    forward = center.forward + 2 * outer.forward
+    downward = center.downward + 2 * (outer.downward * cos_eta + outer.sideward * sin_eta)
+    pitching_moment = (
+        center.moment
+        + 2 * variant.section_projection(x.dihedral) * outer.moment
+        + p.boom_length * (center.tail_downward + 2 * cos_eta * outer.tail_downward)
+        + center_height(x.dihedral, p) * center.forward
+        - 2 * variant.outer_lever(x.dihedral, p) * outer.forward
+    )
+    weight_moment = p.panel_mass * p.gravity * cos_eta * ca.cos(x.pitch)
+    return Loads(
+        lift=forward * sin_alpha - downward * cos_alpha,
+        drag=-(forward * cos_alpha + downward * sin_alpha),
+        pitching_moment=pitching_moment,
+        hinge_moment=-p.panel_span / 2 * (outer.downward + weight_moment),
+        thrust=p.thrust_per_throttle * u.throttle,
+        center=center,
+        outer=outer,
+    )

@@ -1,0 +1,72 @@
+"""The seven equations of motion as one pure function of state, input and parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from hfa_model.aerodynamics import Loads, aircraft_loads
+from hfa_model.atmosphere import density
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
+from hfa_model.vectors import Input, State
+
+
+def rates(x: State, u: Input, p: Parameters, variant: Variant) -> State:
+    """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
+
+    V'  = (T cos α - D)/m_tot - g sin γ
+    α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V
+    h'  = V sin γ,   θ' = q
+    q'  = (M - 2 c2 sin η cos η η' q) / (c1 + c2 sin² η),   c1 = 3 I_yy,  c2 = 2 I_zz - 2 I_yy + m s²/6
+    η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3
+    d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
+
+    `coupling` and d3 are the variant's (`variants.py`). Numbers or CasADi expressions in, the same out.
+    """
+    loads = aircraft_loads(x, u, density(x.altitude), p, variant)
+    return rates_from_loads(x, loads, p, variant)
+
+
+def rates_from_loads(x: State, loads: Loads, p: Parameters, variant: Variant) -> State:
+    """The same equations with the loads given: what is left is mechanics."""
+    gamma = x.pitch - x.alpha
+    total_mass = 3 * p.panel_mass
+    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
+    speed_rate = (loads.thrust * cos_alpha - loads.drag) / total_mass - p.gravity * ca.sin(gamma)
+    alpha_rate = (
+        -(loads.thrust * sin_alpha + loads.lift) / (total_mass * x.speed)
+        + x.pitch_rate
+        + p.gravity * ca.cos(gamma) / x.speed
+    )
+    return State(
+        speed=speed_rate,
+        alpha=alpha_rate,
+        altitude=x.speed * ca.sin(gamma),
+        pitch=x.pitch_rate,
+        pitch_rate=_pitch_acceleration(x, loads, p),
+        dihedral=x.dihedral_rate,
+        dihedral_rate=_dihedral_acceleration(x, speed_rate, alpha_rate, loads, p, variant),
+    )
+
+
+def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Any:
+    c1 = 3 * p.inertia_pitch
+    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    gyroscopic = 2 * c2 * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
+    return (loads.pitching_moment - gyroscopic) / (c1 + c2 * sin_eta**2)
+
+
+def _dihedral_acceleration(
+    x: State, speed_rate: Any, alpha_rate: Any, loads: Loads, p: Parameters, variant: Variant
+) -> Any:
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
+    inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
+    spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12
+    d2 = spread * sin_eta * cos_eta * x.pitch_rate**2
+    elastic = -p.hinge_damping * x.dihedral_rate - p.hinge_stiffness * x.dihedral
+    moment = loads.hinge_moment + elastic + inertial + variant.hinge_coupling(x, p) - d2
+    return moment / variant.hinge_inertia(x.dihedral, p)

@@ -1,0 +1,62 @@
+"""Where each panel is and how the air meets it.
+
+Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's reference
+point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with dihedral η the center
+panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
+The right and the left panel mirror each other, so one "outer" panel stands for both.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from hfa_model.parameters import Parameters
+from hfa_model.vectors import State
+
+
+class Flow(NamedTuple):
+    """Air relative to one panel, in panel axes: speed (ft/s), angle of attack and sideslip (rad)."""
+
+    speed: Any
+    alpha: Any
+    sideslip: Any
+
+
+def center_height(dihedral: Any, p: Parameters) -> Any:
+    """z_c = (s/3) sin η: the center panel below the center of mass, ft."""
+    return p.panel_span / 3 * ca.sin(dihedral)
+
+
+def outer_height(dihedral: Any, p: Parameters) -> Any:
+    """z_o = -(s/6) sin η: an outer panel above the center of mass (negative), ft."""
+    return -p.panel_span / 6 * ca.sin(dihedral)
+
+
+def center_flow(x: State, p: Parameters) -> Flow:
+    """u = V cos α + q z_c,  w = V sin α + (s/3) cos η η'  (Gibson et al. 2011, Eqs. 75-76)."""
+    forward = x.speed * ca.cos(x.alpha) + x.pitch_rate * center_height(x.dihedral, p)
+    return flow_of(forward, 0.0, _hinge_descent(x, p))
+
+
+def outer_flow(x: State, p: Parameters) -> Flow:
+    """u = V cos α + q z_o,  v = w_h sin η,  w = w_h cos η - (s/2) η',  w_h = V sin α + (s/3) cos η η'.
+
+    w_h is the vertical speed of the hinge, split along and across the outer panel (Gibson et al. 2011,
+    Eqs. 69, 77-78).
+    """
+    hinge = _hinge_descent(x, p)
+    forward = x.speed * ca.cos(x.alpha) + x.pitch_rate * outer_height(x.dihedral, p)
+    normal = hinge * ca.cos(x.dihedral) - p.panel_span / 2 * x.dihedral_rate
+    return flow_of(forward, hinge * ca.sin(x.dihedral), normal)
+
+
+def flow_of(forward: Any, sideward: Any, downward: Any) -> Flow:
+    """V = |(u, v, w)|,  α = atan2(w, u),  β = asin(v / V)  (Gibson et al. 2011, Eq. 14)."""
+    speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
+    return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
+
+
+def _hinge_descent(x: State, p: Parameters) -> Any:
+    return x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate

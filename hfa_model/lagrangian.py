@@ -1,0 +1,158 @@
+"""The equations of motion derived a second time, from energies: the judge of the `newton` variant.
+
+Three rigid panels; generalized coordinates r = (X, Z, θ, η): position of the center panel in an inertial frame
+(X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or `dynamics.py` is used: positions are
+written down, everything else follows by differentiation.
+
+    d/dt ∂T/∂r' - ∂T/∂r + ∂U/∂r = Q
+
+T: kinetic energy of the panels, U: weight and hinge springs, Q: generalized forces, by virtual work, of the
+panel loads, the thrust and the hinge dampers.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from hfa_model.aerodynamics import PanelLoads, panel_loads
+from hfa_model.kinematics import Flow, flow_of
+from hfa_model.parameters import Parameters
+from hfa_model.vectors import Input, State
+
+
+class _Panel(NamedTuple):
+    """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in its axes."""
+
+    position: Any
+    axes: Any
+    spin: Any
+
+
+def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters) -> State:
+    """dX/dt of the aircraft by the Euler-Lagrange equations; arguments as in `dynamics.rates`.
+
+    `density` (slug/ft^3) is given, so that 0 means flight without air. CasADi expressions in and out.
+    Source: Goldstein, Classical Mechanics, Section 1.4.
+    """
+    r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
+    panels = _panels(r, v, p)
+    kinetic = sum(_kinetic_energy(panel, r, v, p) for panel in panels)
+    potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
+    momentum = ca.gradient(kinetic, v)
+    inertia = ca.jacobian(momentum, v)
+    bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
+    force = _generalized_force(panels, r, v, u, density, p)
+    acceleration = ca.solve(inertia, force - bias)
+    return _as_state_rates(x, r, v, acceleration, p)
+
+
+def mechanical_energy(x: State, p: Parameters) -> Any:
+    """T + U of a state, ft lbf: what free flight without air and dampers conserves."""
+    r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
+    panels = _panels(r, v, p)
+    energy = sum(_kinetic_energy(panel, r, v, p) + _potential_energy(panel, p) for panel in panels)
+    return _at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
+
+
+def _panels(r: Any, v: Any, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
+    """Center, right and left panel; a wing hinges at half a span and its center lies half a span further out."""
+    sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
+    body = ca.vertcat(
+        ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta)
+    )
+    origin = ca.vertcat(r[0], 0, r[1])
+    spin = ca.vertcat(0, v[2], 0)
+    wings = []
+    for side in (1, -1):
+        # The right wing (side 1) rises by a rotation of -η about the body's x axis, the left one by +η.
+        roll, roll_rate = -side * r[3], -side * v[3]
+        lean = ca.vertcat(
+            ca.horzcat(1, 0, 0),
+            ca.horzcat(0, ca.cos(roll), -ca.sin(roll)),
+            ca.horzcat(0, ca.sin(roll), ca.cos(roll)),
+        )
+        arm = side * p.panel_span / 2
+        offset = ca.vertcat(0, arm, 0) + lean @ ca.vertcat(0, arm, 0)
+        wing_spin = lean.T @ spin + ca.vertcat(roll_rate, 0, 0)
+        wings.append(_Panel(origin + body @ offset, body @ lean, wing_spin))
+    return _Panel(origin, body, spin), wings[0], wings[1]
+
+
+def _velocity(panel: _Panel, r: Any, v: Any) -> Any:
+    return ca.jtimes(panel.position, r, v)
+
+
+def _kinetic_energy(panel: _Panel, r: Any, v: Any, p: Parameters) -> Any:
+    velocity = _velocity(panel, r, v)
+    inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
+    return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
+
+
+def _potential_energy(panel: _Panel, p: Parameters) -> Any:
+    return -p.panel_mass * p.gravity * panel.position[2]
+
+
+def _generalized_force(
+    panels: tuple[_Panel, _Panel, _Panel], r: Any, v: Any, u: Input, density: Any, p: Parameters
+) -> Any:
+    # The drag law takes the speed of the aircraft, that is of the common center of mass.
+    center_of_mass = sum(panel.position for panel in panels) / 3
+    speed = ca.norm_2(ca.jtimes(center_of_mass, r, v))
+    force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
+    controls = ((u.aileron_center, u.elevator_center), *((u.aileron_outer, u.elevator_outer),) * 2)
+    for panel, (aileron, elevator) in zip(panels, controls, strict=True):
+        loads = panel_loads(_flow(panel, r, v), speed, aileron, elevator, density, p)
+        force += _virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
+    return force
+
+
+def _flow(panel: _Panel, r: Any, v: Any) -> Flow:
+    along = panel.axes.T @ _velocity(panel, r, v)
+    return flow_of(along[0], along[1], along[2])
+
+
+def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Any, r: Any, v: Any, p: Parameters) -> Any:
+    """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's moment."""
+    wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
+    tail = ca.vertcat(0, 0, loads.tail_downward)
+    boom_end = panel.position + panel.axes @ ca.vertcat(-p.boom_length, 0, 0)
+    work = ca.jacobian(panel.position, r).T @ (panel.axes @ wing)
+    work += ca.jacobian(boom_end, r).T @ (panel.axes @ tail)
+    return work + ca.jacobian(panel.spin, v).T @ ca.vertcat(0, loads.moment, 0)
+
+
+def _as_state_rates(x: State, r: Any, v: Any, acceleration: Any, p: Parameters) -> State:
+    """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its path angle."""
+    center = sum(panel.position for panel in _panels(r, v, p)) / 3
+    velocity = ca.jtimes(center, r, v)
+    velocity_rate = ca.jtimes(velocity, r, v) + ca.jtimes(velocity, v, acceleration)
+    speed = ca.norm_2(velocity)
+    gamma_rate = (velocity[2] * velocity_rate[0] - velocity[0] * velocity_rate[2]) / speed**2
+    rates = State(
+        speed=ca.dot(velocity, velocity_rate) / speed,
+        alpha=v[2] - gamma_rate,
+        altitude=-velocity[2],
+        pitch=v[2],
+        pitch_rate=acceleration[2],
+        dihedral=v[3],
+        dihedral_rate=acceleration[3],
+    )
+    return State(*(_at_state(rate, x, r, v, p) for rate in rates))
+
+
+def _at_state(expression: Any, x: State, r: Any, v: Any, p: Parameters) -> Any:
+    """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the center of mass."""
+    height = p.panel_span / 3 * ca.sin(x.dihedral)
+    height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
+    sin_theta, cos_theta = ca.sin(x.pitch), ca.cos(x.pitch)
+    gamma = x.pitch - x.alpha
+    position = ca.vertcat(height * sin_theta, height * cos_theta - x.altitude, x.pitch, x.dihedral)
+    velocity = ca.vertcat(
+        x.speed * ca.cos(gamma) + height_rate * sin_theta + height * cos_theta * x.pitch_rate,
+        -x.speed * ca.sin(gamma) + height_rate * cos_theta - height * sin_theta * x.pitch_rate,
+        x.pitch_rate,
+        x.dihedral_rate,
+    )
+    return ca.substitute(expression, ca.vertcat(r, v), ca.vertcat(position, velocity))

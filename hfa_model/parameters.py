@@ -1,0 +1,199 @@
+"""Parameters of the aircraft: a frozen record, each value with its unit, its source and its uncertainty."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_model.errors import BadInputError
+
+
+class Parameters(NamedTuple):
+    """The aircraft as numbers (or CasADi symbols), English units: ft, slug, lbf, s, rad.
+
+    Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are about
+    the panel's own center of mass, in panel axes. The wing area of a panel is `panel_span * chord`; wing
+    and tail share one lift slope; `thrust_per_throttle` converts the throttle to total thrust.
+    """
+
+    panel_mass: Any
+    panel_span: Any
+    chord: Any
+    tail_area: Any
+    boom_length: Any
+    inertia_roll: Any
+    inertia_pitch: Any
+    inertia_yaw: Any
+    lift_slope: Any
+    aileron_lift: Any
+    aileron_moment: Any
+    zero_lift_moment: Any
+    zero_lift_drag: Any
+    induced_drag: Any
+    hinge_stiffness: Any
+    hinge_damping: Any
+    thrust_per_throttle: Any
+    gravity: Any
+
+
+class Field(NamedTuple):
+    """What one parameter means, in which unit, and whether it must be positive."""
+
+    unit: str
+    meaning: str
+    positive: bool = True
+
+
+FIELDS = Parameters(
+    panel_mass=Field("slug", "mass of one panel"),
+    panel_span=Field("ft", "span of one panel"),
+    chord=Field("ft", "chord of the wing"),
+    tail_area=Field("ft^2", "area of the all-moving tail of one panel"),
+    boom_length=Field("ft", "distance from the wing's to the tail's quarter chord"),
+    inertia_roll=Field("slug ft^2", "inertia of one panel about its chordwise axis (I_x3x3 of the paper)"),
+    inertia_pitch=Field("slug ft^2", "inertia of one panel about its spanwise axis (I_yy of the paper)"),
+    inertia_yaw=Field("slug ft^2", "inertia of one panel about its normal axis (I_zz of the paper)"),
+    lift_slope=Field("1/rad", "lift coefficient per angle of attack, wing and tail"),
+    aileron_lift=Field("1/rad", "lift coefficient per aileron deflection"),
+    aileron_moment=Field(
+        "1/rad", "pitching moment coefficient per aileron deflection, about the quarter chord", positive=False
+    ),
+    zero_lift_moment=Field("1", "pitching moment coefficient at zero lift, about the quarter chord", positive=False),
+    zero_lift_drag=Field("1", "drag coefficient at zero lift"),
+    induced_drag=Field("1", "drag coefficient per squared lift coefficient"),
+    hinge_stiffness=Field("ft lbf/rad", "elastic moment of one hinge per dihedral angle"),
+    hinge_damping=Field("ft lbf s/rad", "damping moment of one hinge per dihedral rate"),
+    thrust_per_throttle=Field("lbf", "total thrust per unit of throttle"),
+    gravity=Field("ft/s^2", "acceleration of gravity"),
+)
+
+#: Where a value may come from.
+SOURCES = ("identified", "assumed", "print")
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Parameters with their provenance.
+
+    values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
+    covariance: (n, n), of the identified parameters in the order of `identified`, in their own units,
+    propagated from the rounding of the print; empty when nothing is identified.
+    structure: extra constants of a rival structure (empty for the published one).
+    """
+
+    values: Parameters
+    sources: dict[str, str]
+    notes: dict[str, str] = field(default_factory=dict)
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    structure: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """Names of the identified parameters, then of the structure's own constants, in order."""
+        names = tuple(name for name in Parameters._fields if self.sources[name] == "identified")
+        return names + tuple(self.structure)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Name -> standard error of each identified parameter, in its own unit."""
+        return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+
+def default_parameters() -> ParameterSet:
+    """The identified aircraft that comes with the package (`hfa identify` writes it)."""
+    return load_parameters(Path(str(files("hfa_model").joinpath("parameters.toml"))))
+
+
+def load_parameters(path: Path) -> ParameterSet:
+    """Read a parameters file; BadInputError names the file, the entry and what is wrong with it."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadInputError(f"{path}: is not a TOML file ({error})") from error
+    covariance_table = data.pop("covariance", {"names": [], "rows": []})
+    structure = data.pop("structure", {})
+    unknown = sorted(set(data) - set(Parameters._fields))
+    missing = [name for name in Parameters._fields if name not in data]
+    if unknown:
+        raise BadInputError(f"{path}: unknown parameter {unknown[0]!r}; remove it or correct its name")
+    if missing:
+        raise BadInputError(f"{path}: parameter {missing[0]!r} is missing; add [{missing[0]}] with value and unit")
+    values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
+    sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
+    notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
+    result = ParameterSet(
+        values, sources, notes, structure={name: _number(path, name, value) for name, value in structure.items()}
+    )
+    return _with_covariance(path, result, covariance_table)
+
+
+def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
+    """Write a parameters file that `load_parameters` reads back bit for bit; whole or not at all."""
+    lines = [f"# {line}" for line in header.splitlines()]
+    errors = parameters.standard_errors
+    for name, spec in FIELDS._asdict().items():
+        lines += ["", f"[{name}]", f"value = {getattr(parameters.values, name)!r}", f'unit = "{spec.unit}"']
+        lines += [f'source = "{parameters.sources[name]}"']
+        if name in errors:
+            lines += [f"standard_error = {errors[name]:.3g}"]
+        if name in parameters.notes:
+            lines += [f'note = "{parameters.notes[name]}"']
+    if parameters.structure:
+        lines += ["", "[structure]", *(f"{name} = {value!r}" for name, value in parameters.structure.items())]
+    if parameters.covariance.size:
+        names = ", ".join(f'"{name}"' for name in parameters.identified)
+        rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
+        lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
+    write_atomically(path, "\n".join(lines) + "\n")
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file whole or not at all: to a temporary file beside it, then rename."""
+    if not path.parent.is_dir():
+        raise BadInputError(f"{path}: the folder {path.parent} does not exist; create it or choose another")
+    temporary = path.with_name(f".{path.name}.partial")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+
+
+def _value(path: Path, name: str, table: Any) -> float:
+    spec: Field = getattr(FIELDS, name)
+    if not isinstance(table, dict) or "value" not in table:
+        raise BadInputError(f"{path}: [{name}] has no value; add `value = ...` in {spec.unit}")
+    if table.get("unit", spec.unit) != spec.unit:
+        raise BadInputError(f"{path}: [{name}] is in {table['unit']!r}; convert it to {spec.unit!r}")
+    if table.get("source", "assumed") not in SOURCES:
+        raise BadInputError(f"{path}: [{name}] has source {table['source']!r}; choose one of {', '.join(SOURCES)}")
+    value = _number(path, name, table["value"])
+    if spec.positive and value <= 0.0:
+        raise BadInputError(f"{path}: [{name}] is {value}; the {spec.meaning} must be positive")
+    return value
+
+
+def _number(path: Path, name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise BadInputError(f"{path}: [{name}] is {value!r}; give a finite number")
+    return float(value)
+
+
+def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:
+    names = tuple(table.get("names", ()))
+    if not names:
+        return parameters
+    covariance = np.array(table.get("rows", []), dtype=float)
+    if names != parameters.identified or covariance.shape != (len(names), len(names)):
+        raise BadInputError(
+            f"{path}: [covariance] does not belong to the identified parameters; "
+            "remove it or run `hfa identify` again"
+        )
+    return ParameterSet(
+        parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure
+    )

@@ -1,0 +1,116 @@
+"""Where the two variants of the equations differ, side by side.
+
+`published` regenerates the matrices that the paper prints. `newton` follows from first principles
+(`lagrangian.py` derives it independently). They differ in six terms, all here; `docs/dynamics.md` says how
+each was found. With η the dihedral, q the pitch rate, s and m the span and mass of one panel:
+
+| term | published | newton |
+|---|---|---|
+| lever of the outer panels' forward force | s/2 - (s/3) sin η | (s/6) sin η |
+| outer section moments, projected on the pitch axis | 1 | cos η |
+| (m s/2) cos η V cos α q in η'' | + | - |
+| (m s/2) V sin α sin η η' in η'' | - | absent |
+| factor on (m s/2) cos η sin η η'² in η'' | -2s/3 | -s/3 |
+| cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from hfa_model.errors import BadInputError
+from hfa_model.parameters import Parameters
+from hfa_model.vectors import State
+
+
+@dataclass(frozen=True)
+class Published:
+    """The equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs. 45-46)."""
+
+    name = "published"
+
+    def outer_lever(self, dihedral: Any, p: Parameters) -> Any:
+        """l = s/2 - (s/3) sin η, ft."""
+        return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
+
+    def section_projection(self, dihedral: Any) -> Any:
+        """π = 1."""
+        return 1.0
+
+    def hinge_coupling(self, x: State, p: Parameters) -> Any:
+        """(m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], ft lbf."""
+        sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+        return (p.panel_mass * p.panel_span / 2) * (
+            cos_eta * x.speed * ca.cos(x.alpha) * x.pitch_rate
+            - x.speed * ca.sin(x.alpha) * sin_eta * x.dihedral_rate
+            - 2 * p.panel_span / 3 * cos_eta * sin_eta * x.dihedral_rate**2
+        )
+
+    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+        """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
+
+        The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices.
+        """
+        mass_moment = p.panel_mass * p.panel_span**2
+        return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)
+
+
+@dataclass(frozen=True)
+class Newton:
+    """The equations of three rigid bodies on two hinges, forces by virtual work."""
+
+    name = "newton"
+
+    def outer_lever(self, dihedral: Any, p: Parameters) -> Any:
+        """l = (s/6) sin η, ft: the height of an outer panel above the center of mass."""
+        return p.panel_span / 6 * ca.sin(dihedral)
+
+    def section_projection(self, dihedral: Any) -> Any:
+        """π = cos η: the panel's spanwise axis leans by η out of the pitch axis."""
+        return ca.cos(dihedral)
+
+    def hinge_coupling(self, x: State, p: Parameters) -> Any:
+        """(m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²], ft lbf."""
+        cos_eta = ca.cos(x.dihedral)
+        return (p.panel_mass * p.panel_span / 2) * (
+            -cos_eta * x.speed * ca.cos(x.alpha) * x.pitch_rate
+            - p.panel_span / 3 * cos_eta * ca.sin(x.dihedral) * x.dihedral_rate**2
+        )
+
+    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+        """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the panel turns."""
+        mass_moment = p.panel_mass * p.panel_span**2
+        return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
+
+
+@dataclass(frozen=True)
+class Rival(Published):
+    """Published, but with the hinge inertia as the paper prints it and a free factor on its cosine.
+
+    d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η. With c fitted it reproduces both printed angles as well as
+    `Published` does; the distance between the two at other angles measures what the print leaves open.
+    """
+
+    cosine_factor: Any = 1.0
+    name = "rival"
+
+    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+        """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, slug ft^2."""
+        mass_moment = p.panel_mass * p.panel_span**2
+        return p.inertia_roll + mass_moment / 4 + self.cosine_factor * mass_moment / 6 * ca.cos(dihedral) ** 2
+
+
+Variant = Published | Newton
+
+#: The variants that a user chooses between by name.
+VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
+
+
+def variant_named(name: str) -> Variant:
+    """Look a variant up; BadInputError names the choices."""
+    if name not in VARIANTS:
+        raise BadInputError(f"unknown dynamics {name!r}; choose one of {', '.join(VARIANTS)}")
+    return VARIANTS[name]

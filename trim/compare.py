@@ -1,0 +1,69 @@
+"""Computed beside printed, entry by entry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_model.compiled import Aircraft
+from hfa_model.published import PublishedModel
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from trim.condition import level_flight
+from trim.linearize import LinearModel, linearize
+from trim.solve import trim
+
+
+@dataclass(frozen=True)
+class EntryRow:
+    """One entry of A or B: what the paper prints, what was computed, half a unit of the last printed digit."""
+
+    matrix: str
+    row: str
+    column: str
+    printed: float
+    computed: float
+    half_unit: float
+
+    @property
+    def half_units(self) -> float:
+        """(computed - printed) / half unit: within ±1 the entry prints the same."""
+        return (self.computed - self.printed) / self.half_unit
+
+    @property
+    def percent(self) -> float:
+        """Difference in percent of the print; nan where the print is zero."""
+        return 100 * (self.computed - self.printed) / abs(self.printed) if self.printed else float("nan")
+
+    @property
+    def name(self) -> str:
+        """For example A(alpha, pitch_rate)."""
+        return f"{self.matrix}({self.row}, {self.column})"
+
+
+def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
+    """All 66 entries of A (6 x 6) and B (6 x 5), row by row."""
+    parts = (
+        ("A", LINEAR_STATES, model.A, published.A, published.half_unit_A),
+        ("B", INPUTS, model.B, published.B, published.half_unit_B),
+    )
+    return tuple(
+        EntryRow(matrix, row, column, float(printed[i, j]), float(computed[i, j]), float(half_unit[i, j]))
+        for matrix, columns, computed, printed, half_unit in parts
+        for i, row in enumerate(LINEAR_STATES)
+        for j, column in enumerate(columns)
+    )
+
+
+def regenerate(aircraft: Aircraft, published: PublishedModel) -> LinearModel:
+    """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
+    return linearize(aircraft, trim(aircraft, level_flight(published.dihedral)))
+
+
+def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """|λ_computed - λ_reference| of the best pairing of two spectra, in the order of the reference."""
+    from scipy.optimize import linear_sum_assignment
+
+    distance = np.abs(reference[:, None] - computed[None, :])
+    _, columns = linear_sum_assignment(distance)
+    return distance[np.arange(len(reference)), columns]

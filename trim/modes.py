@@ -1,0 +1,92 @@
+"""Eigenvalues as an engineer reads them: named by participation, with damping, frequency and times."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+#: Which states make which mode.
+_FAMILIES = {
+    "short period": ("alpha", "pitch_rate"),
+    "phugoid": ("speed", "pitch"),
+    "dihedral": ("dihedral", "dihedral_rate"),
+    "altitude": ("altitude",),
+}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One real eigenvalue or one conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
+
+    eigenvalue: 1/s, imaginary part >= 0. damping: ζ = -Re λ / |λ|. frequency: ω_n = |λ|, rad/s.
+    period: 2π / Im λ, s, inf when real. time_to_half: ln 2 / |Re λ|, s: to half when stable, to double when
+    not (`stable` says which), inf on the axis. participation: state -> share, sums to 1.
+    """
+
+    name: str
+    eigenvalue: complex
+    damping: float
+    frequency: float
+    period: float
+    time_to_half: float
+    stable: bool
+    participation: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; infinite times become null."""
+        row = asdict(self)
+        row["eigenvalue"] = [self.eigenvalue.real, self.eigenvalue.imag]
+        for key in ("period", "time_to_half"):
+            row[key] = row[key] if math.isfinite(row[key]) else None
+        return row
+
+
+def modes_of(A: np.ndarray, states: tuple[str, ...]) -> tuple[Mode, ...]:
+    """Modes of x' = A x, fastest first; a conjugate pair is one mode.
+
+    Participation of state k in mode i: |w_ki v_ki| / Σ_k |w_ki v_ki| with right and left eigenvectors v, w
+    (Perez-Arriaga, Verghese, Schweppe 1982). A mode takes the name of the family of states with the largest
+    share; when two modes fall to one family, the faster is called "fast", the slower "slow".
+    """
+    eigenvalues, right = np.linalg.eig(A)
+    left = np.linalg.pinv(right)
+    weights = np.abs(right * left.T)
+    shares = weights / weights.sum(axis=0)
+    found = []
+    for index in np.argsort(-np.abs(eigenvalues), kind="stable"):
+        value = complex(eigenvalues[index])
+        if value.imag >= 0.0:
+            found.append((value, dict(zip(states, shares[:, index].tolist(), strict=True))))
+    families = [_family(participation) for _, participation in found]
+    return tuple(
+        _mode(_unique_name(families, i), value, participation) for i, (value, participation) in enumerate(found)
+    )
+
+
+def _family(participation: dict[str, float]) -> str:
+    return max(_FAMILIES, key=lambda name: sum(participation.get(state, 0.0) for state in _FAMILIES[name]))
+
+
+def _unique_name(families: list[str], index: int) -> str:
+    same = [i for i, family in enumerate(families) if family == families[index]]
+    if len(same) == 1:
+        return families[index]
+    words = ["fast", "slow"] if len(same) == 2 else [str(number) for number in range(1, len(same) + 1)]
+    return f"{families[index]} ({words[same.index(index)]})"
+
+
+def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
+    frequency = abs(value)
+    return Mode(
+        name=name,
+        eigenvalue=value,
+        damping=-value.real / frequency if frequency > 0 else 0.0,
+        frequency=frequency,
+        period=2 * math.pi / value.imag if value.imag > 0 else math.inf,
+        time_to_half=math.log(2) / abs(value.real) if value.real != 0 else math.inf,
+        stable=value.real < 0,
+        participation=participation,
+    )

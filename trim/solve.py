@@ -1,0 +1,239 @@
+"""Solve a trim condition: scaled Newton on exact Jacobians; bounded least squares where that is not enough."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_model.atmosphere import density
+from hfa_model.compiled import Aircraft
+from hfa_model.errors import BadInputError, NoSolutionError
+from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, State
+from trim.condition import SCALES, VARIABLES, TrimCondition, describe
+from trim.operating_point import BALANCE, OperatingPoint
+
+_MAX_NEWTON_STEPS = 50
+_MAX_HALVINGS = 20
+
+
+class TrimError(NoSolutionError):
+    """No trim: the message names the worst equation and the limits that bind; `attempt` is the best point found."""
+
+    def __init__(self, message: str, attempt: OperatingPoint) -> None:
+        super().__init__(message)
+        self.attempt = attempt
+
+
+def trim(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint | None = None) -> OperatingPoint:
+    """Solve f(X, U) = imposed rates for the free variables, every residual within `BALANCE` of its scale.
+
+    As many equations as unknowns: Newton's method with step halving. More unknowns than equations: the point
+    of least control effort Σ (u / scale)². When Newton leaves the limits, or with more equations than
+    unknowns: least squares within the limits.
+
+    start: a neighbouring point to begin from (warm start); else an analytic guess. Raises TrimError when the
+    equations cannot be balanced within the limits, BadInputError when the condition is not well posed.
+    Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
+    """
+    problem = _Problem(aircraft, condition)
+    guess = problem.clip(problem.first_guess(start))
+    equations, unknowns = problem.count(guess)
+    if unknowns > equations:
+        best = _newton(problem, _least_effort(problem, guess))
+    else:
+        best = _newton(problem, guess)
+        if not problem.solved(best):
+            best = _newton(problem, _bounded_least_squares(problem, guess))
+    if not problem.solved(best):
+        best = problem.clip(best)
+        raise TrimError(problem.failure(best), problem.point(best, "failed"))
+    return problem.point(best, "trimmed")
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """The condition as scaled residuals of scaled unknowns."""
+
+    aircraft: Aircraft
+    condition: TrimCondition
+
+    @property
+    def scales(self) -> np.ndarray:
+        return np.array([SCALES[name] for name in self.condition.free])
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        return tuple(name for name in STATES if name in self.condition.rates)
+
+    def vectors(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """State and input at given unknowns (scaled)."""
+        free = dict(zip(self.condition.free, (unknowns * self.scales).tolist(), strict=True))
+        values = {**self.condition.imposed, **free}
+        values["pitch"] = values["alpha"] + values["gamma"]
+        return np.array([values[name] for name in STATES]), np.array([values[name] for name in INPUTS])
+
+    def residual(self, unknowns: np.ndarray) -> np.ndarray:
+        """(f - imposed) / scale, one entry an equation."""
+        return self._scaled(self.aircraft.rates(*self.vectors(unknowns)))
+
+    def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Scaled residual and its Jacobian with respect to the scaled unknowns."""
+        value, A, B = self.aircraft.jacobians(*self.vectors(unknowns))
+        by_name = {name: A[:, index] for index, name in enumerate(STATES)}
+        by_name |= {name: B[:, index] for index, name in enumerate(INPUTS)}
+        by_name["gamma"] = by_name["pitch"]
+        by_name["alpha"] = by_name["alpha"] + by_name["pitch"]
+        rows = [STATES.index(name) for name in self.equations]
+        columns = np.column_stack([by_name[name][rows] for name in self.condition.free])
+        row_scales = np.array([getattr(RATE_SCALES, name) for name in self.equations])
+        return self._scaled(value), columns * self.scales / row_scales[:, None]
+
+    def count(self, guess: np.ndarray) -> tuple[int, int]:
+        """Equations that the unknowns can move, and unknowns. BadInputError when nothing is free."""
+        if not self.condition.free:
+            raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
+        jacobian = self.linearization(guess)[1]
+        return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > 1e-12)), len(self.condition.free)
+
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest scaled unknowns."""
+        pairs = np.array([self.condition.limits_of(name) for name in self.condition.free])
+        return pairs[:, 0] / self.scales, pairs[:, 1] / self.scales
+
+    def clip(self, unknowns: np.ndarray) -> np.ndarray:
+        return np.clip(unknowns, *self.limits())
+
+    def solved(self, unknowns: np.ndarray) -> bool:
+        """Balanced, and within the limits (a rounding error beyond a limit is within it)."""
+        slack = 1e-12 * (1 + np.abs(unknowns))
+        lowest, highest = self.limits()
+        if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
+            return False
+        return bool(np.abs(self.residual(unknowns)).max() <= BALANCE)
+
+    def first_guess(self, start: OperatingPoint | None) -> np.ndarray:
+        """The warm start, or unaccelerated flight of a flat wing: L = W cos γ, T = D + W sin γ, no deflection."""
+        values: Mapping[str, float]
+        if start is not None:
+            values = {**start.states._asdict(), **start.inputs._asdict(), "gamma": start.gamma}
+        else:
+            values = self._flat_wing()
+        return np.array([values[name] for name in self.condition.free]) / self.scales
+
+    def _flat_wing(self) -> dict[str, float]:
+        p, imposed = self.aircraft.parameters, self.condition.imposed
+        guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"], "altitude": 0.0} | dict(imposed)
+        pressure_area = float(density(guess["altitude"])) * guess["speed"] ** 2 / 2 * 3 * p.panel_span * p.chord
+        weight = 3 * p.panel_mass * p.gravity
+        lift_coefficient = weight * math.cos(guess["gamma"]) / pressure_area
+        drag = pressure_area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
+        thrust = drag + weight * math.sin(guess["gamma"])
+        return guess | {
+            "alpha": lift_coefficient / p.lift_slope,
+            "throttle": thrust / p.thrust_per_throttle,
+            "gamma": guess["gamma"],
+        }
+
+    def point(self, unknowns: np.ndarray, status: str) -> OperatingPoint:
+        state, control = self.vectors(unknowns)
+        unscaled = self.residual(unknowns) * [getattr(RATE_SCALES, name) for name in self.equations]
+        residuals = dict(zip(self.equations, unscaled.tolist(), strict=True))
+        return OperatingPoint(
+            State(*state.tolist()), Input(*control.tolist()), residuals, self.aircraft.variant.name, status
+        )
+
+    def failure(self, unknowns: np.ndarray) -> str:
+        """One line: which equations do not balance, by how much, and which limits bind."""
+        scaled = self.residual(unknowns)
+        off = [
+            f"{name} by {scaled[i] * getattr(RATE_SCALES, name):.3g} {getattr(RATE_UNITS, name)}"
+            for i, name in sorted(enumerate(self.equations), key=lambda item: -abs(scaled[item[0]]))
+            if abs(scaled[i]) > BALANCE
+        ]
+        lowest, highest = self.limits()
+        binding = []
+        for i, name in enumerate(self.condition.free):
+            for limit, word in ((lowest[i], "lowest"), (highest[i], "highest")):
+                if abs(unknowns[i] - limit) <= 1e-6 * (1 + abs(limit)):
+                    binding.append(f"{name} at its {word}, {describe(name, limit * self.scales[i])}")
+        equations, count = self.count(unknowns)
+        why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
+        if equations > count:
+            why += f"; {equations} equations for {count} unknowns, set more free"
+        return f"no trim: the rate of {', of '.join(off)} does not balance ({why})"
+
+    def _scaled(self, value: np.ndarray) -> np.ndarray:
+        rates = self.condition.rates
+        return np.array([(value[STATES.index(name)] - rates[name]) / getattr(RATE_SCALES, name) for name in self.equations])
+
+
+def _newton(problem: _Problem, unknowns: np.ndarray) -> np.ndarray:
+    """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls."""
+    norm = math.inf
+    for _ in range(_MAX_NEWTON_STEPS):
+        residual, jacobian = problem.linearization(unknowns)
+        norm = float(np.abs(residual).max())
+        step = np.linalg.lstsq(jacobian, -residual, rcond=1e-12)[0]
+        if not np.isfinite(step).all():
+            break
+        better = _halved(problem, unknowns, step, norm)
+        if better is None:
+            break
+        unknowns = better
+    return unknowns
+
+
+def _halved(problem: _Problem, unknowns: np.ndarray, step: np.ndarray, norm: float) -> np.ndarray | None:
+    """The longest of step, step/2, ... that lowers the residual; None when none does."""
+    for halving in range(_MAX_HALVINGS):
+        candidate = unknowns + step / 2**halving
+        try:
+            if np.abs(problem.residual(candidate)).max() < norm:
+                return candidate
+        except (BadInputError, FloatingPointError):
+            continue  # outside the model: a shorter step stays inside
+    return None
+
+
+def _bounded_least_squares(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+    from scipy.optimize import least_squares
+
+    lowest, highest = problem.limits()
+    inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
+    result = least_squares(
+        problem.residual,
+        inside,
+        jac=lambda unknowns: problem.linearization(unknowns)[1],
+        bounds=(lowest, highest),
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    return np.asarray(result.x)
+
+
+def _least_effort(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits."""
+    from scipy.optimize import minimize
+
+    lowest, highest = problem.limits()
+    effort = np.array([name in INPUTS for name in problem.condition.free], dtype=float)
+    # Equations that the unknowns cannot move (q = 0 gives θ' = 0) would make the constraints dependent.
+    movable = np.abs(problem.linearization(guess)[1]).max(axis=1) > 1e-12
+    result = minimize(
+        lambda unknowns: float(effort @ unknowns**2),
+        guess,
+        jac=lambda unknowns: 2 * effort * unknowns,
+        method="SLSQP",
+        bounds=list(zip(lowest, highest, strict=True)),
+        constraints={
+            "type": "eq",
+            "fun": lambda unknowns: problem.residual(unknowns)[movable],
+            "jac": lambda unknowns: problem.linearization(unknowns)[1][movable],
+        },
+        options={"ftol": 1e-15, "maxiter": 500},
+    )
+    return problem.clip(np.asarray(result.x))
