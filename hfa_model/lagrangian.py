@@ -44,7 +44,8 @@ def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters) -> State:
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
     force = _generalized_force(panels, r, v, u, density, p)
-    acceleration = ca.solve(inertia, force - bias)
+    # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR loses.
+    acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
 
 
@@ -59,9 +60,7 @@ def mechanical_energy(x: State, p: Parameters) -> Any:
 def _panels(r: Any, v: Any, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
     """Center, right and left panel; a wing hinges at half a span and its center lies half a span further out."""
     sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
-    body = ca.vertcat(
-        ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta)
-    )
+    body = ca.vertcat(ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta))
     origin = ca.vertcat(r[0], 0, r[1])
     spin = ca.vertcat(0, v[2], 0)
     wings = []

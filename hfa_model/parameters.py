@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_model.errors import BadInputError
+from hfa_model.files import write_text
 
 
 class Parameters(NamedTuple):
@@ -130,7 +131,10 @@ def load_parameters(path: Path) -> ParameterSet:
     sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
     result = ParameterSet(
-        values, sources, notes, structure={name: _number(path, name, value) for name, value in structure.items()}
+        values,
+        sources,
+        notes,
+        structure={name: _number(path, name, value) for name, value in structure.items()},
     )
     return _with_covariance(path, result, covariance_table)
 
@@ -152,16 +156,7 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         names = ", ".join(f'"{name}"' for name in parameters.identified)
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
         lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
-    write_atomically(path, "\n".join(lines) + "\n")
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file whole or not at all: to a temporary file beside it, then rename."""
-    if not path.parent.is_dir():
-        raise BadInputError(f"{path}: the folder {path.parent} does not exist; create it or choose another")
-    temporary = path.with_name(f".{path.name}.partial")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _value(path: Path, name: str, table: Any) -> float:
@@ -191,9 +186,6 @@ def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]
     covariance = np.array(table.get("rows", []), dtype=float)
     if names != parameters.identified or covariance.shape != (len(names), len(names)):
         raise BadInputError(
-            f"{path}: [covariance] does not belong to the identified parameters; "
-            "remove it or run `hfa identify` again"
+            f"{path}: [covariance] does not belong to the identified parameters; remove it or run `hfa identify` again"
         )
-    return ParameterSet(
-        parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure
-    )
+    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure)

@@ -116,7 +116,9 @@ def level_flight(
     return TrimCondition(imposed, free, limits=dict(limits or {}))
 
 
-def release(condition: TrimCondition, *, free: tuple[str, ...] = (), hold: Mapping[str, float] | None = None) -> TrimCondition:
+def release(
+    condition: TrimCondition, *, free: tuple[str, ...] = (), hold: Mapping[str, float] | None = None
+) -> TrimCondition:
     """The same condition with the named variables set free, and others held at the given values."""
     hold = dict(hold or {})
     for name in (*free, *hold):

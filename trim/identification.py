@@ -114,7 +114,9 @@ def _structures(best: Fit, rival: Fit, seed: int) -> tuple[Structure, ...]:
     for description, variant in ALTERNATIVES:
         # From the published optimum and from rough guesses: the alternative gets its best chance.
         near = np.log(_identified(best) / _identified_rough())
-        tries = [fit(published_models(), variant, noise=noise) for noise in (near, None, rng.normal(size=near.size) / 3)]
+        tries = [
+            fit(published_models(), variant, noise=noise) for noise in (near, None, rng.normal(size=near.size) / 3)
+        ]
         chosen = min(tries, key=lambda one: one.sum_of_squares)
         rows.append(Structure(description, 0, chosen.sum_of_squares, chosen.largest))
     return tuple(rows)

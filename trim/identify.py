@@ -154,7 +154,10 @@ class _Problem:
     """The weighted entries of the printed pairs and their Jacobian as functions of parameters and extra constants."""
 
     def __init__(
-        self, models: Sequence[PublishedModel], structure: Variant | Callable[..., Variant], extra: tuple[str, ...]
+        self,
+        models: Sequence[PublishedModel],
+        structure: Variant | Callable[..., Variant],
+        extra: tuple[str, ...],
     ) -> None:
         self.extra = extra
         theta = ca.SX.sym("theta", len(IDENTIFIED) + len(extra))
@@ -182,7 +185,9 @@ class _Problem:
 
 def _compile(model: PublishedModel, theta: Any, p: Parameters, variant: Variant) -> ca.Function:
     """(parameters, free inputs) -> weighted entries and balance at one printed condition, with their Jacobians."""
-    x, u, inputs = (ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("v", len(_FREE_INPUTS))))
+    x, u, inputs = (
+        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("v", len(_FREE_INPUTS)))
+    )
     f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.errors import BadInputError
-from hfa_model.parameters import write_atomically
+from hfa_model.files import write_text
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
 
 if TYPE_CHECKING:
     import control
 
-SCHEMA = "hfa-operating-point/1"
+SCHEMA = "hfa.operating-point/1"
 #: An equation balances when its residual, in units of `RATE_SCALES`, is no larger.
 BALANCE = 1e-10
 
@@ -67,7 +67,7 @@ class OperatingPoint:
 
 def save_operating_point(point: OperatingPoint, path: Path) -> None:
     """Write a point as JSON that `load_operating_point` reads back bit for bit."""
-    write_atomically(path, json.dumps(point.to_dict(), indent=2) + "\n")
+    write_text(path, json.dumps(point.to_dict(), indent=2) + "\n")
 
 
 def load_operating_point(path: Path) -> OperatingPoint:

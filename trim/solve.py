@@ -167,7 +167,9 @@ class _Problem:
 
     def _scaled(self, value: np.ndarray) -> np.ndarray:
         rates = self.condition.rates
-        return np.array([(value[STATES.index(name)] - rates[name]) / getattr(RATE_SCALES, name) for name in self.equations])
+        return np.array(
+            [(value[STATES.index(name)] - rates[name]) / getattr(RATE_SCALES, name) for name in self.equations]
+        )
 
 
 def _newton(problem: _Problem, unknowns: np.ndarray) -> np.ndarray:

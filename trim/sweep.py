@@ -22,7 +22,7 @@ from trim.tracking import track
 #: What a sweep can vary: the arguments of `level_flight`.
 SWEPT = ("dihedral", "speed", "altitude", "alpha")
 MOST_POINTS = 1_000_000
-SCHEMA = "hfa-sweep/1"
+SCHEMA = "hfa.sweep/1"
 #: The paper calls its linear model applicable up to this dihedral angle (Section 5.1), rad.
 PAPER_RANGE = float(np.radians(15.0))
 
@@ -125,7 +125,13 @@ def _solve(
     aircraft: Aircraft, values: dict[str, float], full: bool, best: OperatingPoint | None, shapes: Any
 ) -> tuple[_Row, OperatingPoint | None, Any]:
     try:
-        point = trim(aircraft, level_flight(**{"dihedral": 0.0} | values), start=best)
+        condition = level_flight(
+            values.get("dihedral", 0.0),
+            speed=values.get("speed"),
+            altitude=values.get("altitude"),
+            alpha=values.get("alpha"),
+        )
+        point = trim(aircraft, condition, start=best)
     except (BadInputError, NoSolutionError) as error:
         return _failed(str(error)), best, shapes
     model = linearize(aircraft, point, full=full)

@@ -51,9 +51,7 @@ def rival_parameters() -> ParameterSet:
     return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
 
 
-def uncertainty(
-    parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint
-) -> Bands:
+def uncertainty(parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint) -> Bands:
     """Bands of the six-state linear model at a trimmed point.
 
     rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
@@ -110,9 +108,7 @@ def _derivatives(variant: Variant) -> ca.Function:
     x, u, p = (
         ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
     )
-    f = ca.vertcat(
-        *rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant)
-    )
+    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant))
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
     entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)

@@ -1,0 +1,44 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from hfa_model.errors import BadInputError
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
+    """A binary stream whose content becomes `path` when the block ends without an error; else nothing remains.
+
+    Writes to a temporary file beside the target, then renames. BadInputError when the folder does not exist
+    or cannot be written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise BadInputError(f"cannot write {target}: it is a folder; name a file")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:
+        raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result is an ordinary one
+        os.replace(temporary, target)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a UTF-8 text file whole or not at all."""
+    with written_whole(path) as stream:
+        stream.write(text.encode("utf-8"))

@@ -1,0 +1,37 @@
+"""Numbers as aligned text for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+#: A header and its rows: what a CSV file and a terminal table have in common.
+Table = tuple[tuple[str, ...], list[tuple[Any, ...]]]
+
+
+def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> str:
+    """A matrix with its row and column names, four decimals like the paper's."""
+    body = [(row, *(f"{value:.4f}" for value in matrix[i].tolist())) for i, row in enumerate(rows)]
+    return columns((name, *column_names), body)
+
+
+def degrees(value: float, unit: str) -> tuple[str, str]:
+    """A value and its unit as a person reads them: radians become degrees."""
+    if unit.startswith("rad"):
+        return f"{math.degrees(value):.5f}", unit.replace("rad", "deg")
+    return f"{value:.5f}", unit
+
+
+def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """Rows of text in aligned columns: the first to the left, the others to the right."""
+    table = [header, *rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if i == 0 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in table
+    ]
+    return "\n".join(line.rstrip() for line in lines)
