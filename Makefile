@@ -12,7 +12,7 @@ BIN := .venv/bin
 	@touch $@
 
 report: .venv/ready
-	$(BIN)/hfa report --output report
+	$(BIN)/hfa report --folder report
 
 test: .venv/ready
 	$(BIN)/python -m pytest -m "not slow"

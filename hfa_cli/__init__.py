@@ -1,1 +1,1 @@
-"""."""
+"""The command `hfa`: parses, calls, prints; no arithmetic."""

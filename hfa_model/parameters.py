@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from dataclasses import dataclass, field
@@ -119,8 +120,8 @@ def load_parameters(path: Path) -> ParameterSet:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInputError(f"{path}: is not a TOML file ({error})") from error
-    covariance_table = data.pop("covariance", {"names": [], "rows": []})
-    structure = data.pop("structure", {})
+    covariance_table = _table(path, data, "covariance")
+    structure = _table(path, data, "structure")
     unknown = sorted(set(data) - set(Parameters._fields))
     missing = [name for name in Parameters._fields if name not in data]
     if unknown:
@@ -149,7 +150,7 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         if name in errors:
             lines += [f"standard_error = {errors[name]:.3g}"]
         if name in parameters.notes:
-            lines += [f'note = "{parameters.notes[name]}"']
+            lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON's strings are TOML's
     if parameters.structure:
         lines += ["", "[structure]", *(f"{name} = {value!r}" for name, value in parameters.structure.items())]
     if parameters.covariance.size:
@@ -157,6 +158,13 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
         lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _table(path: Path, data: dict[str, Any], name: str) -> dict[str, Any]:
+    table = data.pop(name, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{path}: {name} is {table!r}; make it the table [{name}] or remove it")
+    return table
 
 
 def _value(path: Path, name: str, table: Any) -> float:
@@ -167,6 +175,8 @@ def _value(path: Path, name: str, table: Any) -> float:
         raise BadInputError(f"{path}: [{name}] is in {table['unit']!r}; convert it to {spec.unit!r}")
     if table.get("source", "assumed") not in SOURCES:
         raise BadInputError(f"{path}: [{name}] has source {table['source']!r}; choose one of {', '.join(SOURCES)}")
+    if not isinstance(table.get("note", ""), str):
+        raise BadInputError(f"{path}: [{name}] has note {table['note']!r}; put it in quotes")
     value = _number(path, name, table["value"])
     if spec.positive and value <= 0.0:
         raise BadInputError(f"{path}: [{name}] is {value}; the {spec.meaning} must be positive")
@@ -174,18 +184,31 @@ def _value(path: Path, name: str, table: Any) -> float:
 
 
 def _number(path: Path, name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    try:
+        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float)) else float(value)
+    except OverflowError:  # TOML's integers have no limit, Python's floats do
+        number = math.inf
+    if not math.isfinite(number):
         raise BadInputError(f"{path}: [{name}] is {value!r}; give a finite number")
-    return float(value)
+    return number
 
 
 def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:
-    names = tuple(table.get("names", ()))
-    if not names:
+    if not table:
         return parameters
-    covariance = np.array(table.get("rows", []), dtype=float)
-    if names != parameters.identified or covariance.shape != (len(names), len(names)):
+    names = parameters.identified
+    try:
+        covariance = np.array(table.get("rows"), dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInputError(f"{path}: rows of [covariance] are not a matrix of numbers ({error})") from error
+    if table.get("names") != list(names) or covariance.shape != (len(names), len(names)):
         raise BadInputError(
             f"{path}: [covariance] does not belong to the identified parameters; remove it or run `hfa identify` again"
+        )
+    finite = np.isfinite(covariance).all()
+    if not (finite and np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
+        raise BadInputError(
+            f"{path}: [covariance] is not finite and symmetric with variances on its diagonal; "
+            "remove it or run `hfa identify` again"
         )
     return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure)

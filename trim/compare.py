@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_model.compiled import Aircraft
-from hfa_model.published import PublishedModel
+from hfa_model.published import PublishedModel, published_models
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.condition import level_flight
 from trim.linearize import LinearModel, linearize
+from trim.operating_point import OperatingPoint
 from trim.solve import trim
+from trim.text import columns
 
 
 @dataclass(frozen=True)
@@ -67,3 +69,30 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
     distance = np.abs(reference[:, None] - computed[None, :])
     _, columns = linear_sum_assignment(distance)
     return distance[np.arange(len(reference)), columns]
+
+
+def printed_at(point: OperatingPoint) -> PublishedModel | None:
+    """The printed pair of exactly this flight condition, if the paper prints one."""
+    for published in published_models():
+        paper = level_flight(published.dihedral).imposed
+        actual = point.states._asdict() | point.inputs._asdict() | {"gamma": point.gamma}
+        if all(abs(actual[name] - value) <= 1e-9 * (1 + abs(value)) for name, value in paper.items()):
+            return published
+    return None
+
+
+def comparison_text(model: LinearModel, published: PublishedModel) -> str:
+    """The table of entries: printed, computed, difference in half units of the last digit and in percent."""
+    rows = [
+        (
+            entry.name,
+            f"{entry.printed:.4f}",
+            f"{entry.computed:.6f}",
+            f"{entry.half_units:+.2f}",
+            f"{entry.percent:+.4f}" if entry.printed else "-",
+        )
+        for entry in compare(model, published)
+        if entry.printed or entry.computed
+    ]
+    header = (f"at {published.dihedral_deg:g} deg", "printed", "computed", "half units", "percent")
+    return columns(header, rows)

@@ -11,8 +11,9 @@ from hfa_model.compiled import Aircraft
 from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
 from hfa_model.variants import Newton, Published, Variant
+from hfa_model.vectors import LINEAR_STATES
 from trim.compare import EntryRow, compare, regenerate
-from trim.identify import IDENTIFIED, Fit, fit, fit_rival, identify
+from trim.identify import IDENTIFIED, ROUGH, Fit, fit, fit_rival, identify
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,14 @@ class LeftOut:
     """One printed angle predicted from the other: combinations determined, and the worst entry of each row.
 
     errors: row of the linear model -> largest |predicted - printed| relative to the row's largest entry.
+    pitch_shape_error: the same for the pitch-rate row after the best common factor on that row.
     """
 
     fitted_deg: float
     predicted_deg: float
     determined: int
     errors: dict[str, float]
+    pitch_shape_error: float
 
 
 @dataclass(frozen=True)
@@ -128,15 +131,20 @@ def _left_out() -> tuple[LeftOut, ...]:
     for known, unknown in ((first, second), (second, first)):
         fitted = fit([known], Published(), prior=True)
         table = compare(regenerate(Aircraft(fitted.parameters.values, Published()), unknown), unknown)
-        errors = {}
-        for row in dict.fromkeys(entry.row for entry in table):
-            entries = [entry for entry in table if entry.row == row]
-            size = max(abs(entry.printed) for entry in entries)
-            errors[row] = max(abs(entry.computed - entry.printed) for entry in entries) / size
+        rows_of = {name: [entry for entry in table if entry.row == name] for name in LINEAR_STATES}
+        errors = {name: _row_error(entries, 1.0) for name, entries in rows_of.items()}
+        pitch = rows_of["pitch_rate"]
+        factor = sum(e.computed * e.printed for e in pitch) / sum(e.computed**2 for e in pitch)
         # A direction is determined when the data know it to 1 % (singular value s: standard error 1/(s √3)).
         determined = int(np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100))
-        rows.append(LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, errors))
+        shape_error = _row_error(pitch, factor)
+        rows.append(LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, errors, shape_error))
     return tuple(rows)
+
+
+def _row_error(entries: list[EntryRow], factor: float) -> float:
+    size = max(abs(entry.printed) for entry in entries)
+    return max(abs(factor * entry.computed - entry.printed) for entry in entries) / size
 
 
 def _identified(fitted: Fit) -> np.ndarray:
@@ -144,6 +152,4 @@ def _identified(fitted: Fit) -> np.ndarray:
 
 
 def _identified_rough() -> np.ndarray:
-    from trim.identify import ROUGH
-
     return np.abs([ROUGH[name] for name in IDENTIFIED])

@@ -257,7 +257,7 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
         inputs=tuple(_as_input(inputs.tolist()) for inputs in problem.trim_inputs(theta)),
         sum_of_squares=float(printed @ printed),
         # Structural zeros (no parameter moves them) carry no rounding.
-        entries=int(np.count_nonzero(np.abs(relative).max(axis=1) > 0.0)),
+        entries=int(np.count_nonzero(np.abs(relative).max(axis=1) > 1e-3)),
         largest=float(np.abs(printed).max()),
         singular_values=singular_values,
         directions=directions,

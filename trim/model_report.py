@@ -64,8 +64,7 @@ def linear_model_text(model: LinearModel, bands: Bands | None) -> str:
     parts = [
         f"Linear model at dihedral {math.degrees(point.states.dihedral):.6g} deg, {point.dynamics} dynamics "
         f"(x' = A x + B u, x = X - X0, u = U - U0)",
-        matrix_text("A", model.states, model.states, model.A),
-        matrix_text("B", model.states, model.inputs, model.B),
+        matrix_rows_text(model),
     ]
     if bands is not None:
         size = max(float(bands.A.max()), float(bands.B.max()))
@@ -91,6 +90,12 @@ def linear_model_text(model: LinearModel, bands: Bands | None) -> str:
     )
     parts.append(modes_text(modes_of(model.A, model.states)))
     return "\n\n".join(parts + [f"Note: {warning}" for warning in warnings(point)])
+
+
+def matrix_rows_text(model: LinearModel) -> str:
+    """A and B with their names."""
+    A = matrix_text("A", model.states, model.states, model.A)
+    return A + "\n\n" + matrix_text("B", model.states, model.inputs, model.B)
 
 
 def modes_text(modes: Iterable[Mode]) -> str:

@@ -71,13 +71,15 @@ def save_operating_point(point: OperatingPoint, path: Path) -> None:
 
 
 def load_operating_point(path: Path) -> OperatingPoint:
-    """Read a saved point; BadInputError says what is wrong with the file."""
+    """Read a saved point, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
     except ValueError as error:
         raise BadInputError(f"{path}: is not JSON ({error})") from error
+    if isinstance(data, dict):
+        data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
     try:

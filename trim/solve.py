@@ -38,17 +38,14 @@ def trim(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint | N
     equations cannot be balanced within the limits, BadInputError when the condition is not well posed.
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
     """
+    if not condition.free:
+        raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
     problem = _Problem(aircraft, condition)
     guess = problem.clip(problem.first_guess(start))
     equations, unknowns = problem.count(guess)
-    if unknowns > equations:
-        best = _newton(problem, _least_effort(problem, guess))
-    else:
-        best = _newton(problem, guess)
-        if not problem.solved(best):
-            best = _newton(problem, _bounded_least_squares(problem, guess))
+    search = _least_effort_search if unknowns > equations else _square_search
+    best = problem.clip(search(problem, guess))
     if not problem.solved(best):
-        best = problem.clip(best)
         raise TrimError(problem.failure(best), problem.point(best, "failed"))
     return problem.point(best, "trimmed")
 
@@ -92,9 +89,7 @@ class _Problem:
         return self._scaled(value), columns * self.scales / row_scales[:, None]
 
     def count(self, guess: np.ndarray) -> tuple[int, int]:
-        """Equations that the unknowns can move, and unknowns. BadInputError when nothing is free."""
-        if not self.condition.free:
-            raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
+        """Equations that the unknowns can move, and unknowns."""
         jacobian = self.linearization(guess)[1]
         return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > 1e-12)), len(self.condition.free)
 
@@ -105,6 +100,12 @@ class _Problem:
 
     def clip(self, unknowns: np.ndarray) -> np.ndarray:
         return np.clip(unknowns, *self.limits())
+
+    def inside(self, unknowns: np.ndarray) -> np.ndarray:
+        """Which unknowns lie clear of their limits."""
+        lowest, highest = self.limits()
+        slack = 1e-6 * (1 + np.abs(unknowns))
+        return (unknowns > lowest + slack) & (unknowns < highest - slack)
 
     def solved(self, unknowns: np.ndarray) -> bool:
         """Balanced, and within the limits (a rounding error beyond a limit is within it)."""
@@ -172,13 +173,38 @@ class _Problem:
         )
 
 
-def _newton(problem: _Problem, unknowns: np.ndarray) -> np.ndarray:
-    """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls."""
+def _square_search(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+    """Newton's solution, or the least-squares one within the limits when Newton leaves them or finds none."""
+    best = _newton(problem, guess)
+    return best if problem.solved(best) else _newton(problem, _bounded_least_squares(problem, guess))
+
+
+def _least_effort_search(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+    """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
+    best = _polished(problem, _least_effort(problem, guess))
+    if problem.solved(best):
+        return best
+    nearest = _polished(problem, _bounded_least_squares(problem, guess))
+    return _polished(problem, _least_effort(problem, nearest)) if problem.solved(nearest) else nearest
+
+
+def _polished(problem: _Problem, unknowns: np.ndarray) -> np.ndarray:
+    """Newton's method with what lies at a limit staying there."""
+    return _newton(problem, unknowns, moving=problem.inside(unknowns))
+
+
+def _newton(problem: _Problem, unknowns: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
+    """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls.
+
+    moving: which unknowns may move; all of them unless said.
+    """
+    columns = np.arange(len(unknowns)) if moving is None else np.flatnonzero(moving)
     norm = math.inf
     for _ in range(_MAX_NEWTON_STEPS):
         residual, jacobian = problem.linearization(unknowns)
         norm = float(np.abs(residual).max())
-        step = np.linalg.lstsq(jacobian, -residual, rcond=1e-12)[0]
+        step = np.zeros(len(unknowns))
+        step[columns] = np.linalg.lstsq(jacobian[:, columns], -residual, rcond=1e-12)[0]
         if not np.isfinite(step).all():
             break
         better = _halved(problem, unknowns, step, norm)

@@ -12,8 +12,13 @@ Table = tuple[tuple[str, ...], list[tuple[Any, ...]]]
 
 def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> str:
     """A matrix with its row and column names, four decimals like the paper's."""
-    body = [(row, *(f"{value:.4f}" for value in matrix[i].tolist())) for i, row in enumerate(rows)]
+    body = [(row, *(_four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
     return columns((name, *column_names), body)
+
+
+def _four_decimals(value: float) -> str:
+    text = f"{value:.4f}"
+    return "0.0000" if text == "-0.0000" else text
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:

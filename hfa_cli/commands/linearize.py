@@ -1,0 +1,46 @@
+"""Exact linear model A, B at a trim: modes, offsets, uncertainty bands, and the print beside it where it exists."""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa_cli import options
+from hfa_cli.output import check_target, deliver
+from trim.compare import comparison_text, printed_at
+from trim.linearize import linearize
+from trim.model_report import linear_model_data, linear_model_table, linear_model_text
+from trim.solve import trim
+from trim.uncertainty import uncertainty
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa linearize`."""
+    options.add_condition(parser)
+    parser.add_argument("--full", action="store_true", help="seven states, with altitude")
+    options.add_aircraft(parser)
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Trim, linearize and report."""
+    target = check_target(arguments.output)
+    parameters = options.parameters_of(arguments)
+    aircraft = options.aircraft_of(arguments)
+    condition = options.condition_of(arguments)
+    point = trim(aircraft, condition)
+    model = linearize(aircraft, point, full=arguments.full)
+    # The bands are of the six printed states; parameters without covariance have none.
+    known = parameters.covariance.size > 0 and not arguments.full
+    bands = uncertainty(parameters, aircraft.variant, condition, point) if known else None
+    printed = printed_at(point) if not arguments.full else None
+    data = linear_model_data(model, bands)
+    if printed is not None:
+        data["printed"] = {"A": printed.A.tolist(), "B": printed.B.tolist()}
+    deliver(
+        data,
+        lambda: linear_model_text(model, bands) + ("" if printed is None else "\n\n" + comparison_text(model, printed)),
+        lambda: linear_model_table(model, bands),
+        as_json=arguments.json,
+        target=target,
+    )
+    return 0

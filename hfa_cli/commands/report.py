@@ -1,0 +1,54 @@
+"""The main job on one page: both printed pairs regenerated, and the linear models from 0 to 20 degrees."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from hfa_cli import options
+from hfa_cli.output import check_target, jsonable
+from hfa_model.errors import BadInputError
+from hfa_model.files import write_text, written_whole
+from verification.report_page import make_report, report_data, report_html, report_pictures
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa report`."""
+    options.add_aircraft(parser)
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the page, one self-contained .html file")
+    parser.add_argument(
+        "--folder", metavar="FOLDER", help="write the page, its pictures and its numbers (JSON) into this folder"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compute, write, say where; exit 1 when the print was not regenerated."""
+    if (arguments.output is None) == (arguments.folder is None):
+        raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
+    target = check_target(arguments.output, (".html",))
+    folder = _made(arguments.folder) if arguments.folder is not None else None
+    report = make_report(options.parameters_of(arguments), arguments.dynamics)
+    pictures = report_pictures(report)
+    page = report_html(report, pictures)
+    if target is not None:
+        write_text(target, page)
+        print(f"wrote {target}")
+    if folder is not None:
+        for name, data in pictures.items():
+            with written_whole(folder / name) as stream:
+                stream.write(data)
+        write_text(folder / "numbers.json", json.dumps(jsonable(report_data(report)), allow_nan=False) + "\n")
+        write_text(folder / "report.html", page)
+        print(f"wrote {folder / 'report.html'}, numbers.json, {', '.join(pictures)}")
+    print(f"Both printed pairs regenerated: {'yes' if report.ok else 'NO'}")
+    return 0 if report.ok else 1
+
+
+def _made(name: str) -> Path:
+    folder = Path(name)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"cannot make the folder {folder}: {error.strerror}; choose another") from error
+    return folder

@@ -1,0 +1,75 @@
+"""Entry point of `hfa`: finds the command, imports only what it needs, turns failures into one line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from hfa_model.errors import BadInputError, NoSolutionError
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+#: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
+COMMANDS = {
+    "trim": "trim the aircraft and report state, inputs, residuals, loads and margins",
+    "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
+    "sweep": "trims and linear models over a grid, modes tracked",
+    "identify": "find the aircraft's parameters from the printed matrices",
+    "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
+    "report": "the main job on one page: regeneration and the sweep, with pictures",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose complaints are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise BadInputError(f"{message} (see `{self.prog} --help`)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or input."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(words)
+    except BadInputError as error:
+        return _complain(str(error), BAD_INPUT)
+    except NoSolutionError as error:
+        return _complain(str(error), FAILED)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output left (`hfa ... | head`): nothing more to say, and nothing to flush.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+
+
+def _run(words: list[str]) -> int:
+    parser = _Parser(
+        prog="hfa",
+        description="Linear models and checked controllers of a highly flexible aircraft.",
+        epilog="commands:\n" + "\n".join(f"  {name:<12}{text}" for name, text in COMMANDS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", choices=COMMANDS, metavar="command", help="one of the commands below")
+    parser.add_argument("--version", action="version", version=_version())
+    chosen = parser.parse_args(words[:1] or ["--help"]).command
+    module = importlib.import_module(f"hfa_cli.commands.{chosen}")
+    command = _Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip(), allow_abbrev=False)
+    module.add_arguments(command)
+    return int(module.run(command.parse_args(words[1:])))
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"hfa {version('hfa-toolchain')}"
+
+
+def _complain(message: str, code: int) -> int:
+    print("hfa: " + " ".join(message.split()), file=sys.stderr)
+    return code

@@ -1,0 +1,128 @@
+"""Where results go: standard output, or a file whose suffix chooses the format."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_model.errors import BadInputError
+from hfa_model.files import write_text, written_whole
+from trim.text import Table
+
+SUFFIXES = (".json", ".npz", ".mat", ".csv")
+
+
+def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
+    """The output file of a command, refused before anything is computed when it cannot be written."""
+    if path is None:
+        return None
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise BadInputError(f"cannot write {path}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
+    if not target.parent.is_dir():
+        raise BadInputError(f"cannot write {path}: the folder {target.parent} does not exist; create it first")
+    return target
+
+
+def deliver(
+    data: dict[str, Any], text: Callable[[], str], table: Callable[[], Table], *, as_json: bool, target: Path | None
+) -> None:
+    """Print the text or, with `as_json`, the data; write the file, if one was asked for, first."""
+    if target is not None:
+        write(target, data, table)
+    if as_json:
+        print(json.dumps(jsonable(data), indent=2, allow_nan=False))
+    else:
+        print(text())
+
+
+def write(target: Path, data: dict[str, Any], table: Callable[[], Table]) -> None:
+    """One file, whole or not at all; numbers keep 17 significant digits.
+
+    .json: `data` as it is. .npz: one array a leaf, keys joined by dots. .mat: the same tree as structs.
+    .csv: `table`, one row a value.
+    """
+    suffix = target.suffix.lower()
+    if suffix == ".json":
+        write_text(target, json.dumps(jsonable(data), indent=2, allow_nan=False) + "\n")
+    elif suffix == ".npz":
+        with written_whole(target) as stream:
+            np.savez(stream, allow_pickle=False, **_leaves(data))
+    elif suffix == ".mat":
+        from scipy.io import savemat
+
+        with written_whole(target) as stream:
+            savemat(stream, _without_none(data), long_field_names=True)
+    else:
+        write_text(target, _csv(*table()))
+
+
+def jsonable(value: Any) -> Any:
+    """Arrays become lists; a number that is not finite becomes null."""
+    if isinstance(value, dict):
+        return {key: jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [jsonable(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, np.generic):
+        return jsonable(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+class Progress:
+    """A counter on standard error, only when it is a terminal; at most one line, gone when done."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._shown = sys.stderr.isatty()
+        self._last = -1
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show `done` of `total` when the percentage changed."""
+        percent = 100 * done // total
+        if self._shown and percent != self._last:
+            self._last = percent
+            end = "\r\033[K" if done == total else ""
+            print(f"\r{self._what}: {percent:3d} %", end=end, file=sys.stderr, flush=True)
+
+
+def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(data, dict):
+        parts = (_leaves(value, f"{prefix}.{key}" if prefix else key) for key, value in data.items())
+        return {name: leaf for part in parts for name, leaf in part.items()}
+    if isinstance(data, list) and data and isinstance(data[0], dict):
+        return _leaves({str(index): item for index, item in enumerate(data)}, prefix)
+    return {prefix: np.asarray(np.nan if data is None else data)}
+
+
+def _without_none(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_none(value) for key, value in data.items()}
+    if isinstance(data, list):
+        if data and isinstance(data[0], (dict, str)):
+            cells = np.empty(len(data), dtype=object)
+            cells[:] = [_without_none(item) for item in data]
+            return cells
+        return np.asarray([np.nan if item is None else item for item in data])
+    return np.nan if data is None else data
+
+
+def _csv(header: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    import csv
+    import io
+
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(
+        [[repr(float(cell)) if isinstance(cell, (float, np.floating)) else cell for cell in row] for row in rows]
+    )
+    return stream.getvalue()

@@ -1,0 +1,76 @@
+"""From the words of a command line to numbers: degrees become radians here and nowhere else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hfa_model.errors import BadInputError
+from hfa_model.vectors import UNITS
+
+
+def number(text: str, what: str) -> float:
+    """A finite number; BadInputError names what it was for."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise BadInputError(f"{what} is {text!r}; give a number") from None
+    if not math.isfinite(value):
+        raise BadInputError(f"{what} is {text}; give a finite number")
+    return value
+
+
+def quantity(name: str, text: str) -> float:
+    """The value of a named variable in internal units: angles are given in degrees."""
+    value = number(text, name)
+    return math.radians(value) if UNITS[name].startswith("rad") else value
+
+
+def grid(name: str, text: str, most: int) -> np.ndarray:
+    """`start:stop:step`, `a,b,c` or one number, in internal units; both ends belong to the range.
+
+    BadInputError when the range runs backwards, its step is not positive or it has more than `most` points.
+    """
+    parts = text.split(":")
+    if len(parts) == 1:
+        return np.array([quantity(name, word) for word in text.split(",")])
+    if len(parts) != 3:
+        raise BadInputError(f"{name} is {text!r}; give start:stop:step, a list a,b,c or one number")
+    start, stop, step = (
+        number(word, f"{name} {what}") for word, what in zip(parts, ("start", "stop", "step"), strict=True)
+    )
+    if step <= 0:
+        raise BadInputError(f"{name} step is {step:g}; it must be positive")
+    if stop < start:
+        raise BadInputError(f"{name} runs backwards from {start:g} to {stop:g}; give the lower end first")
+    intervals = (stop - start) / step
+    if intervals >= most:
+        raise BadInputError(
+            f"{name} range has {intervals + 1:.3g} points; at most {most} are allowed, take a larger step"
+        )
+    values = start + step * np.arange(math.floor(intervals + 1e-9) + 1)
+    return np.radians(values) if UNITS[name].startswith("rad") else values
+
+
+def assignments(words: list[str] | None) -> dict[str, float]:
+    """`NAME=VALUE` words to values in internal units."""
+    result = {}
+    for word in words or []:
+        name, separator, text = word.partition("=")
+        if not separator or name not in UNITS:
+            raise BadInputError(f"{word!r} is not NAME=VALUE with a name out of {', '.join(UNITS)}")
+        result[name] = quantity(name, text)
+    return result
+
+
+def limits(words: list[str] | None) -> dict[str, tuple[float, float]]:
+    """`NAME=LOW:HIGH` words to limits in internal units."""
+    result = {}
+    for word in words or []:
+        name, separator, text = word.partition("=")
+        low, colon, high = text.partition(":")
+        if not separator or not colon or name not in UNITS:
+            raise BadInputError(f"{word!r} is not NAME=LOW:HIGH with a name out of {', '.join(UNITS)}")
+        result[name] = quantity(name, low), quantity(name, high)
+    return result

@@ -1,0 +1,113 @@
+"""The main job on one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_model.compiled import Aircraft
+from hfa_model.parameters import FIELDS, Parameters, ParameterSet
+from hfa_model.variants import variant_named
+from trim.sweep import Sweep, sweep
+from trim.sweep_report import sweep_text
+from verification.figures import png_bytes, regeneration_figure, root_locus_figure
+from verification.regeneration import (
+    RegeneratedPair,
+    checks_text,
+    regenerate_all,
+    regeneration_data,
+    regeneration_text,
+)
+
+SCHEMA = "hfa.report/1"
+#: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
+SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
+
+_STYLE = """
+body { font-family: sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em; color: #222; }
+pre { background: #f6f6f6; padding: 1em; overflow-x: auto; font-size: 0.8em; line-height: 1.35; }
+img { max-width: 100%; }
+.yes { color: #06630a; } .no { color: #a30000; }
+"""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the page shows: regeneration and sweep of one aircraft."""
+
+    parameters: ParameterSet
+    pairs: tuple[RegeneratedPair, ...]
+    sweep: Sweep
+
+    @property
+    def ok(self) -> bool:
+        """Whether both printed pairs were regenerated."""
+        return all(pair.ok for pair in self.pairs)
+
+
+def make_report(parameters: ParameterSet, dynamics: str) -> Report:
+    """Regenerate both pairs and sweep the dihedral angle, there and then."""
+    aircraft = Aircraft(parameters.values, variant_named(dynamics))
+    return Report(parameters, regenerate_all(aircraft), sweep(aircraft, {"dihedral": SWEEP}))
+
+
+def report_data(report: Report) -> dict[str, Any]:
+    """Every number on the page."""
+    return {
+        "schema": SCHEMA,
+        "ok": report.ok,
+        "regeneration": regeneration_data(report.pairs),
+        "sweep": report.sweep.to_dict(),
+    }
+
+
+def report_pictures(report: Report) -> dict[str, bytes]:
+    """File name -> PNG."""
+    return {
+        "regeneration.png": png_bytes(regeneration_figure(report.pairs)),
+        "root_locus.png": png_bytes(root_locus_figure(report.sweep)),
+    }
+
+
+def report_html(report: Report, pictures: dict[str, bytes]) -> str:
+    """The page; pictures are embedded, nothing is loaded from elsewhere."""
+    verdict = '<strong class="yes">regenerated</strong>' if report.ok else '<strong class="no">NOT regenerated</strong>'
+    names = json.dumps(sorted(pictures))
+    checks = "\n\n".join(f"{pair.published.dihedral_deg:g} deg\n{checks_text(pair.checks)}" for pair in report.pairs)
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Highly flexible aircraft: linear models</title>
+<meta name="pictures" content='{names}'><style>{_STYLE}</style></head><body>
+<h1>Highly flexible aircraft: linear models</h1>
+<p>Both printed pairs (A, B) are {verdict} from one set of parameters, {report.sweep.dynamics} dynamics.</p>
+<pre>{html.escape(checks)}</pre>
+{_image("regeneration.png", pictures, "Difference of every entry from its print")}
+<h2>Root locus over the dihedral angle</h2>
+<p>The paper's range ends at 15 degrees.</p>
+{_image("root_locus.png", pictures, "Eigenvalues over the dihedral angle")}
+<pre>{html.escape(sweep_text(report.sweep))}</pre>
+<h2>Entry by entry</h2>
+<pre>{html.escape(regeneration_text(report.pairs))}</pre>
+<h2>The aircraft</h2>
+<pre>{html.escape(_parameters(report.parameters))}</pre>
+</body></html>
+"""
+
+
+def _image(name: str, pictures: dict[str, bytes], text: str) -> str:
+    data = base64.b64encode(pictures[name]).decode("ascii")
+    return f'<p><img alt="{html.escape(text)}" src="data:image/png;base64,{data}"></p>'
+
+
+def _parameters(parameters: ParameterSet) -> str:
+    from trim.text import columns
+
+    rows = [
+        (name, f"{getattr(parameters.values, name):.7g}", getattr(FIELDS, name).unit, parameters.sources[name])
+        for name in Parameters._fields
+    ]
+    return columns(("parameter", "value", "unit", "source"), rows)
