@@ -62,13 +62,19 @@ class TrimCondition:
             if name not in VARIABLES:
                 raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(VARIABLES)}")
         for name in VARIABLES:
-            if (name in self.imposed) == (name in self.free):
-                what = "both imposed and free" if name in self.free else "neither imposed nor free"
+            times = (name in self.imposed) + self.free.count(name)
+            if times != 1:
+                what = "neither imposed nor free"
+                if times > 1:
+                    what = "both imposed and free" if name in self.imposed else "named free twice"
                 raise BadInputError(f"{name} is {what}; name it once")
+        if not self.rates:
+            raise BadInputError("no rate is imposed; name at least one of " + ", ".join(STATES))
         for name in self.rates:
             if name not in STATES:
                 raise BadInputError(f"unknown rate {name!r}; choose from {', '.join(STATES)}")
-        for name, value in (*self.imposed.items(), *self.rates.items()):
+        rates = {f"the rate of {name}": value for name, value in self.rates.items()}
+        for name, value in (*self.imposed.items(), *rates.items()):
             if not math.isfinite(value):
                 raise BadInputError(f"{name} is {value}; give a finite number")
         for name, value in self.imposed.items():

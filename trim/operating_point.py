@@ -86,6 +86,9 @@ def load_operating_point(path: Path) -> OperatingPoint:
         states = State(**{name: float(data["states"][name]) for name in STATES})
         inputs = Input(**{name: float(data["inputs"][name]) for name in INPUTS})
         residuals = {name: float(value) for name, value in data["residuals"].items()}
-        return OperatingPoint(states, inputs, residuals, str(data["dynamics"]), str(data["status"]))
+        point = OperatingPoint(states, inputs, residuals, str(data["dynamics"]), str(data["status"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInputError(f"{path}: {error} is missing or not a number") from error
+    if not np.isfinite([*states, *inputs, *residuals.values()]).all():
+        raise BadInputError(f"{path}: holds a number that is not finite; trim again and save the point")
+    return point

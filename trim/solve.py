@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_model.atmosphere import density
-from hfa_model.compiled import Aircraft
+from hfa_model.compiled import Aircraft, check_in_range
 from hfa_model.errors import BadInputError, NoSolutionError
 from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, State
 from trim.condition import SCALES, VARIABLES, TrimCondition, describe
@@ -127,6 +127,8 @@ class _Problem:
     def _flat_wing(self) -> dict[str, float]:
         p, imposed = self.aircraft.parameters, self.condition.imposed
         guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"], "altitude": 0.0} | dict(imposed)
+        guess["pitch"] = guess["alpha"] + guess["gamma"]
+        check_in_range(State(*(guess[name] for name in STATES)))
         pressure_area = float(density(guess["altitude"])) * guess["speed"] ** 2 / 2 * 3 * p.panel_span * p.chord
         weight = 3 * p.panel_mass * p.gravity
         lift_coefficient = weight * math.cos(guess["gamma"]) / pressure_area
@@ -164,7 +166,7 @@ class _Problem:
         why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
         if equations > count:
             why += f"; {equations} equations for {count} unknowns, set more free"
-        return f"no trim: the rate of {', of '.join(off)} does not balance ({why})"
+        return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
 
     def _scaled(self, value: np.ndarray) -> np.ndarray:
         rates = self.condition.rates

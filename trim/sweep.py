@@ -1,9 +1,8 @@
-"""Trims and linear models over a grid of conditions: warm-started, modes tracked, failures kept as rows."""
+"""Trims and linear models over a grid of conditions: modes tracked, failures kept as rows."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +10,14 @@ import numpy as np
 
 from hfa_model.compiled import Aircraft
 from hfa_model.errors import BadInputError, NoSolutionError
-from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
-from trim.condition import level_flight
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.condition import LIMITS, describe, level_flight
+from trim.level_flights import CONDITION, LevelFlights, solve_level_flights
 from trim.linearize import linearize
 from trim.modes import modes_of
-from trim.operating_point import OperatingPoint
+from trim.operating_point import BALANCE
 from trim.solve import trim
-from trim.tracking import track
+from trim.tracking import track_modes
 
 #: What a sweep can vary: the arguments of `level_flight`.
 SWEPT = ("dihedral", "speed", "altitude", "alpha")
@@ -96,99 +96,95 @@ def sweep(
     total = int(np.prod([axis.size for axis in axes], dtype=float)) if axes else 0
     if not 0 < total <= MOST_POINTS:
         raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
-    rows: list[_Row] = [_failed("")] * total
-    best: OperatingPoint | None = None
-    shapes = None
-    for done, index in enumerate(_snake([axis.size for axis in axes])):
-        values = {name: float(axis[i]) for name, axis, i in zip(variables, axes, index, strict=True)}
-        row, best, shapes = _solve(aircraft, values, full, best, shapes)
-        rows[int(np.ravel_multi_index(index, [axis.size for axis in axes]))] = row
+    values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(total, len(axes))
+    conditions = level_conditions(variables, values)
+    flights = solve_level_flights(aircraft, conditions)
+    reasons = [""] * total
+    trimmed = flights.trimmed.copy()
+    for done, index in enumerate(np.flatnonzero(~flights.trimmed)):
+        reasons[index] = _settle(aircraft, conditions[index], flights, int(index))
+        trimmed[index] = reasons[index] == ""
         if progress is not None:
-            progress(done + 1, total)
-    return _stack(aircraft, variables, axes, rows, full)
-
-
-@dataclass(frozen=True)
-class _Row:
-    reason: str
-    point: OperatingPoint | None = None
-    A: np.ndarray | None = None
-    B: np.ndarray | None = None
-    eigenvalues: np.ndarray | None = None
-
-
-def _failed(reason: str) -> _Row:
-    return _Row(reason)
-
-
-def _solve(
-    aircraft: Aircraft, values: dict[str, float], full: bool, best: OperatingPoint | None, shapes: Any
-) -> tuple[_Row, OperatingPoint | None, Any]:
-    try:
-        condition = level_flight(
-            values.get("dihedral", 0.0),
-            speed=values.get("speed"),
-            altitude=values.get("altitude"),
-            alpha=values.get("alpha"),
-        )
-        point = trim(aircraft, condition, start=best)
-    except (BadInputError, NoSolutionError) as error:
-        return _failed(str(error)), best, shapes
-    model = linearize(aircraft, point, full=full)
-    shapes = track(model.A, model.states, shapes)
-    return _Row("", point, model.A, model.B, shapes[0]), point, shapes
-
-
-def _snake(sizes: list[int]) -> Iterator[tuple[int, ...]]:
-    """Indices of a grid along a path whose neighbours are neighbours: each axis turns back at its end."""
-    direction = [1] * len(sizes)
-    index = [0] * len(sizes)
-    for _ in itertools.repeat(None, int(np.prod(sizes))):
-        yield tuple(index)
-        for axis in reversed(range(len(sizes))):
-            if 0 <= index[axis] + direction[axis] < sizes[axis]:
-                index[axis] += direction[axis]
-                break
-            direction[axis] = -direction[axis]
-
-
-def _stack(
-    aircraft: Aircraft, variables: tuple[str, ...], axes: list[np.ndarray], rows: list[_Row], full: bool
-) -> Sweep:
-    from hfa_model.vectors import LINEAR_STATES
-
+            progress(total - int(np.count_nonzero(~flights.trimmed)) + done + 1, total)
     model_states = STATES if full else LINEAR_STATES
-    n, m, count = len(model_states), len(INPUTS), len(rows)
-    states, inputs = np.full((count, len(STATES)), np.nan), np.full((count, m), np.nan)
-    A, B = np.full((count, n, n), np.nan), np.full((count, n, m), np.nan)
-    eigenvalues = np.full((count, n), np.nan, dtype=complex)
-    for i, row in enumerate(rows):
-        if row.point is not None:
-            states[i], inputs[i] = row.point.states, row.point.inputs
-            A[i], B[i], eigenvalues[i] = row.A, row.B, row.eigenvalues
-    first = next((row for row in rows if row.eigenvalues is not None), None)
+    rows = [STATES.index(name) for name in model_states]
+    A, B = flights.A[:, rows][:, :, rows], flights.B[:, rows]
+    for array in (flights.states, flights.inputs, A, B):
+        array[~trimmed] = np.nan
+    path = _snake_path([axis.size for axis in axes])
+    path = path[trimmed[path]]
+    eigenvalues = np.full((total, len(rows)), np.nan, dtype=complex)
+    if path.size:
+        eigenvalues[path] = track_modes(A[path], model_states)
     return Sweep(
         variables=variables,
-        values=np.array(list(itertools.product(*axes))),
-        reasons=tuple(row.reason for row in rows),
-        states=states,
-        inputs=inputs,
+        values=values,
+        reasons=tuple(reasons),
+        states=flights.states,
+        inputs=flights.inputs,
         A=A,
         B=B,
         eigenvalues=eigenvalues,
         model_states=model_states,
-        mode_names=_column_names(first, model_states),
+        mode_names=_column_names(A[path[0]], eigenvalues[path[0]], model_states) if path.size else (),
         dynamics=aircraft.variant.name,
     )
 
 
-def _column_names(row: _Row | None, states: tuple[str, ...]) -> tuple[str, ...]:
+def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """Rows in the order of `level_flights.CONDITION`: the given values, else what the paper has; zero dihedral."""
+    paper = level_flight(0.0).imposed
+    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+    for column, name in enumerate(variables):
+        conditions[:, CONDITION.index(name)] = values[:, column]
+    return conditions
+
+
+def _settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
+    """What the batch left open at one point: why it has no trim, or "" when the robust solver finds it."""
+    if np.abs(flights.residuals[index]).max(initial=0.0) <= BALANCE:
+        return _beyond_limits(flights.states[index], flights.inputs[index])
+    try:
+        point = trim(aircraft, level_flight(**dict(zip(CONDITION, condition.tolist(), strict=True))))
+    except (BadInputError, NoSolutionError) as error:
+        return str(error)
+    model = linearize(aircraft, point, full=True)
+    flights.states[index], flights.inputs[index] = point.states, point.inputs
+    flights.A[index], flights.B[index] = model.A, model.B
+    return ""
+
+
+def _beyond_limits(states: np.ndarray, inputs: np.ndarray) -> str:
+    values = dict(zip(STATES + INPUTS, [*states.tolist(), *inputs.tolist()], strict=True))
+    beyond = [
+        f"{name} would have to be {describe(name, value)}, its {word} is {describe(name, limit)}"
+        for name, value in values.items()
+        for limit, word, outside in (
+            (LIMITS[name][0], "lowest", value < LIMITS[name][0]),
+            (LIMITS[name][1], "highest", value > LIMITS[name][1]),
+        )
+        if outside
+    ]
+    return "no trim within limits: " + "; ".join(beyond)
+
+
+def _snake_path(sizes: list[int]) -> np.ndarray:
+    """Flat indices of a grid along a path whose neighbours are neighbours: the last axis turns back at its ends."""
+    path = np.arange(int(np.prod(sizes))).reshape(-1, sizes[-1])
+    path[1::2] = path[1::2, ::-1]
+    if len(sizes) > 1:
+        # Order the rows the same way, axis by axis.
+        path = path[_snake_path(sizes[:-1])]
+        path = np.sort(path, axis=1)
+        path[1::2] = path[1::2, ::-1]
+    return path.ravel()
+
+
+def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...]) -> tuple[str, ...]:
     """The mode that each eigenvalue column belongs to, at the first trimmed point."""
-    if row is None or row.A is None or row.eigenvalues is None:
-        return ()
-    modes = modes_of(row.A, states)
+    modes = modes_of(A, states)
     names = []
-    for value in row.eigenvalues:
+    for value in eigenvalues:
         up = complex(value.real, abs(value.imag))
         names.append(min(modes, key=lambda mode: abs(mode.eigenvalue - up)).name)
     return tuple(names)

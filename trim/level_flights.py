@@ -1,0 +1,126 @@
+"""Many level flights at once: trim and exact Jacobians of every point in one compiled function.
+
+The four equations of `level_flight` are nearly affine in its four unknowns, so a fixed number of Newton steps from
+a fixed guess, unrolled into one expression, reaches rounding. The result is never trusted unseen: each
+point carries its residual, and what did not converge goes to `trim.solve`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.compiled import Aircraft
+from hfa_model.dynamics import rates
+from hfa_model.generated import machine_code
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
+from trim.condition import BALANCED, LIMITS
+from trim.operating_point import BALANCE
+
+#: A level flight as numbers, in order.
+CONDITION = ("dihedral", "speed", "altitude", "alpha", "gamma")
+#: From this many points on, compiling the function to machine code pays.
+COMPILE_FROM = 50_000
+_UNKNOWNS = ("throttle", "aileron_outer", "elevator_center", "elevator_outer")
+_EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
+_START = (40.0, 0.0, 0.0, 0.0)
+_NEWTON_STEPS = 4
+_N, _M = len(STATES), len(INPUTS)
+_SIZES = (_N, _M, _N * _N, _N * _M, _N)
+
+
+@dataclass(frozen=True)
+class LevelFlights:
+    """N points: states (N, 7), inputs (N, 5), A (N, 7, 7), B (N, 7, 5), scaled residuals (N, 6) of the balanced
+    equations, and `trimmed` (N,): every residual within `BALANCE` and every unknown within its limits."""
+
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    residuals: np.ndarray
+    trimmed: np.ndarray
+
+
+def solve_level_flights(
+    aircraft: Aircraft, conditions: np.ndarray, *, compile_code: bool | None = None
+) -> LevelFlights:
+    """Trim and linearize N level flights.
+
+    conditions: (N, 5) in the order of `CONDITION`, rad, ft/s, ft. compile_code: run as machine code; by default
+    from `COMPILE_FROM` points on. Points outside the model come out as not trimmed.
+    """
+    count = len(conditions)
+    use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
+    flat = np.empty((count, sum(_SIZES)))
+    # A buffer calls the function on memory of ours: no conversion, a microsecond of overhead a point.
+    buffer, evaluate = _function(aircraft.variant, use_machine_code).buffer()
+    condition, result = np.empty(len(CONDITION)), np.empty(sum(_SIZES))
+    parameters = np.array(aircraft.parameters, dtype=float)
+    buffer.set_arg(0, memoryview(condition))
+    buffer.set_arg(1, memoryview(parameters))
+    buffer.set_res(0, memoryview(result))
+    for index in range(count):
+        condition[:] = conditions[index]
+        evaluate()
+        flat[index] = result
+    states, inputs, A, B, rate = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
+    rows = [STATES.index(name) for name in BALANCED]
+    residuals = rate[:, rows] / np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+    return LevelFlights(
+        states=states,
+        inputs=inputs,
+        A=A.reshape(count, _N, _N),
+        B=B.reshape(count, _N, _M),
+        residuals=residuals,
+        trimmed=_balanced(residuals) & _within_limits(states, inputs),
+    )
+
+
+def _balanced(residuals: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
+
+
+def _within_limits(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    values = np.hstack([states, inputs])
+    limits = np.array([LIMITS[name] for name in STATES + INPUTS])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((values >= limits[:, 0]) & (values <= limits[:, 1])).all(axis=1))
+
+
+@cache
+def _function(variant: Variant, use_machine_code: bool) -> ca.Function:
+    function = _point_function(variant)
+    return machine_code(function) if use_machine_code else function
+
+
+@cache
+def _point_function(variant: Variant) -> ca.Function:
+    """(condition (5,), p) -> x, u, A, B (row by row), dX/dt as one column."""
+    condition, parameters = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("p", len(Parameters._fields))
+    p = Parameters(*ca.vertsplit(parameters))
+    at = dict(zip(CONDITION, ca.vertsplit(condition), strict=True))
+    state = State(at["speed"], at["alpha"], at["altitude"], at["alpha"] + at["gamma"], 0, at["dihedral"], 0)
+    unknowns = ca.SX.sym("v", len(_UNKNOWNS))
+    balance = ca.vertcat(*rates(state, _input(unknowns), p, variant))[[STATES.index(name) for name in _EQUATIONS]]
+    jacobian = ca.jacobian(balance, unknowns)
+    solution = ca.SX(ca.DM(_START))
+    for _ in range(_NEWTON_STEPS):
+        value, slope = ca.substitute([balance, jacobian], [unknowns], [solution])
+        solution = solution - ca.solve(slope, value)
+    x, u = ca.SX.sym("x", _N), ca.SX.sym("u", _M)
+    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
+    flat = [f, ca.vec(ca.densify(ca.jacobian(f, x)).T), ca.vec(ca.densify(ca.jacobian(f, u)).T)]
+    point = [ca.vertcat(*state), ca.vertcat(*_input(solution))]
+    rate, A, B = ca.substitute(flat, [x, u], point)
+    return ca.Function("level_flight", [condition, parameters], [ca.cse(ca.vertcat(*point, A, B, rate))])
+
+
+def _input(unknowns: ca.SX) -> Input:
+    return Input(aileron_center=0.0, **dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True)))
