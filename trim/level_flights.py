@@ -13,6 +13,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
+from hfa_model.bound import BoundFunction
 from hfa_model.compiled import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.generated import machine_code
@@ -58,17 +59,13 @@ def solve_level_flights(
     count = len(conditions)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
     flat = np.empty((count, sum(_SIZES)))
-    # A buffer calls the function on memory of ours: no conversion, a microsecond of overhead a point.
-    buffer, evaluate = _function(aircraft.variant, use_machine_code).buffer()
-    condition, result = np.empty(len(CONDITION)), np.empty(sum(_SIZES))
-    parameters = np.array(aircraft.parameters, dtype=float)
-    buffer.set_arg(0, memoryview(condition))
-    buffer.set_arg(1, memoryview(parameters))
-    buffer.set_res(0, memoryview(result))
+    point = BoundFunction(_function(aircraft.variant, use_machine_code))
+    condition, parameters = point.inputs
+    parameters[:] = aircraft.parameters
     for index in range(count):
         condition[:] = conditions[index]
-        evaluate()
-        flat[index] = result
+        point()
+        flat[index] = point.results[0]
     states, inputs, A, B, rate = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
     rows = [STATES.index(name) for name in BALANCED]
     residuals = rate[:, rows] / np.array([getattr(RATE_SCALES, name) for name in BALANCED])
