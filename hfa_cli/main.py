@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
+import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from hfa_model.errors import BadInputError, NoSolutionError
 
@@ -34,8 +37,14 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or input."""
     words = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
+    code = DONE
     try:
-        return _run(words)
+        code = _run(words)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
+        return code
     except BadInputError as error:
         return _complain(str(error), BAD_INPUT)
     except NoSolutionError as error:
@@ -43,12 +52,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our output left (`hfa ... | head`): nothing more to say, and nothing to flush.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        _drop_output()  # the reader of our output left (`hfa ... | head`): nothing more to say
+        return code
+    except OSError as error:
+        _drop_output()
+        return _complain(f"{error.filename or 'cannot write the output'}: {error.strerror}", BAD_INPUT)
 
 
 def _run(words: list[str]) -> int:
+    """Parse the words and run the command that they name."""
+    try:
+        module, arguments = _parsed(words)
+    except SystemExit:
+        return DONE  # how argparse leaves after --help and --version
+    return int(module.run(arguments))
+
+
+def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
     parser = _Parser(
         prog="hfa",
         description="Linear models and checked controllers of a highly flexible aircraft.",
@@ -61,13 +81,30 @@ def _run(words: list[str]) -> int:
     module = importlib.import_module(f"hfa_cli.commands.{chosen}")
     command = _Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip(), allow_abbrev=False)
     module.add_arguments(command)
-    return int(module.run(command.parse_args(words[1:])))
+    return module, command.parse_args(_attached(words[1:]))
+
+
+def _attached(words: list[str]) -> list[str]:
+    """`--option -5:5:1` as `--option=-5:5:1`: argparse takes a word with a "-" for an option, plain numbers apart."""
+    result: list[str] = []
+    for word in words:
+        if result and re.fullmatch(r"--[a-z]+", result[-1]) and re.match(r"-[\d.]", word):
+            result[-1] += f"={word}"
+        else:
+            result.append(word)
+    return result
 
 
 def _version() -> str:
     from importlib.metadata import version
 
     return f"hfa {version('hfa-toolchain')}"
+
+
+def _drop_output() -> None:
+    """Send what is still buffered for standard output nowhere, so that nothing fails when the process ends."""
+    with contextlib.suppress(AttributeError, io.UnsupportedOperation):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(message: str, code: int) -> int:

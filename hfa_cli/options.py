@@ -34,10 +34,10 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
     )
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
+def add_output(parser: argparse.ArgumentParser, also: str = "") -> None:
     """--json, --output."""
     parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
-    parser.add_argument("-o", "--output", metavar="FILE", help="also write .json, .npz, .mat or .csv")
+    parser.add_argument("-o", "--output", metavar="FILE", help=f"also write .json, .npz, .mat, .csv{also}")
 
 
 def parameters_of(arguments: argparse.Namespace) -> ParameterSet:

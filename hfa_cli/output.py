@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +17,7 @@ from hfa_model.files import write_text, written_whole
 from trim.text import Table
 
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
+_MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
 def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
@@ -26,6 +29,8 @@ def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         raise BadInputError(f"cannot write {path}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
     if not target.parent.is_dir():
         raise BadInputError(f"cannot write {path}: the folder {target.parent} does not exist; create it first")
+    if target.is_dir():
+        raise BadInputError(f"cannot write {path}: it is a folder; name a file")
     return target
 
 
@@ -54,10 +59,8 @@ def write(target: Path, data: dict[str, Any], table: Callable[[], Table]) -> Non
         with written_whole(target) as stream:
             np.savez(stream, allow_pickle=False, **_leaves(data))
     elif suffix == ".mat":
-        from scipy.io import savemat
-
         with written_whole(target) as stream:
-            savemat(stream, _without_none(data), long_field_names=True)
+            stream.write(_mat(data))
     else:
         write_text(target, _csv(*table()))
 
@@ -103,21 +106,35 @@ def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
     return {prefix: np.asarray(np.nan if data is None else data)}
 
 
-def _without_none(data: Any) -> Any:
+def _mat(data: dict[str, Any]) -> bytes:
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, _for_matlab(data), long_field_names=True)
+    # SciPy puts the time into the free text that begins the file; the same result shall be the same file.
+    return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
+
+
+def _for_matlab(data: Any) -> Any:
     if isinstance(data, dict):
-        return {key: _without_none(value) for key, value in data.items()}
+        return {_field_name(key): _for_matlab(value) for key, value in data.items()}
     if isinstance(data, list):
         if data and isinstance(data[0], (dict, str)):
             cells = np.empty(len(data), dtype=object)
-            cells[:] = [_without_none(item) for item in data]
+            cells[:] = [_for_matlab(item) for item in data]
             return cells
         return np.asarray([np.nan if item is None else item for item in data])
     return np.nan if data is None else data
 
 
+def _field_name(key: str) -> str:
+    """A name that MATLAB accepts: "15.0" becomes "x15_0", as by its own `makeValidName`."""
+    name = re.sub(r"\W", "_", key)
+    return name if name[:1].isalpha() else f"x{name}"
+
+
 def _csv(header: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
     import csv
-    import io
 
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

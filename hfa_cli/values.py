@@ -24,7 +24,7 @@ def number(text: str, what: str) -> float:
 def quantity(name: str, text: str) -> float:
     """The value of a named variable in internal units: angles are given in degrees."""
     value = number(text, name)
-    return math.radians(value) if UNITS[name].startswith("rad") else value
+    return math.radians(value) if _is_angle(name) else value
 
 
 def grid(name: str, text: str, most: int) -> np.ndarray:
@@ -50,16 +50,44 @@ def grid(name: str, text: str, most: int) -> np.ndarray:
             f"{name} range has {intervals + 1:.3g} points; at most {most} are allowed, take a larger step"
         )
     values = start + step * np.arange(math.floor(intervals + 1e-9) + 1)
-    return np.radians(values) if UNITS[name].startswith("rad") else values
+    return np.radians(values) if _is_angle(name) else values
+
+
+def span(name: str, text: str) -> tuple[float, float]:
+    """`lowest:highest` in internal units."""
+    low, colon, high = text.partition(":")
+    if not colon or ":" in high:
+        raise BadInputError(f"{name} is {text!r}; give lowest:highest")
+    return quantity(name, low), quantity(name, high)
+
+
+def whole(option: str, text: str | None, default: int, *, lowest: int) -> int:
+    """The whole number given to an option, or the default."""
+    if text is None:
+        return default
+    value = number(text, option)
+    if value != int(value) or value < lowest:
+        raise BadInputError(f"{option} is {text}; give a whole number from {lowest}")
+    return int(value)
+
+
+def split_assignments(words: list[str] | None) -> dict[str, str]:
+    """`NAME=TEXT` words, unconverted."""
+    result = {}
+    for word in words or []:
+        name, separator, text = word.partition("=")
+        if not separator:
+            raise BadInputError(f"{word!r} is not NAME=VALUE")
+        result[name] = text
+    return result
 
 
 def assignments(words: list[str] | None) -> dict[str, float]:
     """`NAME=VALUE` words to values in internal units."""
     result = {}
-    for word in words or []:
-        name, separator, text = word.partition("=")
-        if not separator or name not in UNITS:
-            raise BadInputError(f"{word!r} is not NAME=VALUE with a name out of {', '.join(UNITS)}")
+    for name, text in split_assignments(words).items():
+        if name not in UNITS:
+            raise BadInputError(f"unknown variable {name!r}; choose from {', '.join(UNITS)}")
         result[name] = quantity(name, text)
     return result
 
@@ -67,10 +95,13 @@ def assignments(words: list[str] | None) -> dict[str, float]:
 def limits(words: list[str] | None) -> dict[str, tuple[float, float]]:
     """`NAME=LOW:HIGH` words to limits in internal units."""
     result = {}
-    for word in words or []:
-        name, separator, text = word.partition("=")
-        low, colon, high = text.partition(":")
-        if not separator or not colon or name not in UNITS:
-            raise BadInputError(f"{word!r} is not NAME=LOW:HIGH with a name out of {', '.join(UNITS)}")
-        result[name] = quantity(name, low), quantity(name, high)
+    for name, text in split_assignments(words).items():
+        if name not in UNITS:
+            raise BadInputError(f"unknown variable {name!r}; choose from {', '.join(UNITS)}")
+        result[name] = span(name, text)
     return result
+
+
+def _is_angle(name: str) -> bool:
+    # A parameter of the aircraft is given in its own unit, whatever that is.
+    return UNITS.get(name, "").startswith("rad")

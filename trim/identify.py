@@ -240,9 +240,10 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
     _, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
-    information = relative.T @ relative + (np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else 0.0)
-    # An entry rounded to a unit of 2h has the variance h²/3; residuals are in units of h.
-    covariance = np.linalg.inv(information) / 3 * np.outer(np.abs(theta), np.abs(theta))
+    prior_information = np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else np.zeros((len(theta), len(theta)))
+    inverse = np.linalg.inv(relative.T @ relative + prior_information)
+    spread = relative.T @ _rounding_covariance(relative) @ relative + prior_information / 3
+    covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta[: len(IDENTIFIED)].tolist(), strict=True))
     parameters = ParameterSet(
@@ -257,8 +258,24 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
         inputs=tuple(_as_input(inputs.tolist()) for inputs in problem.trim_inputs(theta)),
         sum_of_squares=float(printed @ printed),
         # Structural zeros (no parameter moves them) carry no rounding.
-        entries=int(np.count_nonzero(np.abs(relative).max(axis=1) > 1e-3)),
+        entries=int(np.count_nonzero(_moved(relative))),
         largest=float(np.abs(printed).max()),
         singular_values=singular_values,
         directions=directions,
     )
+
+
+def _moved(relative: np.ndarray) -> np.ndarray:
+    """Which entries some parameter moves by more than rounding errors do."""
+    return np.asarray(np.abs(relative).max(axis=1) > 1e-3)
+
+
+def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
+    """Covariance of the entries' rounding errors, in half units²: an entry rounded to a unit of 2h has h²/3.
+
+    Entries with equal derivatives are one number printed at both angles, as B(speed, throttle) is: they were
+    rounded alike, and the second of them tells nothing new.
+    """
+    distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
+    same = distance < 1e-6 * np.abs(relative).max(axis=1)
+    return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.bound import BoundFunction
-from hfa_model.compiled import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.generated import machine_code
 from hfa_model.parameters import Parameters
@@ -49,26 +48,27 @@ class LevelFlights:
 
 
 def solve_level_flights(
-    aircraft: Aircraft, conditions: np.ndarray, *, compile_code: bool | None = None
+    variant: Variant, parameters: np.ndarray | Parameters, conditions: np.ndarray, *, compile_code: bool | None = None
 ) -> LevelFlights:
     """Trim and linearize N level flights.
 
+    parameters: one set for all points, or (N, 18), one row a point in the order of `Parameters`.
     conditions: (N, 5) in the order of `CONDITION`, rad, ft/s, ft. compile_code: run as machine code; by default
     from `COMPILE_FROM` points on. Points outside the model come out as not trimmed.
     """
     count = len(conditions)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
     flat = np.empty((count, sum(_SIZES)))
-    point = BoundFunction(_function(aircraft.variant, use_machine_code))
-    condition, parameters = point.inputs
-    parameters[:] = aircraft.parameters
+    point = BoundFunction(_function(variant, use_machine_code))
+    condition, constants = point.inputs
+    rows = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
     for index in range(count):
-        condition[:] = conditions[index]
+        condition[:], constants[:] = conditions[index], rows[index]
         point()
         flat[index] = point.results[0]
     states, inputs, A, B, rate = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
-    rows = [STATES.index(name) for name in BALANCED]
-    residuals = rate[:, rows] / np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+    balanced = [STATES.index(name) for name in BALANCED]
+    residuals = rate[:, balanced] / np.array([getattr(RATE_SCALES, name) for name in BALANCED])
     return LevelFlights(
         states=states,
         inputs=inputs,

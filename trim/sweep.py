@@ -98,7 +98,7 @@ def sweep(
         raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
     values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(total, len(axes))
     conditions = level_conditions(variables, values)
-    flights = solve_level_flights(aircraft, conditions)
+    flights = solve_level_flights(aircraft.variant, aircraft.parameters, conditions)
     reasons = [""] * total
     trimmed = flights.trimmed.copy()
     for done, index in enumerate(np.flatnonzero(~flights.trimmed)):

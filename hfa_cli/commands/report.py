@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     if (arguments.output is None) == (arguments.folder is None):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
     target = check_target(arguments.output, (".html",))
-    folder = _made(arguments.folder) if arguments.folder is not None else None
+    folder = None if arguments.folder is None else _possible(arguments.folder)
     report = make_report(options.parameters_of(arguments), arguments.dynamics)
     pictures = report_pictures(report)
     page = report_html(report, pictures)
@@ -35,6 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_text(target, page)
         print(f"wrote {target}")
     if folder is not None:
+        folder.mkdir(exist_ok=True)
         for name, data in pictures.items():
             with written_whole(folder / name) as stream:
                 stream.write(data)
@@ -45,10 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
-def _made(name: str) -> Path:
+def _possible(name: str) -> Path:
+    """A folder that exists or can be made; made only when there is something to put in."""
     folder = Path(name)
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise BadInputError(f"cannot make the folder {folder}: {error.strerror}; choose another") from error
+    if not folder.is_dir() and (folder.exists() or not folder.parent.is_dir()):
+        raise BadInputError(f"cannot make the folder {folder}: choose another, in a folder that exists")
     return folder

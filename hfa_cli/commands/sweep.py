@@ -1,18 +1,27 @@
-"""Trims and linear models over a grid of one or two conditions; modes tracked, failures kept as rows."""
+"""Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
+
+A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, any parameter of the
+aircraft (--vary), random samples (--samples), several processes (--workers) or machines (--scheduler), and it can be
+continued after an interruption (--resume).
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from hfa_cli import options
-from hfa_cli.output import Progress, check_target, deliver
-from hfa_cli.values import grid
+from hfa_cli.output import SUFFIXES, Progress, check_target, deliver
+from hfa_cli.values import grid, span, split_assignments, whole
 from hfa_model.errors import BadInputError
 from trim.sweep import MOST_POINTS, SWEPT, sweep
 from trim.sweep_report import sweep_table, sweep_text, sweep_warnings
+
+_MOST_STORED = 1_000_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,23 +29,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, unit in zip(SWEPT, ("deg", "ft/s", "ft", "deg"), strict=True):
         parser.add_argument(f"--{name}", metavar="RANGE", help=f"start:stop:step, a,b,c or one number, {unit}")
     parser.add_argument("--full", action="store_true", help="seven states, with altitude")
-    parser.add_argument(
-        "--picture", metavar="FILE", help="draw the root locus of a sweep in one variable (.png or .svg)"
-    )
+    parser.add_argument("--picture", metavar="FILE", help="draw the root locus (.png or .svg)")
     options.add_aircraft(parser)
-    options.add_output(parser)
+    options.add_output(parser, " or .zarr")
+    store = parser.add_argument_group("for a store (-o FILE.zarr)")
+    store.add_argument("--vary", action="append", metavar="NAME=RANGE", help="also vary a parameter; repeatable")
+    store.add_argument("--samples", metavar="N", help="N points of a Latin hypercube; ranges are lowest:highest")
+    store.add_argument("--seed", metavar="N", help="seed of the samples; default 0")
+    store.add_argument("--workers", metavar="N", help="processes; default 1")
+    store.add_argument("--scheduler", metavar="URL", help="Dask scheduler, tcp://host:port")
+    store.add_argument("--resume", action="store_true", help="continue an interrupted sweep")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Sweep and report; exit 1 when no point has a trim."""
-    target = check_target(arguments.output)
-    picture = check_target(arguments.picture, (".png", ".svg"))
-    aircraft = options.aircraft_of(arguments)
-    given = {name: getattr(arguments, name) for name in SWEPT if getattr(arguments, name) is not None}
-    if not given:
+    words = {name: getattr(arguments, name) for name in SWEPT if getattr(arguments, name) is not None}
+    words |= split_assignments(arguments.vary)
+    if not words:
         raise BadInputError(f"nothing to sweep; give at least one of {', '.join('--' + name for name in SWEPT)}")
-    axes = {name: grid(name, text, MOST_POINTS) for name, text in given.items()}
-    result = sweep(aircraft, axes, full=arguments.full, progress=Progress("sweep"))
+    if arguments.output is not None and Path(arguments.output).suffix == ".zarr":
+        return _to_store(arguments, words)
+    for name in ("vary", "samples", "seed", "workers", "scheduler", "resume"):
+        if getattr(arguments, name):
+            raise BadInputError(f"--{name} needs a store; add -o FILE.zarr")
+    target = check_target(arguments.output, (*SUFFIXES, ".zarr"))
+    picture = check_target(arguments.picture, (".png", ".svg"))
+    axes = {name: grid(name, text, MOST_POINTS) for name, text in words.items()}
+    result = sweep(options.aircraft_of(arguments), axes, full=arguments.full, progress=Progress("sweep"))
     if picture is not None:
         from verification.figures import root_locus
 
@@ -51,3 +70,33 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in sweep_warnings(result):
         print(f"hfa: note: {warning}", file=sys.stderr)
     return 0 if np.any(result.trimmed) else 1
+
+
+def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
+    from trim.plan import SweepPlan
+    from trim.store_report import store_data, store_text
+    from trim.stream import stream_sweep
+
+    for name in ("full", "picture"):
+        if getattr(arguments, name):
+            raise BadInputError(f"--{name} does not go with a store, which holds all seven states and no picture")
+    path = check_target(arguments.output, (".zarr",))
+    assert path is not None
+    samples = whole("--samples", arguments.samples, 0, lowest=1)
+    axes = {
+        name: span(name, text) if samples else tuple(grid(name, text, _MOST_STORED).tolist())
+        for name, text in words.items()
+    }
+    seed = whole("--seed", arguments.seed, 0, lowest=0)
+    plan = SweepPlan(axes, options.parameters_of(arguments).values, arguments.dynamics, samples, seed)
+    store = stream_sweep(
+        plan,
+        path,
+        count=whole("--workers", arguments.workers, 1, lowest=1),
+        scheduler=arguments.scheduler,
+        resume=arguments.resume,
+        progress=Progress("sweep"),
+    )
+    data = store_data(plan, store, path)
+    print(json.dumps(data, indent=2) if arguments.json else store_text(data))
+    return 0 if data["counts"]["trimmed"] else 1

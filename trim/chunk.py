@@ -1,0 +1,97 @@
+"""One chunk of a large sweep: values in, stacked arrays out. What a worker runs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_model.compiled import Aircraft
+from hfa_model.errors import BadInputError, NoSolutionError
+from hfa_model.parameters import Parameters
+from hfa_model.variants import variant_named
+from hfa_model.vectors import INPUTS, STATES
+from trim.condition import LIMITS, level_flight
+from trim.level_flights import CONDITION, solve_level_flights
+from trim.linearize import linearize
+from trim.operating_point import BALANCE
+from trim.solve import trim
+
+#: What became of a point.
+STATUS = ("trimmed", "beyond limits", "no trim")
+TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
+
+
+class Chunk(NamedTuple):
+    """N points. status: (N,) index into `STATUS`. limiting: (N,) index into STATES + INPUTS of the variable
+    farthest beyond its limits, -1 when none. states: (N, 7), inputs: (N, 5): where trimmed, or what balance
+    would take where beyond limits. A: (N, 7, 7), B: (N, 7, 5), eigenvalues: (N, 7) of A, fastest first; nan
+    where not trimmed.
+    """
+
+    status: np.ndarray
+    limiting: np.ndarray
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    eigenvalues: np.ndarray
+
+
+def run_chunk(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str) -> Chunk:
+    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising."""
+    variant = variant_named(dynamics)
+    conditions, constants = _tables(variables, values, parameters)
+    flights = solve_level_flights(variant, constants, conditions)
+    beyond = _excess(flights.states, flights.inputs)
+    balanced = np.abs(flights.residuals).max(axis=1) <= BALANCE
+    status = np.where(flights.trimmed, TRIMMED, np.where(balanced, BEYOND_LIMITS, NO_TRIM)).astype(np.int8)
+    for index in np.flatnonzero(status == NO_TRIM):
+        # The batch's Newton did not converge: the robust solver has the last word.
+        aircraft = Aircraft(Parameters(*constants[index].tolist()), variant)
+        try:
+            point = trim(aircraft, level_flight(**dict(zip(CONDITION, conditions[index].tolist(), strict=True))))
+        except (BadInputError, NoSolutionError):
+            flights.states[index], flights.inputs[index] = np.nan, np.nan
+            continue
+        model = linearize(aircraft, point, full=True)
+        flights.states[index], flights.inputs[index] = point.states, point.inputs
+        flights.A[index], flights.B[index] = model.A, model.B
+        status[index] = TRIMMED
+    good = status == TRIMMED
+    flights.A[~good], flights.B[~good] = np.nan, np.nan
+    eigenvalues = np.full((len(values), len(STATES)), np.nan, dtype=complex)
+    eigenvalues[good] = np.linalg.eigvals(flights.A[good])
+    order = np.lexsort((-eigenvalues.imag, -np.round(np.abs(eigenvalues), 9)))
+    return Chunk(
+        status=status,
+        limiting=np.where(status == BEYOND_LIMITS, beyond, -1).astype(np.int8),
+        states=flights.states,
+        inputs=flights.inputs,
+        A=flights.A,
+        B=flights.B,
+        eigenvalues=np.take_along_axis(eigenvalues, order, axis=1),
+    )
+
+
+def _tables(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Conditions (N, 5) and parameters (N, 18), or one row of them when no parameter varies."""
+    paper = level_flight(0.0).imposed
+    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+    constants = np.tile(np.array(parameters, dtype=float), (len(values), 1))
+    for column, name in enumerate(variables):
+        if name in CONDITION:
+            conditions[:, CONDITION.index(name)] = values[:, column]
+        else:
+            constants[:, Parameters._fields.index(name)] = values[:, column]
+    return conditions, constants
+
+
+def _excess(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """(N,) index of the variable farthest beyond its limits, in units of the limits' width."""
+    values = np.hstack([states, inputs])
+    limits = np.array([LIMITS[name] for name in STATES + INPUTS])
+    width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(limits[:, 0] - values, values - limits[:, 1]) / width
+    return np.asarray(np.nan_to_num(beyond, nan=-np.inf).argmax(axis=1))

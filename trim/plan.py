@@ -1,0 +1,98 @@
+"""What a large sweep visits: which variables take which values, any part of it on demand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfa_model.errors import BadInputError
+from hfa_model.parameters import FIELDS, Parameters
+from hfa_model.vectors import UNITS
+from trim.level_flights import CONDITION
+
+#: What a plan can vary: the condition of a level flight, and any parameter of the aircraft.
+PLANNED = CONDITION + Parameters._fields
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """N points over named variables, for one aircraft.
+
+    axes: variable -> its values on a grid (all combinations, the last variable running fastest), or, when
+    `samples` > 0, variable -> (lowest, highest) of a Latin hypercube of that many points under `seed`
+    (scipy.stats.qmc). Internal units. parameters, dynamics: the aircraft where it is not varied.
+    BadInputError when a name or a range is wrong.
+    """
+
+    axes: Mapping[str, tuple[float, ...]]
+    parameters: Parameters
+    dynamics: str
+    samples: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Name what is wrong before anything runs."""
+        if not self.axes:
+            raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
+        for name, values in self.axes.items():
+            if name not in PLANNED:
+                raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
+            if name in FIELDS._fields and getattr(FIELDS, name).positive and min(values) <= 0:
+                raise BadInputError(f"{name} is {min(values):g} in the sweep; it must be positive")
+            if self.samples and (len(values) != 2 or not values[0] < values[1]):
+                raise BadInputError(f"{name} needs a range lowest:highest for random samples")
+        if self.samples < 0:
+            raise BadInputError(f"samples is {self.samples}; it must not be negative")
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of what varies, in order."""
+        return tuple(self.axes)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each variable, in order."""
+        return tuple(getattr(FIELDS, name).unit if name in FIELDS._fields else UNITS[name] for name in self.axes)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of points."""
+        return self.samples or int(np.prod([len(values) for values in self.axes.values()], dtype=object))
+
+    def values(self, start: int, stop: int) -> np.ndarray:
+        """Rows start .. stop - 1 of the (N, variables) table of values."""
+        if self.samples:
+            return self._hypercube[start:stop]
+        sizes = [len(values) for values in self.axes.values()]
+        indices = np.unravel_index(np.arange(start, stop), sizes)
+        columns = [np.asarray(values)[index] for values, index in zip(self.axes.values(), indices, strict=True)]
+        return np.stack(columns, axis=-1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plan as JSON data; two plans with the same data visit the same points."""
+        return {
+            "axes": {name: list(values) for name, values in self.axes.items()},
+            "parameters": self.parameters._asdict(),
+            "dynamics": self.dynamics,
+            "samples": self.samples,
+            "seed": self.seed,
+        }
+
+    @cached_property
+    def identity(self) -> str:
+        """A hash of everything that decides the results."""
+        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def _hypercube(self) -> np.ndarray:
+        from scipy.stats import qmc
+
+        unit = qmc.LatinHypercube(d=len(self.axes), rng=np.random.default_rng(self.seed)).random(self.samples)
+        bounds = np.array(list(self.axes.values()))
+        return np.asarray(bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0]))

@@ -1,0 +1,34 @@
+"""What a stored sweep says in short; the numbers are in the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from trim.plan import SweepPlan
+from trim.store import SweepStore
+from trim.text import columns
+
+SCHEMA = "hfa.sweep-summary/1"
+
+
+def store_data(plan: SweepPlan, store: SweepStore, path: Path) -> dict[str, Any]:
+    """Points by status, and where they are."""
+    return {
+        "schema": SCHEMA,
+        "store": str(path),
+        "dynamics": plan.dynamics,
+        "variables": list(plan.variables),
+        "variable_units": list(plan.units),
+        "points": plan.count,
+        "counts": store.counts(),
+    }
+
+
+def store_text(data: dict[str, Any]) -> str:
+    """The same for a person."""
+    varied = ", ".join(data["variables"])
+    rows = [(status, str(count)) for status, count in data["counts"].items()]
+    return f"Sweep over {varied}, {data['dynamics']} dynamics, in {data['store']}\n\n" + columns(
+        ("status", "points"), rows
+    )
