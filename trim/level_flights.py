@@ -30,6 +30,7 @@ _UNKNOWNS = ("throttle", "aileron_outer", "elevator_center", "elevator_outer")
 _EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
 _START = (40.0, 0.0, 0.0, 0.0)
 _NEWTON_STEPS = 4
+_MORE_NEWTON_STEPS = 20
 _N, _M = len(STATES), len(INPUTS)
 _SIZES = (_N, _M, _N * _N, _N * _M, _N)
 
@@ -58,17 +59,14 @@ def solve_level_flights(
     """
     count = len(conditions)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
-    flat = np.empty((count, sum(_SIZES)))
-    point = BoundFunction(_function(variant, use_machine_code))
-    condition, constants = point.inputs
-    rows = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
-    for index in range(count):
-        condition[:], constants[:] = conditions[index], rows[index]
-        point()
-        flat[index] = point.results[0]
-    states, inputs, A, B, rate = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
-    balanced = [STATES.index(name) for name in BALANCED]
-    residuals = rate[:, balanced] / np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+    constants = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
+    flat = _evaluate(_function(variant, _NEWTON_STEPS, use_machine_code), conditions, constants)
+    rest = np.flatnonzero(~_balanced(_residuals(flat)))
+    if rest.size:
+        # Far from the paper's flight the drag of large deflections bends the equations: more steps for those.
+        flat[rest] = _evaluate(_function(variant, _MORE_NEWTON_STEPS, False), conditions[rest], constants[rest])
+    states, inputs, A, B, _ = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
+    residuals = _residuals(flat)
     return LevelFlights(
         states=states,
         inputs=inputs,
@@ -77,6 +75,23 @@ def solve_level_flights(
         residuals=residuals,
         trimmed=_balanced(residuals) & _within_limits(states, inputs),
     )
+
+
+def _evaluate(function: ca.Function, conditions: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    point = BoundFunction(function)
+    condition, parameters = point.inputs
+    flat = np.empty((len(conditions), sum(_SIZES)))
+    for index in range(len(conditions)):
+        condition[:], parameters[:] = conditions[index], constants[index]
+        point()
+        flat[index] = point.results[0]
+    return flat
+
+
+def _residuals(flat: np.ndarray) -> np.ndarray:
+    rate = flat[:, -_N:]
+    scales = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+    return np.asarray(rate[:, [STATES.index(name) for name in BALANCED]] / scales)
 
 
 def _balanced(residuals: np.ndarray) -> np.ndarray:
@@ -92,13 +107,12 @@ def _within_limits(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
 
 
 @cache
-def _function(variant: Variant, use_machine_code: bool) -> ca.Function:
-    function = _point_function(variant)
+def _function(variant: Variant, steps: int, use_machine_code: bool) -> ca.Function:
+    function = _point_function(variant, steps)
     return machine_code(function) if use_machine_code else function
 
 
-@cache
-def _point_function(variant: Variant) -> ca.Function:
+def _point_function(variant: Variant, steps: int) -> ca.Function:
     """(condition (5,), p) -> x, u, A, B (row by row), dX/dt as one column."""
     condition, parameters = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("p", len(Parameters._fields))
     p = Parameters(*ca.vertsplit(parameters))
@@ -108,7 +122,7 @@ def _point_function(variant: Variant) -> ca.Function:
     balance = ca.vertcat(*rates(state, _input(unknowns), p, variant))[[STATES.index(name) for name in _EQUATIONS]]
     jacobian = ca.jacobian(balance, unknowns)
     solution = ca.SX(ca.DM(_START))
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(steps):
         value, slope = ca.substitute([balance, jacobian], [unknowns], [solution])
         solution = solution - ca.solve(slope, value)
     x, u = ca.SX.sym("x", _N), ca.SX.sym("u", _M)
