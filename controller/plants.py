@@ -1,0 +1,85 @@
+"""What is flown: the linear model or the nonlinear aircraft, as deviations from one operating point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.compiled import Aircraft
+from hfa_model.dynamics import rates
+from hfa_model.vectors import LINEAR_STATES, STATES, Input, State
+from trim.operating_point import OperatingPoint
+
+
+class Plant(Protocol):
+    """A plant in deviations from its operating point, as CasADi expressions.
+
+    states: names. rate: x' of the deviation x, for an input deviation u (5,) and a disturbance d (6,) that
+    adds to the rates of the six states of the linear model. seen: those six deviations.
+    """
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+
+    def rate(self, x: Any, u: Any, d: Any) -> Any:
+        """dx/dt."""
+
+    def seen(self, x: Any) -> Any:
+        """The deviations of `LINEAR_STATES`, (6,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant:
+    """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5)."""
+
+    A: np.ndarray
+    B: np.ndarray
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The six states of the paper's linear model."""
+        return LINEAR_STATES
+
+    def rate(self, x: Any, u: Any, d: Any) -> Any:
+        """A x + B u + d."""
+        return ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + d
+
+    def seen(self, x: Any) -> Any:
+        """The whole state."""
+        return x
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearPlant:
+    """X' = f(X, U) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
+
+    d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
+    """
+
+    aircraft: Aircraft
+    point: OperatingPoint
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All seven states."""
+        return STATES
+
+    def rate(self, x: Any, u: Any, d: Any) -> Any:
+        """f(X0 + x, U0 + u), disturbed."""
+        X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
+        U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
+        rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant))
+        return rate + ca.mtimes(ca.DM(_spread()), d)
+
+    def seen(self, x: Any) -> Any:
+        """The six states of the linear model."""
+        return ca.mtimes(ca.DM(_spread().T), x)
+
+
+def _spread() -> np.ndarray:
+    """(7, 6): the six states of the linear model among the seven."""
+    return np.array([[float(name == other) for other in LINEAR_STATES] for name in STATES])
