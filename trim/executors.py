@@ -42,7 +42,7 @@ class Workers:
                 if deaths >= _MOST_DEATHS:
                     raise NoSolutionError(f"workers died {deaths} times; see the system's log, or use fewer") from error
             finally:
-                executor.shutdown(wait=False, cancel_futures=True)
+                executor.shutdown(wait=False)
 
     def _run(
         self,
@@ -52,18 +52,22 @@ class Workers:
         left: dict[int, Task],
     ) -> Iterator[tuple[int, Any]]:
         futures: dict[Future[Any], int] = {executor.submit(function, *task): key for key, task in left.items()}
-        while True:
-            while len(futures) < _AHEAD * self._count and (item := next(waiting, None)) is not None:
-                key, task = item
-                left[key] = task
-                futures[executor.submit(function, *task)] = key
-            if not futures:
-                return
-            for future in wait(futures, return_when=FIRST_COMPLETED).done:
-                result = future.result()
-                key = futures.pop(future)
-                del left[key]
-                yield key, result
+        try:
+            while True:
+                while len(futures) < _AHEAD * self._count and (item := next(waiting, None)) is not None:
+                    key, task = item
+                    left[key] = task
+                    futures[executor.submit(function, *task)] = key
+                if not futures:
+                    return
+                for future in wait(futures, return_when=FIRST_COMPLETED).done:
+                    result = future.result()
+                    key = futures.pop(future)
+                    del left[key]
+                    yield key, result
+        finally:
+            for future in futures:
+                future.cancel()
 
 
 class _InThisProcess:
