@@ -44,7 +44,7 @@ class GainPolicy:
 
     @property
     def memory_size(self) -> int:
-        """None."""
+        """A fixed gain remembers nothing: 0."""
         return 0
 
     @property
@@ -57,7 +57,7 @@ class GainPolicy:
         return -ca.mtimes(ca.reshape(p, _M, _N), z) + self.feedforward.at(t)
 
     def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """Nothing."""
+        """No states, so no rates: (0,)."""
         return ca.SX(0, 1)
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hfa_model import INPUTS, STATES, Aircraft, default_parameters
-from hfa_model import generated
+from hfa_model import INPUTS, STATES, Aircraft, default_parameters, generated
 from hfa_model.variants import VARIANTS, variant_named
 from trim.condition import level_flight
 from trim.level_flights import CONDITION, solve_level_flights

@@ -1,0 +1,87 @@
+"""The density against the standard's tables, an independent package, and hydrostatics."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from ambiance import Atmosphere
+
+from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
+
+METRE_PER_FOOT = 0.3048
+KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
+EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = 6_356_766.0, 9.80665, 8314.32 / 28.9644, 0.0065  # SI
+#: Geometric altitude of the 11 km geopotential tropopause, ft.
+TROPOPAUSE = 11_000.0 * EARTH_RADIUS / (EARTH_RADIUS - 11_000.0) / METRE_PER_FOOT
+
+
+@pytest.fixture(scope="module")
+def slope() -> ca.Function:
+    """dρ/dh, slug/ft^4, by algorithmic differentiation."""
+    h = ca.SX.sym("h")
+    return ca.Function("slope", [h], [ca.jacobian(density(h), h)])
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "tolerance"),
+    [
+        # ambiance takes ICAO's molar mass of air, 28.96442; the standard of 1976 has 28.9644: 7e-7 relative.
+        (0.0, 36_000.0, 1e-6),
+        # ambiance starts the upper layer from the tabulated 22632.0 Pa, exact is 22632.06: 2.8e-6 more.
+        (36_200.0, HIGHEST_ALTITUDE, 3.5e-6),
+    ],
+)
+def test_density_equals_an_independent_package(lowest: float, highest: float, tolerance: float) -> None:
+    altitudes = np.linspace(lowest, highest, 400)
+    computed = np.array([density(altitude) for altitude in altitudes.tolist()]) * KG_PER_M3
+    expected = Atmosphere(altitudes * METRE_PER_FOOT).density
+    np.testing.assert_allclose(computed, expected, rtol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("metres", "printed", "half_unit"),
+    # U.S. Standard Atmosphere, 1976, Table I: density in kg/m^3 at geometric altitudes.
+    [
+        (0, 1.2250, 5e-5),
+        (1_000, 1.1117, 5e-5),
+        (5_000, 0.73643, 5e-6),
+        (10_000, 0.41351, 5e-6),
+        (15_000, 0.19476, 5e-6),
+    ],
+)
+def test_density_equals_the_printed_table(metres: int, printed: float, half_unit: float) -> None:
+    assert abs(density(metres / METRE_PER_FOOT) * KG_PER_M3 - printed) <= half_unit
+
+
+def test_expression_equals_number() -> None:
+    h = ca.SX.sym("h")
+    expression = ca.Function("density", [h], [density(h)])
+    for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 131).tolist():
+        assert float(expression(altitude)) == pytest.approx(density(altitude), rel=1e-15)
+
+
+def test_derivative_is_hydrostatic(slope: ca.Function) -> None:
+    """dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r + h))²: written down here, not differentiated."""
+    for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():
+        height = altitude * METRE_PER_FOOT
+        geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
+        lapse = LAPSE_RATE if geopotential < 11_000.0 else 0.0
+        temperature = 288.15 - LAPSE_RATE * min(geopotential, 11_000.0)
+        by_height = -density(altitude) * (GRAVITY / GAS_CONSTANT - lapse) / temperature
+        stretch = (EARTH_RADIUS / (EARTH_RADIUS + height)) ** 2
+        assert float(slope(altitude)) == pytest.approx(by_height * stretch * METRE_PER_FOOT, rel=1e-12)
+
+
+def test_derivative_is_continuous_but_for_the_lapse_kink(slope: ca.Function) -> None:
+    def jump(altitude: float) -> float:
+        """Relative change of the slope across ±0.01 ft."""
+        below, above = float(slope(altitude - 0.01)), float(slope(altitude + 0.01))
+        return (above - below) / below
+
+    elsewhere = [jump(altitude) for altitude in np.linspace(100.0, 64_900.0, 1301).tolist()]
+    # Within a layer the slope changes by its own scale height of some 20,000 ft: 1e-6 over 0.02 ft.
+    assert max(map(abs, elsewhere)) < 2e-6
+    # At the tropopause the slope goes from -(g/R - λ) ρ/T to -(g/R) ρ/T.
+    expected = LAPSE_RATE / (GRAVITY / GAS_CONSTANT - LAPSE_RATE)
+    assert jump(TROPOPAUSE) == pytest.approx(expected, rel=1e-4)
