@@ -23,6 +23,7 @@ COMMANDS = {
     "sweep": "trims and linear models over a grid, modes tracked",
     "identify": "find the aircraft's parameters from the printed matrices",
     "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
+    "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
 

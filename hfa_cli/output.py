@@ -29,7 +29,7 @@ def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         raise BadInputError(f"cannot write {path}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
     if not target.parent.is_dir():
         raise BadInputError(f"cannot write {path}: the folder {target.parent} does not exist; create it first")
-    if target.is_dir():
+    if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
         raise BadInputError(f"cannot write {path}: it is a folder; name a file")
     return target
 

@@ -14,6 +14,7 @@ from trim.linearize import LinearModel
 from trim.model_report import matrix_rows_text
 from trim.text import Table, columns
 from verification.checks import Check, at_most
+from verification.checks_text import checks_text
 
 SCHEMA = "hfa.regeneration/1"
 
@@ -148,15 +149,6 @@ def regeneration_text(pairs: tuple[RegeneratedPair, ...]) -> str:
         ]
     ok = all(pair.ok for pair in pairs)
     return "\n\n".join([*parts, f"Both pairs regenerated: {'yes' if ok else 'NO'}"])
-
-
-def checks_text(checks: tuple[Check, ...]) -> str:
-    """The table of checks, with the reason of each that failed."""
-    rows = [
-        (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", "pass" if check.ok else "FAIL") for check in checks
-    ]
-    reasons = [f"FAIL {check.name}: {check.reason}" for check in checks if not check.ok]
-    return "\n".join([columns(("check", "value", "limit", "verdict"), rows), *reasons])
 
 
 def _spectrum(A: np.ndarray) -> np.ndarray:

@@ -15,10 +15,10 @@ from hfa_model.parameters import FIELDS, Parameters, ParameterSet
 from hfa_model.variants import variant_named
 from trim.sweep import Sweep, sweep
 from trim.sweep_report import sweep_text
+from verification.checks_text import checks_text
 from verification.figures import png_bytes, regeneration_figure, root_locus_figure
 from verification.regeneration import (
     RegeneratedPair,
-    checks_text,
     regenerate_all,
     regeneration_data,
     regeneration_text,

@@ -55,6 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output, (*SUFFIXES, ".zarr"))
     picture = check_target(arguments.picture, (".png", ".svg"))
     axes = {name: grid(name, text, MOST_POINTS) for name, text in words.items()}
+    axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))  # what stays fixed first: it is not drawn
+    varied = [name for name, values in axes.items() if values.size > 1]
+    if picture is not None and len(varied) > 1:
+        raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
     result = sweep(options.aircraft_of(arguments), axes, full=arguments.full, progress=Progress("sweep"))
     if picture is not None:
         from verification.figures import root_locus

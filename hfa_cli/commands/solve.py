@@ -1,0 +1,31 @@
+"""The exact solution of the zero-sum game, with its certificate, the smallest delta, and what it means in flight."""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa_cli import options
+from hfa_cli.games import add_game, game_of
+from hfa_cli.output import check_target, deliver
+from verification.solution_report import solution_data, solution_report, solution_table, solution_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa solve`."""
+    add_game(parser)
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Solve and report; a game without a certified solution is exit 1 and prints no P."""
+    target = check_target(arguments.output)
+    named = game_of(arguments)
+    report = solution_report(named.game)
+    deliver(
+        solution_data(report, named.states, named.inputs),
+        lambda: solution_text(report, named.states, named.inputs, named.origin),
+        lambda: solution_table(report, named.states, named.inputs),
+        as_json=arguments.json,
+        target=target,
+    )
+    return 0
