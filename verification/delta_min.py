@@ -7,19 +7,18 @@ from typing import NamedTuple
 
 from controller.game import Game
 from hfa_model.errors import NoSolutionError
-from verification.derivations import certified_solution, has_value
+from verification.derivations import certified_solution
+from verification.existence import has_value
 from verification.l2_gain import bounded_real_gain
 from verification.solvability import lqr_obstacle
 
 TOLERANCE = 1e-6
-#: Below this fraction of the gain of the LQR policy, the smallest delta is called zero.
-FLOOR = 1e-6
 
 
 class DeltaMin(NamedTuple):
     """delta_min = inf{δ : the game has a value}, bracketed: refused < delta_min <= value.
 
-    value / refused <= 1 + 1e-6; `refused` is 0 where no delta was refused (a game without disturbance).
+    value / refused <= 1 + 1e-6.  Both are 0 when the disturbance does not reach what is paid for.
     """
 
     value: float
@@ -31,9 +30,8 @@ class DeltaMin(NamedTuple):
 
 
 def minimum_delta(game: Game) -> DeltaMin:
-    """Bisection of log δ on the certificate of the game, to 1e-6 relative. The game's own delta plays no part.
+    """Bisection of log δ on `existence.has_value`, to 1e-6 relative. The game's own delta plays no part.
 
-    The certificate is taken without its second derivation, see `derivations.has_value`.
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The search
     starts above the L2 gain of the LQR policy, which is never below delta_min because that policy attains it.
     Raises NoSolutionError when already the problem without disturbance has no solution, naming the mode.
@@ -49,12 +47,13 @@ def minimum_delta(game: Game) -> DeltaMin:
         return DeltaMin(0.0, 0.0)
     upper = 2.0 * gain
     if not has_value(game.with_delta(upper)):
-        raise NoSolutionError(f"delta = {upper:.4g} should have a solution, but its certificate failed")
+        raise NoSolutionError(
+            f"delta = {upper:.4g} is twice the gain of the LQR policy and still without a value; "
+            "check the scaling of A, B, Q and R"
+        )
     lower = upper / 4.0
     while has_value(game.with_delta(lower)):
         lower, upper = lower / 4.0, lower
-        if lower < FLOOR * gain:
-            return DeltaMin(0.0, 0.0)
     while upper > lower * (1.0 + TOLERANCE):
         middle = math.sqrt(lower * upper)
         lower, upper = (lower, middle) if has_value(game.with_delta(middle)) else (middle, upper)

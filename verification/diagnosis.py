@@ -1,0 +1,99 @@
+"""Why a critic is wrong, where the reason can be told from its numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.basis import Basis
+from controller.game import Game
+from hfa_model.errors import NoSolutionError
+from verification.candidate import Candidate
+from verification.certificate import relative_residual
+from verification.gare import GameSolution, solve_game
+from verification.spectrum import spectrum
+from verification.units import balanced_units
+
+#: A residual below this marks a root of the Riccati equation, if not the right one.
+_ROOT = 1e-9
+#: An eigenvalue below this share of the largest has no sign.
+_SIGNLESS = 1e-12
+
+
+def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
+    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite."""
+    if not np.all(np.isfinite(value)):
+        return math.inf
+    return float(np.linalg.norm(value - exact) / np.linalg.norm(exact))
+
+
+def diagnose(game: Game, exact: GameSolution, candidate: Candidate, basis: Basis, limit: float) -> str:
+    """One sentence that names the known mistake which this critic makes, or "" when none is recognized.
+
+    Recognized: a gain of the wrong sign, two weights in each other's place, the LQR solution in place of the game's,
+    another root of the Riccati equation, the value of another policy than its own.
+    """
+    if relative_error(-candidate.K, exact.K) <= limit:
+        return "the gain has the wrong sign: the policy is u = -K z"
+    if candidate.weights is not None:
+        swapped = _swapped(candidate.weights, basis.weights(exact.P), limit)
+        if swapped:
+            return swapped
+    if candidate.P is None:
+        return _gain_of_lqr(game, candidate.K, limit)
+    if relative_error(candidate.P, _lqr(game)) <= limit:
+        return "this is the LQR solution (delta = inf), not the game's at delta = " + f"{game.delta:.6g}"
+    residual = relative_residual(game, candidate.P)
+    abscissa = spectrum(game.A - game.S @ candidate.P).abscissa
+    if residual <= _ROOT and abscissa >= 0.0:
+        return (
+            f"this is another root of the Riccati equation: its residual is {residual:.2g}, but A - S P is not Hurwitz "
+            f"(abscissa {abscissa:+.3g} 1/s)"
+        )
+    return _policy_evaluation(game, candidate.P, abscissa)
+
+
+def _swapped(weights: np.ndarray, exact: np.ndarray, limit: float) -> str:
+    size = np.abs(exact).max()
+    wrong = np.flatnonzero(np.abs(weights - exact) > limit * size)
+    if len(wrong) == 2:
+        i, j = wrong.tolist()
+        if abs(weights[i] - exact[j]) <= limit * size and abs(weights[j] - exact[i]) <= limit * size:
+            return f"weights {i + 1} and {j + 1} stand in each other's place"
+    return ""
+
+
+def _lqr(game: Game) -> np.ndarray:
+    try:
+        return solve_game(game.with_delta(math.inf)).P
+    except NoSolutionError:
+        return np.full(game.A.shape, np.nan)
+
+
+def _gain_of_lqr(game: Game, K: np.ndarray, limit: float) -> str:
+    P = _lqr(game)
+    if np.all(np.isfinite(P)) and relative_error(K, game.gain(P)) <= limit:
+        return f"this is the LQR gain (delta = inf), not the game's at delta = {game.delta:.6g}"
+    return ""
+
+
+def _policy_evaluation(game: Game, P: np.ndarray, abscissa: float) -> str:
+    """The value P of a policy with gain R⁻¹B'P0 leaves the residual -(P - P0) S (P - P0), which has the signs of -S
+    (Sylvester's law of inertia)."""
+    units = balanced_units(game)
+    residual = game.residual(P) * np.outer(units, units)
+    S = game.S / np.outer(units, units)
+    if abscissa < 0.0 and _signs(residual) == _signs(-S):
+        return (
+            "the Riccati residual has the signs that policy evaluation leaves: this may be the value of a recorded "
+            "policy, not of its own"
+        )
+    return ""
+
+
+def _signs(matrix: np.ndarray) -> tuple[int, int]:
+    """Numbers of positive and of negative eigenvalues."""
+    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    floor = _SIGNLESS * float(np.abs(eigenvalues).max())
+    return int(np.count_nonzero(eigenvalues > floor)), int(np.count_nonzero(eigenvalues < -floor))
