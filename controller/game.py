@@ -11,8 +11,11 @@ import numpy as np
 from hfa_model.errors import BadInputError
 from hfa_model.published import published_data
 
+#: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in a model.
+LARGEST = 1e100
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Game:
     """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq. 15-16).
 
@@ -34,6 +37,8 @@ class Game:
             matrix = _matrix(name, getattr(self, name))
             object.__setattr__(self, name, matrix)
         n, m = self.A.shape[0], self.B.shape[1]
+        if n == 0 or m == 0:
+            raise BadInputError(f"A is {_shape(self.A)} and B is {_shape(self.B)}; a game needs a state and an input")
         if self.A.shape != (n, n):
             raise BadInputError(f"A is {_shape(self.A)}; it must be square")
         for name, shape in (("B", (n, m)), ("E", (n, self.E.shape[1])), ("Q", (n, n)), ("R", (m, m))):
@@ -44,6 +49,8 @@ class Game:
         _check_definite("R", self.R, strictly=True)
         if not (isinstance(self.delta, (int, float, np.floating)) and self.delta > 0):
             raise BadInputError(f"delta is {self.delta}; it must be a positive number")
+        if self.delta**2 < 1.0 / LARGEST:
+            raise BadInputError(f"delta is {self.delta}; 1/delta^2 must not exceed {LARGEST:g}")
         object.__setattr__(self, "delta", float(self.delta))
 
     @cached_property
@@ -89,8 +96,9 @@ def published_game(A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
     With a model of another size than the paper's six states and five inputs, Q and R must be given.
     """
     settings = published_data()["game"]
+    A = _matrix("A", A)
     defaults = {
-        "E": np.eye(np.shape(A)[0]),
+        "E": np.eye(len(A)),
         "Q": np.diag(settings["Q_diag"]).astype(float),
         "R": np.diag(settings["R_diag"]).astype(float),
         "delta": settings["delta"],
@@ -100,14 +108,19 @@ def published_game(A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
 
 def _matrix(name: str, value: Any) -> np.ndarray:
     try:
-        matrix = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInputError(f"{name} is not a matrix of real numbers") from error
+        matrix = np.array(value)
+    except ValueError as error:
+        raise BadInputError(f"{name} is not a matrix of real numbers: its rows differ in length") from error
+    if matrix.dtype.kind not in "iuf":  # NumPy would turn text into numbers and drop imaginary parts
+        raise BadInputError(f"{name} is not a matrix of real numbers")
+    matrix = matrix.astype(float)
     if matrix.ndim != 2:
         raise BadInputError(f"{name} has {matrix.ndim} dimension(s); it must be a matrix")
     if not np.all(np.isfinite(matrix)):
         row, column = np.argwhere(~np.isfinite(matrix))[0]
         raise BadInputError(f"{name}[{row}][{column}] is {matrix[row, column]}; every entry must be finite")
+    if np.abs(matrix).max(initial=0.0) > LARGEST:
+        raise BadInputError(f"{name} has an entry of {np.abs(matrix).max():g}; entries must not exceed {LARGEST:g}")
     matrix.setflags(write=False)
     return matrix
 
@@ -117,7 +130,7 @@ def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if strictly and smallest <= 0.0:
+    if strictly and smallest < 1.0 / LARGEST:
         raise BadInputError(f"{name} is not positive definite (smallest eigenvalue {smallest:.3g})")
     if not strictly and smallest < -1e-12 * scale:
         raise BadInputError(f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g})")

@@ -1,0 +1,254 @@
+"""What the paper's update law does when it is run as printed, and with the help that it needs: one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from controller.certified import CertifiedSettings, certified_law
+from controller.game import Game, published_game
+from controller.published_law import PublishedSettings, published_law
+from controller.result import LearningResult
+from controller.run import Progress, run
+from hfa_model.errors import BadInputError, NoSolutionError
+from hfa_model.published import published_models
+
+#: z(0) = x(0) - x_d(0) of Section 5.1: the flight that gives the current sample starts here.
+FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
+#: A stack residual below this fraction of its first value counts as settled.
+SETTLED = 1e-8
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run. overflow: the error line, or "" when the run reached T_w; then the other fields hold.
+
+    P_error, K_error: relative Frobenius errors against the exact game. settled: when the law's own residual
+    fell below `SETTLED` of its start for good, s (inf: never). stabilizing: A - S P and A - B K Hurwitz.
+    lambda_0, alpha1, alpha2, explicit_step_limit: see `published_equations`; of the start. last_lambda_0: at T_w.
+    """
+
+    dihedral_deg: float
+    settings: PublishedSettings
+    lambda_0: float
+    alpha1: float
+    alpha2: float
+    explicit_step_limit: float
+    overflow: str = ""
+    P_error: float = np.inf
+    K_error: float = np.inf
+    settled: float = np.inf
+    last_lambda_0: float = np.nan
+    stabilizing: bool = False
+    certified: bool = False
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """One line of the table: a setting, its runs, and why they end as they do."""
+
+    name: str
+    cause: str
+    runs: tuple[StudyRun, ...]
+
+    @property
+    def finished(self) -> tuple[StudyRun, ...]:
+        """The runs that reached T_w with finite numbers."""
+        return tuple(one for one in self.runs if not one.overflow)
+
+    def span(self, field: str) -> tuple[float, float]:
+        """Smallest and largest value of a field over the finished runs, or over all for λ₀, α and the step."""
+        runs = self.runs if field in ("lambda_0", "alpha1", "alpha2", "explicit_step_limit") else self.finished
+        values = [float(getattr(one, field)) for one in runs]
+        return (min(values), max(values)) if values else (np.nan, np.nan)
+
+    def __str__(self) -> str:
+        """`name: counts, ranges; cause`, one line."""
+        text = f"{self.name}: {len(self.runs) - len(self.finished)} of {len(self.runs)} overflow"
+        text += f", {sum(one.certified for one in self.runs)} certified"
+        text += f"; lambda_0 {_range(self.span('lambda_0'))}, alpha1 {_range(self.span('alpha1'))}"
+        text += (
+            f", alpha2 {_range(self.span('alpha2'))}, explicit step below {_range(self.span('explicit_step_limit'))} s"
+        )
+        if self.finished:
+            text += f"; eP {_range(self.span('P_error'))}, eK {_range(self.span('K_error'))}"
+            text += f", settled at {_range(self.span('settled'))} s"
+            text += f", lambda_0 at the end {_range(self.span('last_lambda_0'))}"
+            text += f", {sum(one.stabilizing for one in self.finished)} of {len(self.finished)} stabilizing"
+        return f"{text}. {self.cause}"
+
+
+def published_study(rows: tuple[str, ...] | None = None, progress: Progress | None = None) -> tuple[StudyRow, ...]:
+    """Run every row of `STUDY` (or those named) on both published models; takes a few minutes.
+
+    Raises BadInputError for an unknown row.
+    """
+    names = tuple(STUDY) if rows is None else rows
+    for name in names:
+        if name not in STUDY:
+            raise BadInputError(f"unknown row '{name}'; choose from: {', '.join(STUDY)}")
+    cases = [(name, one) for name in names for one in STUDY[name].cases()]
+    references = {model.dihedral_deg: _Reference.of(published_game(model.A, model.B)) for model in published_models()}
+    done: dict[str, list[StudyRun]] = {name: [] for name in names}
+    for count, (name, (changes, seed, from_lqr)) in enumerate(cases):
+        for dihedral, reference in references.items():
+            done[name].append(_run(dihedral, reference, changes, seed, from_lqr))
+        if progress is not None:
+            progress((count + 1) / len(cases), name)
+    return tuple(StudyRow(name, STUDY[name].cause, tuple(done[name])) for name in names)
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """The game, its exact solution, and a stabilizing start: the LQ solution for Q = 1000 I."""
+
+    game: Game
+    exact: LearningResult
+    lqr_weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, game: Game) -> _Reference:
+        lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
+        return cls(game, _certified(game), tuple(_certified(lqr).weights[-1].tolist()))
+
+
+def _certified(game: Game) -> LearningResult:
+    law = certified_law(game, CertifiedSettings(tick=0.1), seed=0)
+    result = law.conclude(run(law))
+    if not result.converged:
+        raise NoSolutionError(f"no certified reference for the study: {result.status}")
+    return result
+
+
+def _run(dihedral: float, reference: _Reference, changes: dict[str, Any], seed: int, from_lqr: str) -> StudyRun:
+    """One run of the published law; from_lqr names the weights that are set to the stabilizing start."""
+    starts: dict[str, Any] = dict.fromkeys(from_lqr.split(), reference.lqr_weights)
+    chosen = PublishedSettings(**changes, **starts)
+    law = published_law(reference.game, chosen, seed)
+    facts: dict[str, Any] = {
+        "dihedral_deg": dihedral,
+        "settings": chosen,
+        "lambda_0": law.theorem.lambda_0,
+        "alpha1": law.gains[0],
+        "alpha2": law.gains[1],
+        "explicit_step_limit": law.explicit_step_limit,
+    }
+    try:
+        finished = run(law)
+    except NoSolutionError as error:
+        return StudyRun(**facts, overflow=str(error))
+    result, end = law.conclude(finished), finished.memory["weights"]
+    own = result.law_residual_norm
+    above = np.flatnonzero(~(own <= SETTLED * own[0]))
+    return StudyRun(
+        **facts,
+        P_error=_error(result.P, reference.exact.P),
+        K_error=_error(result.K, reference.exact.K),
+        settled=float(result.times[above[-1] + 1]) if above[-1] + 1 < len(own) else np.inf,
+        stabilizing=all(row.ok for row in result.certificates if row.name.startswith("abscissa")),
+        last_lambda_0=float(np.linalg.svd(law.history.at(end).regressors, compute_uv=False)[-1] ** 2),
+        certified=result.converged,
+    )
+
+
+def _error(learned: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.linalg.norm(learned - exact) / np.linalg.norm(exact))
+
+
+def _range(span: tuple[float, float]) -> str:
+    return f"{span[0]:.2g}..{span[1]:.2g}"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """cases: (changes of `PublishedSettings`, seed of the stack, names of weights set to the stabilizing start)."""
+
+    cases: Callable[[], Iterator[tuple[dict[str, Any], int, str]]]
+    cause: str
+
+
+_COORDINATES, _NORMALISATIONS, _POLICIES = ("raw", "scaled"), ("root", "squared"), ("frozen", "reevaluated")
+
+
+def _grid(bases: tuple[str, ...], **fixed: Any) -> Iterator[tuple[dict[str, Any], int, str]]:
+    for name, coordinates, kind, policies in product(bases, _COORDINATES, _NORMALISATIONS, _POLICIES):
+        choice = {"basis": name, "coordinates": coordinates, "normalisation": kind, "stack_policies": policies}
+        yield choice | fixed, 0, ""
+
+
+def _by_hand(coordinates: str, basis: str) -> Iterator[tuple[dict[str, Any], int, str]]:
+    for gain in (1.0, 10.0, 100.0, 1e3, 1e4):
+        yield (
+            {"coordinates": coordinates, "basis": basis, "gains": (gain, gain), "flight_start": FLIGHT_START},
+            0,
+            "",
+        )
+
+
+_SCALED: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled"}
+
+#: The rows of the table in order.
+STUDY: dict[str, _Row] = {
+    "theorem gains, explicit": _Row(
+        lambda: _grid(("quadratic", "paper", "quadratic+linear"), flight_start=FLIGHT_START),
+        "lambda_0 of a stack on this aircraft is tiny, so alpha1 and alpha2 of Theorem 1 are huge, and the step"
+        " that explicit integration needs is far below the 1e-4 s of the paper.",
+    ),
+    "theorem gains, implicit": _Row(
+        lambda: _grid(("quadratic", "paper"), integrator="proximal", step=0.05),
+        "The implicit step survives, but W(0) = 100 does not stabilize: frozen policies have no value, and"
+        " re-evaluated ones lead to another root of the Riccati equation or to a stationary point.",
+    ),
+    "gains by hand, raw, W(0) = 100": _Row(
+        lambda: _by_hand("raw", "paper"),
+        "W(0) = 100 does not stabilize; on the 5 degree model it makes a pole of -7.6e4 rad/s that no explicit"
+        " step of 1e-4 s survives, and the flight is lost before the critic has learned.",
+    ),
+    "gains by hand, scaled, W(0) = 100": _Row(
+        lambda: _by_hand("scaled", "quadratic"),
+        "As above; scaling keeps the update bounded at 15 degrees but does not make it accurate.",
+    ),
+    "gains by hand, scaled, stabilizing W(0)": _Row(
+        lambda: (
+            ({**_SCALED, "stack_policies": p, "gains": (100.0, 100.0), "flight_start": FLIGHT_START}, s, _BOTH)
+            for p, s in product(_POLICIES, (0, 1))
+        ),
+        "A stabilizing start, scaling and gains by hand keep flight and weights bounded; the slow directions of"
+        " Sigma (eigenvalues down to lambda_0) do not move within T_w.",
+    ),
+    "learning alone, frozen, implicit": _Row(
+        lambda: (
+            (
+                {**_SCALED, "integrator": "proximal", "step": 0.01, "normalisation": kind, "initial_weights": 0.0},
+                0,
+                "recorded_weights",
+            )
+            for kind in _NORMALISATIONS
+        ),
+        "Settles within theta T_w / 2 as the proof of Theorem 1 gives, but at the value of the recorded policies,"
+        " not of the game.",
+    ),
+    "learning alone, re-evaluated, implicit": _Row(
+        lambda: (
+            (
+                {
+                    **_SCALED,
+                    "integrator": "proximal",
+                    "step": 0.01,
+                    "normalisation": k,
+                    "stack_policies": "reevaluated",
+                },
+                s,
+                "initial_weights",
+            )
+            for k, s in product(_NORMALISATIONS, (0, 1, 2))
+        ),
+        "With re-evaluated policies the residual is quadratic in the weight error, so that the ideal case of Theorem 1"
+        " does not occur, and Sigma moves: alpha1 and alpha2 are made for a lambda_0 that has fallen by then.",
+    ),
+}
+_BOTH = "initial_weights recorded_weights"

@@ -1,0 +1,125 @@
+"""Runs a law tick by tick: history, progress, and a state file from which a run goes on bit by bit."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from controller.files import load_npz, save_npz
+from hfa_model.errors import BadInputError
+
+#: Called with the fraction done (0 to 1) and one line of text.
+Progress = Callable[[float, str], None]
+#: What a law carries from one tick to the next.
+Memory = dict[str, np.ndarray]
+
+#: At most this many rows of history are kept of a run, evenly spread over its ticks.
+MOST_ROWS = 20_001
+#: The state file is rewritten and progress is reported this many times in a run.
+REPORTS = 50
+
+
+class Process(Protocol):
+    """A learning law on one game and one stack: a start, a pure step, and what to write down."""
+
+    @property
+    def ticks(self) -> int:
+        """Number of steps of a whole run."""
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Everything that decides the outcome, so that a state file is not resumed on another run."""
+
+    def start(self) -> Memory:
+        """The memory before the first tick."""
+
+    def advance(self, tick: int, memory: Memory) -> Memory:
+        """The memory after tick number `tick` (0 .. ticks - 1)."""
+
+    def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
+        """The row of history after `tick` ticks (0 .. ticks); holds "time" and "law_residual_norm"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """memory: at the last tick. history: rows by name, (rows, ...)."""
+
+    memory: Memory
+    history: dict[str, np.ndarray]
+
+
+def run(
+    process: Process,
+    *,
+    progress: Progress | None = None,
+    save_state: str | Path | None = None,
+    resume: str | Path | None = None,
+) -> Run:
+    """Run all ticks of a law.
+
+    save_state: .npz written `REPORTS` times in a run, at its end, and when the run is interrupted
+    (KeyboardInterrupt, also raised from `progress`). resume: such a file; the run goes on from it and returns
+    the same bits as an uninterrupted one. Raises BadInputError when the file is of another game or settings.
+    """
+    mark = _digest(process.fingerprint())
+    tick, memory, rows = _load(resume, mark) if resume is not None else (0, process.start(), {})
+    every = -(-process.ticks // (MOST_ROWS - 1))
+    report_every = max(1, process.ticks // REPORTS)
+    if not rows:
+        _append(rows, process.observe(0, memory))
+    try:
+        while tick < process.ticks:
+            memory = process.advance(tick, memory)
+            tick += 1
+            last = tick == process.ticks
+            if tick % every == 0 or last:
+                _append(rows, process.observe(tick, memory))
+            if tick % report_every == 0 or last:
+                if save_state is not None:
+                    _save(save_state, mark, tick, memory, rows)
+                if progress is not None:
+                    progress(tick / process.ticks, _line(rows))
+    except KeyboardInterrupt:
+        if save_state is not None:
+            _save(save_state, mark, tick, memory, rows)
+        raise
+    return Run(memory, {name: np.array(values) for name, values in rows.items()})
+
+
+def _line(rows: dict[str, list[Any]]) -> str:
+    return f"t = {rows['time'][-1]:.3g} s, residual of the law {rows['law_residual_norm'][-1]:.3g}"
+
+
+def _append(rows: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
+    for name, value in row.items():
+        rows.setdefault(name, []).append(value)
+
+
+def _digest(fingerprint: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(fingerprint):
+        value = np.asarray(fingerprint[name])
+        digest.update(f"{name}{value.dtype}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    return digest.hexdigest()
+
+
+def _save(path: str | Path, mark: str, tick: int, memory: Memory, rows: dict[str, list[Any]]) -> None:
+    arrays = {f"memory.{name}": np.asarray(value) for name, value in memory.items()}
+    arrays |= {f"history.{name}": np.array(values) for name, values in rows.items()}
+    save_npz(path, arrays | {"tick": np.array(tick), "mark": np.array(mark)})
+
+
+def _load(path: str | Path, mark: str) -> tuple[int, Memory, dict[str, list[Any]]]:
+    data = load_npz(path)
+    if "mark" not in data or "tick" not in data:
+        raise BadInputError(f"{path} is not a state file of a learning run")
+    if str(data["mark"]) != mark:
+        raise BadInputError(f"{path} was written by a run with another game, stack, law or settings; start anew")
+    memory = {name.removeprefix("memory."): value for name, value in data.items() if name.startswith("memory.")}
+    rows = {name.removeprefix("history."): list(value) for name, value in data.items() if name.startswith("history.")}
+    return int(data["tick"]), memory, rows

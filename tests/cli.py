@@ -1,0 +1,64 @@
+"""Run `hfa` in this process (fast) or as its users do, and hold what it said."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from hfa_cli.main import main
+
+#: The console script beside the interpreter that runs the tests.
+SCRIPT = Path(sys.executable).with_name("hfa")
+
+
+class Result(NamedTuple):
+    """Exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def hfa(*words: str, err: io.StringIO | None = None) -> Result:
+    """`hfa words...` in this process; standard error goes to `err`, which is no terminal unless said."""
+    out, err = io.StringIO(), io.StringIO() if err is None else err
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    return Result(code, out.getvalue(), err.getvalue())
+
+
+def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
+    """`hfa words...` as a process of its own, in a folder."""
+    done = subprocess.run(
+        [SCRIPT, *words],
+        cwd=folder,
+        env={**os.environ, **environment},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=120,
+    )
+    return Result(done.returncode, done.stdout, done.stderr)
+
+
+def assert_refused(result: Result, code: int, *named: str) -> None:
+    """A failure with this exit code, nothing on standard output, and one line that names the given words."""
+    assert (result.code, result.out) == (code, "")
+    assert result.err.startswith("hfa: ")
+    assert result.err.endswith("\n")
+    assert result.err.count("\n") == 1, result.err
+    for word in named:
+        assert word in result.err

@@ -1,0 +1,74 @@
+"""`hfa identify`: one run, held against the committed parameters, the documents and its own files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from cli import Result, hfa, hfa_process
+from documents import ROOT, blocks_of, commands_of, difference
+
+from hfa_model.parameters import default_parameters, load_parameters
+
+COMMITTED = ROOT / "hfa_model"
+FILES = ("parameters.toml", "parameters_rival.toml")
+
+
+class Run(NamedTuple):
+    """What one run said, and the folder that it wrote into."""
+
+    result: Result
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("identify")
+    return Run(hfa("identify", "--write", str(folder), "-o", str(folder / "evidence.json")), folder)
+
+
+def test_the_run_ends_well_and_leaves_its_three_files_alone(identified: Run) -> None:
+    assert (identified.result.code, identified.result.err) == (0, "")
+    assert sorted(path.name for path in identified.folder.iterdir()) == ["evidence.json", *FILES]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_it_writes_the_committed_file_bit_for_bit(identified: Run, name: str) -> None:
+    assert (identified.folder / name).read_bytes() == (COMMITTED / name).read_bytes()
+
+
+def test_the_json_file_holds_the_same_parameters(identified: Run) -> None:
+    data = json.loads((identified.folder / "evidence.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    shipped = default_parameters()
+    assert {name: row["value"] for name, row in data["parameters"].items()} == shipped.values._asdict()
+    errors = {name: row["standard_error"] for name, row in data["parameters"].items() if row["standard_error"]}
+    assert errors == pytest.approx(shipped.standard_errors, rel=1e-12)
+    assert len(data["entries"]) == 132
+    assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(data["sum_of_squares"])
+    rival = load_parameters(COMMITTED / "parameters_rival.toml")
+    assert data["rival"]["structure"] == rival.structure
+
+
+def test_the_documents_show_what_it_prints(identified: Run) -> None:
+    shown = [
+        command
+        for path in sorted((ROOT / "docs").glob("*.md"))
+        for block in blocks_of(path.read_text(encoding="utf-8"))
+        if block.language == "console"
+        for command in commands_of(block)
+        if command.text == "hfa identify"
+    ]
+    assert shown
+    for command in shown:
+        assert difference(command.expected, identified.result.out) == ""
+
+
+@pytest.mark.slow
+def test_another_process_writes_the_same_files(identified: Run, tmp_path: Path) -> None:
+    result = hfa_process("identify", "--write", ".", "-o", "evidence.json", folder=tmp_path, PYTHONHASHSEED="7")
+    assert result == identified.result
+    for name in ("evidence.json", *FILES):
+        assert (tmp_path / name).read_bytes() == (identified.folder / name).read_bytes()

@@ -1,0 +1,107 @@
+"""`hfa` as a process of its own: exit codes, pipes, full disks, poor terminals, and what it does not import."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli import SCRIPT, assert_refused, hfa, hfa_process
+
+from hfa_cli.main import BAD_INPUT, DONE, FAILED
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "named"),
+    [
+        (("trim", "--dihedral", "abc"), BAD_INPUT, "dihedral is 'abc'"),
+        (("frobnicate",), BAD_INPUT, "frobnicate"),
+        (("trim", "--dihedral", "15", "--speed", "20"), FAILED, "no trim"),
+    ],
+)
+def test_failures(tmp_path: Path, words: tuple[str, ...], code: int, named: str) -> None:
+    assert_refused(hfa_process(*words, folder=tmp_path), code, named)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [("trim", "--dihedral", "12.5", "--json"), ("sweep", "--dihedral", "14:16:1")])
+def test_a_process_says_the_same_as_any_other(tmp_path: Path, words: tuple[str, ...]) -> None:
+    inside = hfa(*words)
+    assert inside.code == DONE
+    for seed in ("1", "2"):
+        assert hfa_process(*words, folder=tmp_path, PYTHONHASHSEED=seed) == inside
+    assert hfa_process(*words, folder=tmp_path, FORCE_COLOR="1", TERM="xterm-256color") == inside
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", ["--help", "trim --dihedral 15", "sweep --dihedral 0:20:0.5 --json"])
+def test_a_reader_that_leaves_is_no_error(words: str, unbuffered: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as pipe:
+        done = subprocess.run(
+            [SCRIPT, *words.split()],
+            stdout=pipe,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+            timeout=60,
+        )
+    assert (done.returncode, done.stderr) == (DONE, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_is_one_line(unbuffered: str) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [SCRIPT, "trim", "--dihedral", "15"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+            timeout=60,
+        )
+    assert done.returncode == BAD_INPUT
+    assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
+
+
+def test_a_terminal_without_plus_minus_gets_a_question_mark(tmp_path: Path) -> None:
+    words = ("linearize", "--dihedral", "15")
+    poor, rich = hfa_process(*words, folder=tmp_path, PYTHONIOENCODING="ascii"), hfa(*words)
+    assert (poor.code, poor.err) == (DONE, "")
+    assert "±" in rich.out
+    assert poor.out == rich.out.encode("ascii", "replace").decode("ascii")
+
+
+def test_progress_on_a_real_terminal_leaves_a_clean_line(tmp_path: Path) -> None:
+    controller, terminal = pty.openpty()
+    with os.fdopen(terminal, "wb") as stream:
+        done = subprocess.run([SCRIPT, "sweep", "--speed", "1:5:1"], stdout=subprocess.PIPE, stderr=stream, timeout=60)
+    seen = os.read(controller, 65536).decode()
+    os.close(controller)
+    assert done.returncode == FAILED
+    assert seen.endswith("\r\x1b[K")
+    assert "\n" not in seen
+    assert b"\x1b" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "unwanted"),
+    [
+        (["--help"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
+        (["--version"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
+        (["frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
+        (["trim", "--dihedral", "15"], ["control", "matplotlib", "scipy"]),
+        (["trim", "--dihedral", "abc"], ["control", "matplotlib", "scipy"]),
+    ],
+)
+def test_what_a_command_does_not_import(words: list[str], unwanted: list[str]) -> None:
+    program = f"import sys\nfrom hfa_cli.main import main\nmain({words})\nprint('imported', *sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    imported = done.stdout.splitlines()[-1].split()
+    assert imported[0] == "imported"
+    assert "hfa_cli.main" in imported
+    assert [name for name in imported if name.partition(".")[0] in unwanted] == []
