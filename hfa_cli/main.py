@@ -24,6 +24,8 @@ COMMANDS = {
     "identify": "find the aircraft's parameters from the printed matrices",
     "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
     "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
+    "learn": "learn the value and the gain of the game with a critic",
+    "verify": "a learned critic against the exact game solution",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
 

@@ -87,7 +87,7 @@ def _policy_evaluation(game: Game, P: np.ndarray, abscissa: float) -> str:
     if abscissa < 0.0 and _signs(residual) == _signs(-S):
         return (
             "the Riccati residual has the signs that policy evaluation leaves: this may be the value of a recorded "
-            "policy, not of its own"
+            "policy instead of its own, or belong to another plant, Q or R"
         )
     return ""
 

@@ -24,7 +24,7 @@ def root_locus(result: Sweep, path: Path) -> None:
 
 def root_locus_figure(result: Sweep) -> Figure:
     """Eigenvalues of a sweep in its last variable, one color a mode, the slow ones enlarged; printed angles marked."""
-    figure = _figure(10.0, 4.6)
+    figure = new_figure(10.0, 4.6)
     variable = result.variables[-1]
     values = result.values[:, -1]
     is_angle = getattr(STATE_UNITS, variable) == "rad"
@@ -57,7 +57,7 @@ def root_locus_figure(result: Sweep) -> Figure:
 
 def regeneration_figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     """Regenerated minus printed, every entry, in half units of the last printed digit."""
-    figure = _figure(10.0, 2.6 * len(pairs))
+    figure = new_figure(10.0, 2.6 * len(pairs))
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]
     tallest = max(abs(entry.half_units) for column in shown for entry in column)
@@ -87,7 +87,8 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(stream, **settings)
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of that size in inches, drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

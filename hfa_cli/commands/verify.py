@@ -1,0 +1,90 @@
+"""Hold a critic against the exact game solution: our own laws, or weights, P or K from elsewhere.
+
+Exit code 0 only when every check holds.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from controller.basis import Basis, basis
+from controller.model_file import load_critic
+from controller.result import LearningResult
+from hfa_cli import options
+from hfa_cli.games import NamedGame, add_game, game_of
+from hfa_cli.learning import add_learning, run_learning
+from hfa_cli.output import check_target, deliver
+from hfa_cli.values import number
+from hfa_model.errors import BadInputError
+from hfa_model.vectors import STATE_SCALES
+from verification.candidate import Candidate, from_stored, from_weights
+from verification.check_report import check_table, check_text
+from verification.critic_check import LIMIT, CriticCheck, check_critic
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa verify`."""
+    add_game(parser)
+    add_learning(parser)
+    parser.add_argument("--weights", metavar="FILE", help="a critic from elsewhere: W, or P, or K (.npz .mat .json)")
+    parser.add_argument("--basis", default="quadratic", metavar="NAME", help="basis of --weights; default quadratic")
+    parser.add_argument("--limit-error", metavar="X", help=f"limit of the relative errors; default {LIMIT:g}")
+    parser.add_argument("--picture", metavar="FILE", help="draw P learned, exact, difference, and errors over time")
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Learn or load, check, report; exit 1 when a check fails."""
+    target = check_target(arguments.output)
+    picture = check_target(arguments.picture, (".png", ".svg"))
+    limit = LIMIT if arguments.limit_error is None else number(arguments.limit_error, "--limit-error")
+    if limit <= 0:
+        raise BadInputError(f"--limit-error is {limit:g}; it must be positive")
+    named = game_of(arguments)
+    functions, candidate, result = _candidate(arguments, named)
+    time = None if result is None else result.settings.get("predefined_time")
+    check = check_critic(
+        named.game, candidate, functions, limit=limit, box=_box(named), run=result, predefined_time=time
+    )
+    if picture is not None:
+        _draw(check, named, functions, result, time, picture)
+    deliver(
+        check.to_dict(),
+        lambda: check_text(check, named.states, named.inputs, named.origin),
+        lambda: check_table(check, named.states, named.inputs),
+        as_json=arguments.json,
+        target=target,
+    )
+    return 0 if check.ok else 1
+
+
+def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, Candidate, LearningResult | None]:
+    n = len(named.game.A)
+    if arguments.weights is not None:
+        functions = basis(arguments.basis, n)
+        return functions, from_stored(named.game, load_critic(arguments.weights), functions), None
+    result = run_learning(arguments, named.game)
+    functions = basis(result.basis, n)
+    return functions, from_weights(named.game, result.weights[-1], functions), result
+
+
+def _box(named: NamedGame) -> np.ndarray:
+    """Half widths of the box in which policies are compared: one scaled unit of each state, where it has a name."""
+    return np.array([getattr(STATE_SCALES, name, 1.0) for name in named.states])
+
+
+def _draw(
+    check: CriticCheck,
+    named: NamedGame,
+    functions: Basis,
+    result: LearningResult | None,
+    time: float | None,
+    path: Path,
+) -> None:
+    from verification.check_figure import check_figure
+    from verification.figures import save
+
+    save(check_figure(check, named.states, functions, result, time), path)

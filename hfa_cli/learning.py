@@ -1,0 +1,69 @@
+"""Options of a learning run, and the run itself."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import fields
+from typing import Any
+
+from controller.game import Game
+from controller.learn import LAWS, learn
+from controller.result import LearningResult
+from hfa_cli.values import number, split_assignments, whole
+from hfa_model.errors import BadInputError
+
+
+def add_learning(parser: argparse.ArgumentParser) -> None:
+    """--law, --seed, --set, --save, --resume."""
+    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(LAWS)}; default certified")
+    parser.add_argument("--seed", metavar="N", help="seed of the recorded data; default 0")
+    parser.add_argument(
+        "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
+    )
+    parser.add_argument("--save", metavar="FILE", help="keep the state of the run in this .npz file")
+    parser.add_argument("--resume", metavar="FILE", help="continue from a kept state")
+
+
+def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
+    """Run the law that the options name, with progress on a terminal."""
+    return learn(
+        game,
+        arguments.law,
+        whole("--seed", arguments.seed, 0, lowest=0),
+        progress=_show if sys.stderr.isatty() else None,
+        save_state=arguments.save,
+        resume=arguments.resume,
+        **_settings(arguments),
+    )
+
+
+def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The --set words, each converted to the kind of value that its setting has."""
+    if arguments.law not in LAWS:
+        raise BadInputError(f"unknown law {arguments.law!r}; choose one of: {', '.join(LAWS)}")
+    defaults = {field.name: field.default for field in fields(LAWS[arguments.law].settings)}  # type: ignore[arg-type]
+    result = {}
+    for name, text in split_assignments(arguments.set).items():
+        if name not in defaults:
+            raise BadInputError(f"law {arguments.law!r} has no setting {name!r}; choose from: {', '.join(defaults)}")
+        result[name] = _converted(name, text, defaults[name])
+    return result
+
+
+def _converted(name: str, text: str, default: Any) -> Any:
+    if isinstance(default, bool):
+        if text not in ("yes", "no"):
+            raise BadInputError(f"{name} is {text!r}; give yes or no")
+        return text == "yes"
+    if isinstance(default, str):
+        return text
+    if isinstance(default, int):
+        return whole(name, text, default, lowest=0)
+    values = tuple(number(word, name) for word in text.split(","))
+    return values[0] if len(values) == 1 and not isinstance(default, tuple) and default is not None else values
+
+
+def _show(fraction: float, message: str) -> None:
+    end = "\r\033[K" if fraction >= 1.0 else ""
+    print(f"\r\033[Klearn: {100 * fraction:3.0f} %  {message}", end=end, file=sys.stderr, flush=True)
