@@ -70,7 +70,7 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """
     grid = _grid(game, K)
     responses = _balanced_sensitivity(game, K, grid)
-    bounds = np.array([_scaled_norm(M, _osborne_scaling(M)) for M in responses])
+    bounds = _scaled_norm(responses, _osborne_scaling(responses))
     minimised = np.zeros(len(grid), dtype=bool)
     for _ in range(MAX_PEAKS):
         peak = int(np.argmax(bounds))
@@ -94,12 +94,12 @@ def structured_bound(M: np.ndarray) -> float:
         return float(abs(M[0, 0]))
     start = _osborne_scaling(M)
     found = minimize(
-        lambda free: _scaled_norm(M, np.append(free, 0.0)),
+        lambda free: float(_scaled_norm(M, np.append(free, 0.0))),
         start[:-1] - start[-1],
         method="Nelder-Mead",
-        options={"xatol": 1e-7, "fatol": 1e-10 * max(_scaled_norm(M, start), 1e-300), "maxiter": 4000},
+        options={"xatol": 1e-7, "fatol": 1e-10 * max(float(_scaled_norm(M, start)), 1e-300), "maxiter": 4000},
     )
-    return min(float(found.fun), _scaled_norm(M, start))
+    return min(float(found.fun), float(_scaled_norm(M, start)))
 
 
 def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray) -> LoopMargin:
@@ -139,21 +139,28 @@ def _balanced_sensitivity(game: Game, K: np.ndarray, frequencies: np.ndarray) ->
     return 0.5 * np.eye(m) - K @ np.linalg.solve(resolvent, np.broadcast_to(game.B, (len(frequencies), *game.B.shape)))
 
 
-def _scaled_norm(M: np.ndarray, log_D: np.ndarray) -> float:
-    return float(np.linalg.norm(np.exp(log_D[:, None] - log_D[None, :]) * M, 2))
+def _scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
+    """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
+    scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start."""
-    off = np.abs(M) ** 2 * (1.0 - np.eye(len(M)))
-    log_D = np.zeros(len(M))
+    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start.
+
+    M: (..., m, m), one matrix or a stack; returns (..., m).
+    """
+    m = M.shape[-1]
+    off = np.abs(M) ** 2 * (1.0 - np.eye(m))
+    log_D = np.zeros(M.shape[:-1])
     for _ in range(20):
-        for i in range(len(M)):
-            scaled = np.exp(2.0 * (log_D[:, None] - log_D[None, :])) * off
-            row, column = scaled[i].sum(), scaled[:, i].sum()
-            if row > 0.0 and column > 0.0:
-                log_D[i] += 0.25 * math.log(column / row)
-    return log_D - log_D.mean()
+        for i in range(m):
+            weights = np.exp(2.0 * (log_D - log_D[..., i : i + 1]))
+            row, column = (off[..., i, :] / weights).sum(axis=-1), (off[..., :, i] * weights).sum(axis=-1)
+            both = (row > 0.0) & (column > 0.0)
+            ratio = np.divide(column, row, out=np.ones_like(row), where=both)
+            log_D[..., i] += 0.25 * np.log(np.where(both, ratio, 1.0))
+    return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
 
 
 def _disk_gain(alpha: float) -> float:
