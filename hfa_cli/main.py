@@ -91,7 +91,7 @@ def _attached(words: list[str]) -> list[str]:
     """`--option -5:5:1` as `--option=-5:5:1`: argparse takes a word with a "-" for an option, plain numbers apart."""
     result: list[str] = []
     for word in words:
-        if result and re.fullmatch(r"--[a-z]+", result[-1]) and re.match(r"-[\d.]", word):
+        if result and re.fullmatch(r"--[\w-]+", result[-1]) and re.match(r"-[\d.]", word):
             result[-1] += f"={word}"
         else:
             result.append(word)

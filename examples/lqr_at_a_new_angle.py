@@ -1,0 +1,56 @@
+"""An LQR at a dihedral angle that the paper does not print, and a step of its speed command.
+
+Trims and linearizes at 10 deg, weighs each state and input with the deviation that counts as large (Bryson's rule), and
+commands 1 ft/s more speed. The target is another trim, a state that the aircraft can keep. Run it with
+.venv/bin/python; it prints
+
+    slowest closed-loop pole -0.1757 1/s
+    speed after 0.5, 1, 2, 10 s: 0.192, 0.416, 0.762, 1.000 ft/s
+    largest change of the dihedral angle: 0.16 deg
+    largest throttle          4.57 lbf
+    largest aileron_center    0.33 deg
+    largest aileron_outer     0.94 deg
+    largest elevator_center   1.44 deg
+    largest elevator_outer    2.08 deg
+    the same gain at 5 deg: slowest pole -0.1831 1/s
+    the same gain at 15 deg: slowest pole -0.1690 1/s
+"""
+
+import control
+import numpy as np
+
+from hfa_model import Aircraft, default_parameters
+from trim.condition import level_flight
+from trim.linearize import linearize
+from trim.solve import trim
+
+aircraft = Aircraft(default_parameters().values)
+point = trim(aircraft, level_flight(np.radians(10.0)))
+plant = linearize(aircraft, point).to_control()
+
+degree = np.radians(1.0)
+large_x = np.array([1.0, 2 * degree, 2 * degree, 2 * degree, 2 * degree, 2 * degree])
+large_u = np.array([10.0, 2 * degree, 2 * degree, 2 * degree, 2 * degree])
+K, _, poles = control.lqr(plant, np.diag(large_x**-2.0), np.diag(large_u**-2.0))
+print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
+
+faster = trim(aircraft, level_flight(np.radians(10.0), speed=69.0), start=point)
+x_d = np.array([getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels])
+u_d = np.array(faster.inputs) - np.array(point.inputs)
+
+# u = u_d - K (x - x_d)
+closed = control.ss(plant.A - plant.B @ K, plant.B @ (u_d + K @ x_d)[:, None], np.eye(6), np.zeros((6, 1)))
+time = np.linspace(0.0, 10.0, 1001)
+x = control.step_response(closed, time).states[:, 0]
+u = u_d[:, None] - K @ (x - x_d[:, None])
+speed = x[plant.state_labels.index("speed")]
+print("speed after 0.5, 1, 2, 10 s:", ", ".join(f"{speed[i]:.3f}" for i in (50, 100, 200, 1000)), "ft/s")
+print("largest change of the dihedral angle:", f"{np.degrees(np.abs(x[4]).max()):.2f} deg")
+for name, row in zip(plant.input_labels, u, strict=True):
+    unit, shown = ("lbf", row) if name == "throttle" else ("deg", np.degrees(row))
+    print(f"largest {name:15} {np.abs(shown).max():6.2f} {unit}")
+
+for degrees in (5.0, 15.0):
+    other = linearize(aircraft, trim(aircraft, level_flight(np.radians(degrees))))
+    abscissa = max(np.linalg.eigvals(other.A - other.B @ K).real)
+    print(f"the same gain at {degrees:g} deg: slowest pole {abscissa:+.4f} 1/s")
