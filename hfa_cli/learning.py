@@ -10,6 +10,7 @@ from typing import Any
 from controller.game import Game
 from controller.learn import LAWS, learn
 from controller.result import LearningResult
+from hfa_cli.output import check_target
 from hfa_cli.values import number, split_assignments, whole
 from hfa_model.errors import BadInputError
 
@@ -27,6 +28,7 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
 
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     """Run the law that the options name, with progress on a terminal."""
+    check_target(arguments.save, (".npz",))
     return learn(
         game,
         arguments.law,

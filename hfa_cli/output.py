@@ -50,7 +50,7 @@ def write(target: Path, data: dict[str, Any], table: Callable[[], Table]) -> Non
     """One file, whole or not at all; numbers keep 17 significant digits.
 
     .json: `data` as it is. .npz: one array a leaf, keys joined by dots. .mat: the same tree as structs.
-    .csv: `table`, one row a value.
+    .csv: a first line with the schema behind a "#", then `table`, one row a value.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
@@ -62,7 +62,7 @@ def write(target: Path, data: dict[str, Any], table: Callable[[], Table]) -> Non
         with written_whole(target) as stream:
             stream.write(_mat(data))
     else:
-        write_text(target, _csv(*table()))
+        write_text(target, f"# schema: {data['schema']}\n" + _csv(*table()))
 
 
 def jsonable(value: Any) -> Any:

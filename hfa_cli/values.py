@@ -8,6 +8,7 @@ import numpy as np
 
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import UNITS
+from trim.plan import Steps
 
 
 def number(text: str, what: str) -> float:
@@ -28,13 +29,19 @@ def quantity(name: str, text: str) -> float:
 
 
 def grid(name: str, text: str, most: int) -> np.ndarray:
+    """The values of `axis` as one array."""
+    values = axis(name, text, most)
+    return values.at(np.arange(values.count)) if isinstance(values, Steps) else np.array(values)
+
+
+def axis(name: str, text: str, most: int) -> tuple[float, ...] | Steps:
     """`start:stop:step`, `a,b,c` or one number, in internal units; both ends belong to the range.
 
     BadInputError when the range runs backwards, its step is not positive or it has more than `most` points.
     """
     parts = text.split(":")
     if len(parts) == 1:
-        return np.array([quantity(name, word) for word in text.split(",")])
+        return tuple(quantity(name, word) for word in text.split(","))
     if len(parts) != 3:
         raise BadInputError(f"{name} is {text!r}; give start:stop:step, a list a,b,c or one number")
     start, stop, step = (
@@ -49,8 +56,8 @@ def grid(name: str, text: str, most: int) -> np.ndarray:
         raise BadInputError(
             f"{name} range has {intervals + 1:.3g} points; at most {most} are allowed, take a larger step"
         )
-    values = start + step * np.arange(math.floor(intervals + 1e-9) + 1)
-    return np.radians(values) if _is_angle(name) else values
+    unit = math.radians(1.0) if _is_angle(name) else 1.0
+    return Steps(start * unit, step * unit, math.floor(intervals + 1e-9) + 1)
 
 
 def span(name: str, text: str) -> tuple[float, float]:

@@ -50,4 +50,10 @@ INPUT_SCALES = Input(40.0, 0.1, 0.1, 0.1, 0.1)
 #: One scaled unit of each residual: g for the speed, and rates that the eye would notice for the rest.
 RATE_SCALES = State(32.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0)
 
+#: Unit of every state and input, and of the flight-path angle.
 UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad"}
+
+
+def entry_unit(row: str, column: str) -> str:
+    """Unit of the entry of A or B that a rate (row) has per state or input (column), as text."""
+    return f"({getattr(RATE_UNITS, row)})/({UNITS[column]})"

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from hfa_model.vectors import RATE_UNITS
+from hfa_model.vectors import entry_unit
 from trim.linearize import LinearModel
 from trim.modes import Mode, modes_of
 from trim.report import warnings
-from trim.text import Table, columns, degrees, matrix_text
+from trim.text import Table, columns, degrees, in_degrees, matrix_text
 from trim.uncertainty import Bands
 
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
@@ -21,7 +21,7 @@ def linear_model_data(model: LinearModel, bands: Bands | None) -> dict[str, Any]
     point = model.point
     data: dict[str, Any] = {
         "schema": LINEAR_MODEL_SCHEMA,
-        "dihedral_deg": math.degrees(point.states.dihedral),
+        "dihedral_deg": in_degrees(point.states.dihedral),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         "states": list(model.states),
@@ -43,13 +43,13 @@ def linear_model_data(model: LinearModel, bands: Bands | None) -> dict[str, Any]
 def linear_model_table(model: LinearModel, bands: Bands | None) -> Table:
     """Header and rows (matrix, row, column, value, unit, band) of A and B, then the offsets."""
     rows: list[tuple[Any, ...]] = []
-    for name, column_names, units, values, band in (
-        ("A", model.states, model.state_units, model.A, None if bands is None else bands.A),
-        ("B", model.inputs, model.input_units, model.B, None if bands is None else bands.B),
+    for name, column_names, values, band in (
+        ("A", model.states, model.A, None if bands is None else bands.A),
+        ("B", model.inputs, model.B, None if bands is None else bands.B),
     ):
         for i, row in enumerate(model.states):
             for j, column in enumerate(column_names):
-                unit = f"({getattr(RATE_UNITS, row)})/({units[j]})"
+                unit = entry_unit(row, column)
                 rows.append((name, row, column, values[i, j], unit, "" if band is None else band[i, j]))
     offsets = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
     rows += [("X0", name, "", value, unit, "") for name, value, unit in offsets]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,16 +22,29 @@ PLANNED = CONDITION + Parameters._fields
 
 
 @dataclass(frozen=True)
+class Steps:
+    """`count` values from `start` on, `step` apart: a range of any length in three numbers."""
+
+    start: float
+    step: float
+    count: int
+
+    def at(self, index: np.ndarray) -> np.ndarray:
+        """The values of the given indices."""
+        return self.start + self.step * index
+
+
+@dataclass(frozen=True)
 class SweepPlan:
     """N points over named variables, for one aircraft.
 
-    axes: variable -> its values on a grid (all combinations, the last variable running fastest), or, when
-    `samples` > 0, variable -> (lowest, highest) of a Latin hypercube of that many points under `seed`
-    (scipy.stats.qmc). Internal units. parameters, dynamics: the aircraft where it is not varied.
+    axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
+    fastest), or, when `samples` > 0, variable -> (lowest, highest) of a Latin hypercube of that many points
+    under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the aircraft where it is not varied.
     BadInputError when a name or a range is wrong.
     """
 
-    axes: Mapping[str, tuple[float, ...]]
+    axes: Mapping[str, tuple[float, ...] | Steps]
     parameters: Parameters
     dynamics: str
     samples: int = 0
@@ -43,9 +57,10 @@ class SweepPlan:
         for name, values in self.axes.items():
             if name not in PLANNED:
                 raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
-            if name in FIELDS._fields and getattr(FIELDS, name).positive and min(values) <= 0:
-                raise BadInputError(f"{name} is {min(values):g} in the sweep; it must be positive")
-            if self.samples and (len(values) != 2 or not values[0] < values[1]):
+            lowest = values.start if isinstance(values, Steps) else min(values)
+            if name in FIELDS._fields and getattr(FIELDS, name).positive and lowest <= 0:
+                raise BadInputError(f"{name} is {lowest:g} in the sweep; it must be positive")
+            if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] < values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         if self.samples < 0:
             raise BadInputError(f"samples is {self.samples}; it must not be negative")
@@ -63,21 +78,30 @@ class SweepPlan:
     @cached_property
     def count(self) -> int:
         """Number of points."""
-        return self.samples or int(np.prod([len(values) for values in self.axes.values()], dtype=object))
+        return self.samples or math.prod(self._sizes)
 
     def values(self, start: int, stop: int) -> np.ndarray:
         """Rows start .. stop - 1 of the (N, variables) table of values."""
         if self.samples:
             return self._hypercube[start:stop]
-        sizes = [len(values) for values in self.axes.values()]
-        indices = np.unravel_index(np.arange(start, stop), sizes)
-        columns = [np.asarray(values)[index] for values, index in zip(self.axes.values(), indices, strict=True)]
+        indices = np.unravel_index(np.arange(start, stop), self._sizes)
+        columns = [
+            values.at(index) if isinstance(values, Steps) else np.asarray(values)[index]
+            for values, index in zip(self.axes.values(), indices, strict=True)
+        ]
         return np.stack(columns, axis=-1)
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [values.count if isinstance(values, Steps) else len(values) for values in self.axes.values()]
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON data; two plans with the same data visit the same points."""
         return {
-            "axes": {name: list(values) for name, values in self.axes.items()},
+            "axes": {
+                name: asdict(values) if isinstance(values, Steps) else list(values)
+                for name, values in self.axes.items()
+            },
             "parameters": self.parameters._asdict(),
             "dynamics": self.dynamics,
             "samples": self.samples,

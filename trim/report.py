@@ -11,7 +11,7 @@ from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STAT
 from trim.condition import TrimCondition
 from trim.operating_point import BALANCE, OperatingPoint
 from trim.sweep import PAPER_RANGE
-from trim.text import Table, columns, degrees
+from trim.text import Table, columns, degrees, in_degrees
 
 TRIM_SCHEMA = "hfa.trim/1"
 
@@ -31,7 +31,7 @@ def trim_data(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoin
     loads = aircraft.loads(point.states, point.inputs)
     return {
         "schema": TRIM_SCHEMA,
-        "dihedral_deg": math.degrees(point.states.dihedral),
+        "dihedral_deg": in_degrees(point.states.dihedral),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         "scaled_residuals": point.scaled_residuals,

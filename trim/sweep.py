@@ -84,7 +84,8 @@ def sweep(
 ) -> Sweep:
     """Trim and linearize `level_flight` at every point of the product of the given values.
 
-    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's. A point that has no
+    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's, and
+    the dihedral angle zero. A point that has no
     trim becomes a row with its reason. progress is called with (points done, points in all).
     BadInputError when a name is unknown or the grid is empty or has more than `MOST_POINTS` points.
     """

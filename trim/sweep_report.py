@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.vectors import INPUTS, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_unit
 from trim.sweep import PAPER_RANGE, Sweep
 from trim.text import Table, columns
 
@@ -16,14 +16,18 @@ def sweep_table(result: Sweep) -> Table:
     """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
     n = len(result.model_states)
     header = (
-        *result.variables,
+        *(f"{name} [{getattr(STATE_UNITS, name)}]" for name in result.variables),
         "status",
         "reason",
-        *(f"state {name}" for name in STATES),
-        *(f"input {name}" for name in INPUTS),
-        *(f"{part} eigenvalue {i + 1}" for i in range(n) for part in ("real", "imaginary")),
-        *(f"A({row}, {column})" for row in result.model_states for column in result.model_states),
-        *(f"B({row}, {column})" for row in result.model_states for column in INPUTS),
+        *(f"state {name} [{getattr(STATE_UNITS, name)}]" for name in STATES),
+        *(f"input {name} [{getattr(INPUT_UNITS, name)}]" for name in INPUTS),
+        *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
+        *(
+            f"A({row}, {column}) [{entry_unit(row, column)}]"
+            for row in result.model_states
+            for column in result.model_states
+        ),
+        *(f"B({row}, {column}) [{entry_unit(row, column)}]" for row in result.model_states for column in INPUTS),
     )
     rows: list[tuple[Any, ...]] = []
     for i, reason in enumerate(result.reasons):

@@ -16,6 +16,11 @@ def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...],
     return columns((name, *column_names), body)
 
 
+def in_degrees(angle: float) -> float:
+    """An angle in degrees as it was asked for: 15, not 14.999999999999998."""
+    return round(math.degrees(angle), 10)
+
+
 def _four_decimals(value: float) -> str:
     text = f"{value:.4f}"
     return "0.0000" if text == "-0.0000" else text

@@ -1,1 +1,1 @@
-"""Is it true: the exact game solution with its certificate, and everything else held against it or against the print."""
+"""Is it true: the exact game solution with its certificate, and what else is held against it or against the print."""

@@ -82,8 +82,13 @@ def png_bytes(figure: Figure) -> bytes:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as .png or .svg, whole or not at all."""
-    settings: dict[str, Any] = {"format": path.suffix[1:].lower(), "dpi": 130}
-    with written_whole(path) as stream:
+    from matplotlib import rc_context
+
+    kind = path.suffix[1:].lower()
+    # The same result shall be the same file: no date, no random identifiers.
+    unstamped = {"Date": None} if kind == "svg" else {"Software": None}
+    settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": unstamped}
+    with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
         figure.savefig(stream, **settings)
 
 

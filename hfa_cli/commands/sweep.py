@@ -16,7 +16,7 @@ import numpy as np
 
 from hfa_cli import options
 from hfa_cli.output import SUFFIXES, Progress, check_target, deliver
-from hfa_cli.values import grid, span, split_assignments, whole
+from hfa_cli.values import axis, grid, span, split_assignments, whole
 from hfa_model.errors import BadInputError
 from trim.sweep import MOST_POINTS, SWEPT, sweep
 from trim.sweep_report import sweep_table, sweep_text, sweep_warnings
@@ -87,10 +87,7 @@ def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
     path = check_target(arguments.output, (".zarr",))
     assert path is not None
     samples = whole("--samples", arguments.samples, 0, lowest=1)
-    axes = {
-        name: span(name, text) if samples else tuple(grid(name, text, _MOST_STORED).tolist())
-        for name, text in words.items()
-    }
+    axes = {name: span(name, text) if samples else axis(name, text, _MOST_STORED) for name, text in words.items()}
     seed = whole("--seed", arguments.seed, 0, lowest=0)
     plan = SweepPlan(axes, options.parameters_of(arguments).values, arguments.dynamics, samples, seed)
     store = stream_sweep(

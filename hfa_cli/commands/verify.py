@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_game(parser)
     add_learning(parser)
     parser.add_argument("--weights", metavar="FILE", help="a critic from elsewhere: W, or P, or K (.npz .mat .json)")
-    parser.add_argument("--basis", default="quadratic", metavar="NAME", help="basis of --weights; default quadratic")
+    parser.add_argument("--basis", metavar="NAME", help="basis of --weights; default quadratic")
     parser.add_argument("--limit-error", metavar="X", help=f"limit of the relative errors; default {LIMIT:g}")
     parser.add_argument("--picture", metavar="FILE", help="draw P learned, exact, difference, and errors over time")
     options.add_output(parser)
@@ -43,6 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     limit = LIMIT if arguments.limit_error is None else number(arguments.limit_error, "--limit-error")
     if limit <= 0:
         raise BadInputError(f"--limit-error is {limit:g}; it must be positive")
+    if arguments.weights is None and arguments.basis is not None:
+        raise BadInputError("--basis belongs to --weights; for a law, use --set basis=NAME")
+    if arguments.weights is not None and (arguments.set or arguments.save or arguments.resume):
+        raise BadInputError("--set, --save and --resume belong to a law; leave them out with --weights")
     named = game_of(arguments)
     functions, candidate, result = _candidate(arguments, named)
     time = None if result is None else result.settings.get("predefined_time")
@@ -64,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, Candidate, LearningResult | None]:
     n = len(named.game.A)
     if arguments.weights is not None:
-        functions = basis(arguments.basis, n)
+        functions = basis(arguments.basis or "quadratic", n)
         return functions, from_stored(named.game, load_critic(arguments.weights), functions), None
     result = run_learning(arguments, named.game)
     functions = basis(result.basis, n)
