@@ -201,8 +201,8 @@ def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
     assert None not in {value for row in data["A"][1] for value in row}
     rows = table.read_text(encoding="utf-8").splitlines()
     assert len(rows) == 4, "the schema, the header, and a row a point"
-    assert ",failed," in rows[1]
-    assert ",trimmed," in rows[2]
+    assert ",failed," in rows[2]
+    assert ",trimmed," in rows[3]
     said = text("sweep", "--speed", "20,68")
     assert "1 of 2 points trimmed" in said
     assert re.search(r"^20( +-)+$", said, re.M)
