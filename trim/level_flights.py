@@ -29,10 +29,15 @@ COMPILE_FROM = 50_000
 _UNKNOWNS = ("throttle", "aileron_outer", "elevator_center", "elevator_outer")
 _EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
 _START = (40.0, 0.0, 0.0, 0.0)
-_NEWTON_STEPS = 4
+_NEWTON_STEPS = 3
 _MORE_NEWTON_STEPS = 20
 _N, _M = len(STATES), len(INPUTS)
 _SIZES = (_N, _M, _N * _N, _N * _M, _N)
+_CHUNK = 250
+_SPLITS = np.cumsum(_SIZES)[:-1]
+_BALANCED_COLUMNS = [_SPLITS[-1] + STATES.index(name) for name in BALANCED]
+_BALANCED_SCALES = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+_LOWEST, _HIGHEST = np.array([LIMITS[name] for name in STATES + INPUTS]).T
 
 
 @dataclass(frozen=True)
@@ -60,12 +65,12 @@ def solve_level_flights(
     count = len(conditions)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
     constants = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
-    flat = _evaluate(_function(variant, _NEWTON_STEPS, use_machine_code), conditions, constants)
+    flat = _evaluate(variant, _NEWTON_STEPS, use_machine_code, conditions, constants)
     rest = np.flatnonzero(~_balanced(_residuals(flat)))
     if rest.size:
         # Far from the paper's flight the drag of large deflections bends the equations: more steps for those.
-        flat[rest] = _evaluate(_function(variant, _MORE_NEWTON_STEPS, False), conditions[rest], constants[rest])
-    states, inputs, A, B, _ = np.split(flat, np.cumsum(_SIZES)[:-1], axis=1)
+        flat[rest] = _evaluate(variant, _MORE_NEWTON_STEPS, False, conditions[rest], constants[rest])
+    states, inputs, A, B, _ = np.split(flat, _SPLITS, axis=1)
     residuals = _residuals(flat)
     return LevelFlights(
         states=states,
@@ -77,39 +82,43 @@ def solve_level_flights(
     )
 
 
-def _evaluate(function: ca.Function, conditions: np.ndarray, constants: np.ndarray) -> np.ndarray:
-    point = BoundFunction(function)
-    condition, parameters = point.inputs
-    flat = np.empty((len(conditions), sum(_SIZES)))
-    for index in range(len(conditions)):
-        condition[:], parameters[:] = conditions[index], constants[index]
-        point()
-        flat[index] = point.results[0]
+def _evaluate(
+    variant: Variant, steps: int, use_machine_code: bool, conditions: np.ndarray, constants: np.ndarray
+) -> np.ndarray:
+    """One row of results a point, in chunks: a call costs a microsecond, which many points share."""
+    count = len(conditions)
+    chunk = 1 if count < _CHUNK else _CHUNK
+    function = _function(variant, steps, chunk, use_machine_code)
+    flat = np.empty((count, sum(_SIZES)))
+    for start in range(0, count, chunk):
+        size = min(chunk, count - start)
+        # CasADi stores columns, one a point, which are the rows here. What is left of the last chunk is ignored.
+        for memory, table in zip(function.inputs, (conditions, constants), strict=True):
+            memory.reshape(chunk, -1)[:size] = table[start : start + size]
+        function()
+        flat[start : start + size] = function.results[0].reshape(chunk, -1)[:size]
     return flat
 
 
 def _residuals(flat: np.ndarray) -> np.ndarray:
-    rate = flat[:, -_N:]
-    scales = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
-    return np.asarray(rate[:, [STATES.index(name) for name in BALANCED]] / scales)
+    return np.asarray(flat[:, _BALANCED_COLUMNS] / _BALANCED_SCALES)
 
 
 def _balanced(residuals: np.ndarray) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
+    return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
 
 
 def _within_limits(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     values = np.hstack([states, inputs])
-    limits = np.array([LIMITS[name] for name in STATES + INPUTS])
-    with np.errstate(invalid="ignore"):
-        return np.asarray(((values >= limits[:, 0]) & (values <= limits[:, 1])).all(axis=1))
+    return np.asarray(((values >= _LOWEST) & (values <= _HIGHEST)).all(axis=1))
 
 
 @cache
-def _function(variant: Variant, steps: int, use_machine_code: bool) -> ca.Function:
+def _function(variant: Variant, steps: int, chunk: int, use_machine_code: bool) -> BoundFunction:
     function = _point_function(variant, steps)
-    return machine_code(function) if use_machine_code else function
+    if chunk > 1:
+        function = function.map(chunk)
+    return BoundFunction(machine_code(function) if use_machine_code else function)
 
 
 def _point_function(variant: Variant, steps: int) -> ca.Function:

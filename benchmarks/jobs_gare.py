@@ -1,0 +1,45 @@
+"""Exact game solutions with certificates, against SciPy's solver without one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.report import Row
+from benchmarks.timing import in_turn
+from controller.game import published_game
+from hfa_model import LINEAR_STATES, STATES, default_parameters
+from hfa_model.variants import variant_named
+from trim.level_flights import solve_level_flights
+from trim.sweep import level_conditions
+from verification.gare_batch import solve_games
+
+_MODELS = 1000
+
+
+def rows() -> list[Row]:
+    """1000 models between 0 and 20 degrees."""
+    from scipy.linalg import block_diag, solve_continuous_are
+
+    conditions = level_conditions(("dihedral",), np.radians(np.linspace(0.0, 20.0, _MODELS))[:, None])
+    flights = solve_level_flights(variant_named("published"), default_parameters().values, conditions)
+    index = [STATES.index(name) for name in LINEAR_STATES]
+    A, B = flights.A[:, index][:, :, index], flights.B[:, index]
+    game = published_game(A[_MODELS // 2], B[_MODELS // 2])
+    weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
+
+    def ours():
+        assert solve_games(A, B, game).certified.all()
+
+    def peer():
+        for a, b in zip(A[::5], B[::5], strict=True):
+            solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
+
+    timing = in_turn(ours, peer, units=_MODELS, peer_units=_MODELS / 5)
+    return [
+        Row(
+            f"{_MODELS} game Riccati equations, certified",
+            "SciPy solve_continuous_are, no certificate",
+            timing,
+            1 / 2.5,
+        )
+    ]

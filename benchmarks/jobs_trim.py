@@ -1,0 +1,172 @@
+"""Trim and linearize: against python-control and against an optimizer, one point and many."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.numpy_dynamics import six_state_rates
+from benchmarks.report import Row
+from benchmarks.timing import in_turn
+from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
+from hfa_model.generated import _compiler
+from hfa_model.variants import variant_named
+from trim.condition import level_flight
+from trim.level_flights import solve_level_flights
+from trim.linearize import linearize
+from trim.solve import trim
+from trim.sweep import level_conditions
+from trim.tracking import track_modes
+
+_ANGLES = 10_000
+_PEER_ANGLES = 100
+_STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
+
+
+def rows() -> list[Row]:
+    """All figures of trims."""
+    return [_one_point(), *_many_points(), _optimizer()]
+
+
+def peer_system():
+    """The published dynamics as a python-control system."""
+    import control
+
+    rates = six_state_rates(default_parameters().values, 40_000.0)
+    return control.nlsys(rates, None, inputs=5, states=6, outputs=6)
+
+
+def peer_point(system, dihedral: float):
+    """python-control: find the four free inputs by Levenberg-Marquardt, then linearize."""
+    import control
+
+    state = _STATE.copy()
+    state[4] = dihedral
+    point = control.find_operating_point(
+        system,
+        state,
+        [40.0, 0.0, 0.03, 0.0, -0.05],
+        state_indices=range(6),
+        input_indices=[1],
+        deriv_indices=[0, 1, 3, 5],
+        root_method="lm",
+    )
+    return point, control.linearize(system, point.states, point.inputs)
+
+
+def _one_point() -> Row:
+    parameters, variant = default_parameters().values, variant_named("published")
+    condition = level_conditions(("dihedral",), np.array([[np.radians(10.0)]]))
+    system = peer_system()
+
+    def ours():
+        for _ in range(100):
+            solve_level_flights(variant, parameters, condition)
+
+    def peer():
+        for _ in range(20):
+            peer_point(system, np.radians(10.0))
+
+    timing = in_turn(ours, peer, units=100, peer_units=20)
+    aircraft = Aircraft(parameters)
+    exact = linearize(aircraft, trim(aircraft, level_flight(np.radians(10.0))))
+    _, model = peer_point(system, np.radians(10.0))
+    error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
+    return Row(
+        "one trim and its exact A, B, from Python",
+        "python-control find_operating_point (lm) + linearize",
+        timing,
+        10.0,
+        f"largest error of the peer's entries {error:.1e}, of ours rounding",
+    )
+
+
+def _many_points() -> list[Row]:
+    parameters, variant = default_parameters().values, variant_named("published")
+    angles = np.radians(np.linspace(0.0, 20.0, _ANGLES))
+    conditions = level_conditions(("dihedral",), angles[:, None])
+    system = peer_system()
+
+    def peer():
+        for angle in angles[:: _ANGLES // _PEER_ANGLES]:
+            peer_point(system, angle)
+
+    def full():
+        flights = solve_level_flights(variant, parameters, conditions, compile_code=True)
+        assert flights.trimmed.all()
+        rows = [STATES.index(name) for name in LINEAR_STATES]
+        track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES)
+
+    peer_name = "python-control, point by point"
+    found = [
+        Row(
+            f"{_ANGLES} dihedral angles, no compiler",
+            peer_name,
+            in_turn(
+                lambda: solve_level_flights(variant, parameters, conditions, compile_code=False),
+                peer,
+                units=_ANGLES,
+                peer_units=_PEER_ANGLES,
+            ),
+            50.0,
+        )
+    ]
+    if _compiler() is not None:
+        found.append(
+            Row(
+                f"{_ANGLES} dihedral angles, generated C",
+                peer_name,
+                in_turn(
+                    lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
+                    peer,
+                    units=_ANGLES,
+                    peer_units=_PEER_ANGLES,
+                ),
+                200.0,
+            )
+        )
+    found.append(
+        Row(
+            f"{_ANGLES} dihedral angles with tracked modes, every residual and limit checked",
+            peer_name + " (trim, A, B only)",
+            in_turn(full, peer, units=_ANGLES, peer_units=_PEER_ANGLES, repeats=3),
+            20.0,
+        )
+    )
+    return found
+
+
+def _optimizer() -> Row:
+    """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
+    import casadi as ca
+
+    from hfa_model.dynamics import rates
+    from hfa_model.vectors import Input, State
+
+    parameters, variant = default_parameters().values, variant_named("published")
+    opti = ca.Opti()
+    u, dihedral = opti.variable(4), opti.parameter()
+    state = State(68.0, np.radians(2.8), 40_000.0, np.radians(2.8), 0.0, dihedral, 0.0)
+    f = ca.vertcat(*rates(state, Input(u[0], 0.0, u[1], u[2], u[3]), parameters, variant))
+    opti.subject_to(f[[0, 1, 4, 6]] == 0)
+    opti.minimize(0)
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
+    angles = np.radians(np.linspace(0.0, 20.0, _ANGLES))
+    conditions = level_conditions(("dihedral",), angles[:, None])
+
+    def peer():
+        for angle in angles[:: _ANGLES // 50]:
+            opti.set_value(dihedral, angle)
+            opti.set_initial(u, [40.0, 0.03, 0.0, -0.05])
+            opti.solve()
+
+    return Row(
+        f"{_ANGLES} dihedral angles, trim alone for the peer",
+        "CasADi Opti + IPOPT, point by point",
+        in_turn(
+            lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
+            peer,
+            units=_ANGLES,
+            peer_units=50,
+        ),
+        500.0,
+    )
