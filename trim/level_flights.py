@@ -34,8 +34,7 @@ _MORE_NEWTON_STEPS = 20
 _N, _M = len(STATES), len(INPUTS)
 _SIZES = (_N, _M, _N * _N, _N * _M, _N)
 _CHUNK = 250
-_SPLITS = np.cumsum(_SIZES)[:-1]
-_BALANCED_COLUMNS = [_SPLITS[-1] + STATES.index(name) for name in BALANCED]
+_BALANCED_COLUMNS = [-_N + STATES.index(name) for name in BALANCED]
 _BALANCED_SCALES = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
 _LOWEST, _HIGHEST = np.array([LIMITS[name] for name in STATES + INPUTS]).T
 
@@ -66,19 +65,22 @@ def solve_level_flights(
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
     constants = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
     flat = _evaluate(variant, _NEWTON_STEPS, use_machine_code, conditions, constants)
-    rest = np.flatnonzero(~_balanced(_residuals(flat)))
-    if rest.size:
-        # Far from the paper's flight the drag of large deflections bends the equations: more steps for those.
-        flat[rest] = _evaluate(variant, _MORE_NEWTON_STEPS, False, conditions[rest], constants[rest])
-    states, inputs, A, B, _ = np.split(flat, _SPLITS, axis=1)
     residuals = _residuals(flat)
+    balanced = _balanced(residuals)
+    if not balanced.all():
+        # Far from the paper's flight the drag of large deflections bends the equations: more steps for those.
+        rest = np.flatnonzero(~balanced)
+        flat[rest] = _evaluate(variant, _MORE_NEWTON_STEPS, False, conditions[rest], constants[rest])
+        residuals = _residuals(flat)
+        balanced = _balanced(residuals)
+    inputs_end, A_end, B_end = _N + _M, _N + _M + _N * _N, _N + _M + _N * _N + _N * _M
     return LevelFlights(
-        states=states,
-        inputs=inputs,
-        A=A.reshape(count, _N, _N),
-        B=B.reshape(count, _N, _M),
+        states=flat[:, :_N],
+        inputs=flat[:, _N:inputs_end],
+        A=flat[:, inputs_end:A_end].reshape(count, _N, _N),
+        B=flat[:, A_end:B_end].reshape(count, _N, _M),
         residuals=residuals,
-        trimmed=_balanced(residuals) & _within_limits(states, inputs),
+        trimmed=balanced & _within_limits(flat[:, :inputs_end]),
     )
 
 
@@ -108,8 +110,7 @@ def _balanced(residuals: np.ndarray) -> np.ndarray:
     return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
 
 
-def _within_limits(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    values = np.hstack([states, inputs])
+def _within_limits(values: np.ndarray) -> np.ndarray:
     return np.asarray(((values >= _LOWEST) & (values <= _HIGHEST)).all(axis=1))
 
 
