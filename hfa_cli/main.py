@@ -26,6 +26,7 @@ COMMANDS = {
     "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "a learned critic against the exact game solution",
+    "fly": "fly a policy on the nonlinear aircraft, against its linear prediction; the recoverable set",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
 
@@ -39,6 +40,8 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or input."""
+    # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy loads.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = list(sys.argv[1:] if argv is None else argv)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
+# Matrices of six rows gain nothing from threads; must be set before NumPy loads.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 
 from hfa_model.compiled import Aircraft

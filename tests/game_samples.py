@@ -7,15 +7,34 @@ import math
 import numpy as np
 
 from controller.game import Game, published_game
+from hfa_model.compiled import Aircraft
+from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models
+from hfa_model.variants import VARIANTS
+from trim.condition import level_flight
+from trim.linearize import linearize
+from trim.solve import trim
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
+#: Dihedral angles of the regenerated models, degrees.
+ANGLES = (0, 5, 10, 15, 20)
 
 
 def game_models() -> dict[str, Game]:
-    """Every aircraft model whose game must be solved to 1e-12, by name."""
+    """The games of the two printed models, by name."""
     return {f"published-{model.dihedral_deg:g}": published_game(model.A, model.B) for model in published_models()}
+
+
+def regenerated_models() -> dict[str, Game]:
+    """The games of our own models between 0 and 20 degrees, both variants of the equations, by name."""
+    games = {}
+    for dynamics, variant in VARIANTS.items():
+        aircraft = Aircraft(default_parameters().values, variant)
+        for angle in ANGLES:
+            model = linearize(aircraft, trim(aircraft, level_flight(math.radians(angle))))
+            games[f"regenerated-{dynamics}-{angle}"] = published_game(model.A, model.B)
+    return games
 
 
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:

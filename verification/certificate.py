@@ -85,6 +85,8 @@ def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
 
 def solution_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
     """The tests of P alone: equation, symmetry, sign, and both closed loops."""
+    if not np.all(np.isfinite(P)):
+        return (at_most("residual", np.nan, RESIDUAL, "P has entries that are not finite"),)
     units = balanced_units(game)
     balanced, scaled_P = in_units(game, units), P * np.outer(units, units)
     residual = relative_residual(balanced, scaled_P)

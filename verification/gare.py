@@ -10,9 +10,9 @@ import numpy as np
 from controller.game import Game
 from hfa_model.errors import NoSolutionError
 from verification.certificate import Certificate
-from verification.derivations import certified_solution
 from verification.checks import finite_or_none
 from verification.delta_min import minimum_delta
+from verification.derivations import certified_solution
 from verification.spectrum import spectrum
 
 

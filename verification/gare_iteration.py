@@ -49,11 +49,12 @@ def _lqr_step(game: Game, P: np.ndarray, forcing: np.ndarray, step: int) -> np.n
     scale = float(np.abs(forcing).max()) or 1.0
     A = game.A - game.S @ P
     try:
-        Y = solve_continuous_are(A, np.sqrt(scale) * game.B, forcing / scale, game.R)
+        with np.errstate(all="ignore"):  # what overflows is not finite, and refused below
+            Y = solve_continuous_are(A, np.sqrt(scale) * game.B, forcing / scale, game.R)
     except (LinAlgError, ValueError) as error:
         raise NoSolutionError(f"step {step} of the Lanzon-Feng-Anderson iteration has no solution") from error
     Z = scale * Y
-    if np.linalg.eigvals(A - game.S_control @ Z).real.max() >= 0.0:
+    if not np.all(np.isfinite(Z)) or np.linalg.eigvals(A - game.S_control @ Z).real.max() >= 0.0:
         raise NoSolutionError(f"step {step} of the Lanzon-Feng-Anderson iteration is not stabilizing")
     return Z
 

@@ -26,7 +26,8 @@ def schur_solution(game: Game) -> np.ndarray:
     inputs = np.hstack([game.B, game.E / game.delta])
     weights = block_diag(game.R, -np.eye(game.E.shape[1]))
     try:
-        P = solve_continuous_are(game.A, inputs, game.Q, weights)
+        with np.errstate(all="ignore"):  # what overflows does not pass the certificate
+            P = solve_continuous_are(game.A, inputs, game.Q, weights)
     except (LinAlgError, ValueError) as error:
         raise NoSolutionError("the Hamiltonian has no stable subspace that is the graph of a P") from error
     return _refined(game, P)

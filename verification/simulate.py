@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game import Game
+from controller.game import LARGEST, Game
+from hfa_model.errors import NoSolutionError
 
 #: A policy or a forcing: (t, z) -> vector.
 Policy = Callable[[float, np.ndarray], np.ndarray]
@@ -37,7 +38,7 @@ def simulate(
     """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13.
 
     initial: (n,) at times[0]; times: (N,) increasing, s; forcing r: t -> (n,), none when absent.
-    Raises RuntimeError when the integrator gives up, which a linear model with bounded policies cannot cause.
+    Raises NoSolutionError when the state grows beyond 1e100, or the integrator gives up.
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983), as implemented in SciPy.
     """
     from scipy.integrate import solve_ivp
@@ -46,6 +47,8 @@ def simulate(
 
     def rate(t: float, augmented: np.ndarray) -> np.ndarray:
         z = augmented[:-1]
+        if not np.abs(z).max() < LARGEST:
+            raise NoSolutionError(f"the flight leaves every bound near t = {t:.4g} s: the policies do not stabilize it")
         u, d = control(t, z), disturbance(t, z)
         motion = game.A @ z + game.B @ u + game.E @ d
         if forcing is not None:
@@ -62,7 +65,7 @@ def simulate(
         atol=RELATIVE_TOLERANCE * max(float(np.abs(initial).max()), 1.0),
     )
     if not result.success:
-        raise RuntimeError(f"the integration stopped at t = {result.t[-1]:.6g} s: {result.message}")
+        raise NoSolutionError(f"the flight could not be integrated beyond t = {result.t[-1]:.4g} s: {result.message}")
     states, cost = result.y[:-1].T, result.y[-1]
     controls = np.array([control(t, z) for t, z in zip(times, states, strict=True)])
     disturbances = np.array([disturbance(t, z) for t, z in zip(times, states, strict=True)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.game import Game
+from verification.balance import balanced
 
 #: A rank test this close to failing, relative to A, names the mode; a guess at a cause, never a test of success.
 SUSPICION = 1e-8
@@ -17,9 +18,7 @@ def lqr_obstacle(game: Game) -> str:
     and [A - λI; Q] for every λ with Re λ = 0. An unstable mode outside Q is no obstacle: P is then the least
     cost among the policies that bring the state to rest. Source: Zhou, Doyle and Glover, Theorem 13.7.
     """
-    from scipy.linalg import matrix_balance
-
-    A, (scaling, _) = matrix_balance(game.A, permute=False, separate=True)
+    A, scaling = balanced(game.A)
     size = float(np.linalg.norm(A, 2)) or 1.0
     B = _of_size(game.B / scaling[:, None], size)
     Q = _of_size(game.Q * np.outer(scaling, scaling), size)

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from verification.balance import balanced
+
 
 class Spectrum(NamedTuple):
     """Eigenvalues of M and the relative distance of M to the nearest matrix with one on the imaginary axis.
@@ -27,15 +29,13 @@ class Spectrum(NamedTuple):
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
     """Eigenvalues sorted by real part (then imaginary part) with the distance to the axis (Byers 1988)."""
-    from scipy.linalg import matrix_balance
-
-    balanced, _ = matrix_balance(matrix, permute=False)
-    eigenvalues = np.linalg.eigvals(balanced)
+    scaled, _ = balanced(matrix)
+    eigenvalues = np.linalg.eigvals(scaled)
     eigenvalues = eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))]
     shifts = 1j * np.unique(np.abs(eigenvalues.imag))
-    shifted = balanced - shifts[:, None, None] * np.eye(len(matrix))
+    shifted = scaled - shifts[:, None, None] * np.eye(len(matrix))
     smallest = float(np.linalg.svd(shifted, compute_uv=False)[:, -1].min())
-    norm = float(np.linalg.norm(balanced, 2))
+    norm = float(np.linalg.norm(scaled, 2))
     return Spectrum(eigenvalues, smallest / norm if norm > 0.0 else 0.0)
 
 

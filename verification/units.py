@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from controller.game import Game
+from verification.balance import balanced
 
 
 def balanced_units(game: Game) -> np.ndarray:
@@ -16,11 +17,9 @@ def balanced_units(game: Game) -> np.ndarray:
     taken from the game rather than from P, so that an entry of P that is zero up to rounding stays small.
     Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
     """
-    from scipy.linalg import matrix_balance
-
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    _, (scaling, _) = matrix_balance(H, permute=False, separate=True)
+    _, scaling = balanced(H)
     return np.exp2(np.round(0.5 * (np.log2(scaling[:n]) - np.log2(scaling[n:]))))
 
 

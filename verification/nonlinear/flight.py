@@ -65,6 +65,10 @@ class Scenario:
             if not (np.isfinite(factor) and factor > 0.0):
                 raise BadInputError(f"the error of {name} is a factor of {factor}; it must be a positive number")
 
+    def with_gust(self, gust: Gust | None) -> Scenario:
+        """The same with a gust, which may need the ticks of the flight to be made."""
+        return replace(self, gust=gust)
+
     @property
     def steps_per_tick(self) -> int:
         """Steps in a tick."""

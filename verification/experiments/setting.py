@@ -1,0 +1,116 @@
+"""What is flown in Section 5: the two aircraft, their games and exact solutions, and the signals of a reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from controller.game import Game, published_game
+from controller.signals import Harmonic, Signal
+from hfa_model.compiled import Aircraft
+from hfa_model.errors import BadInputError
+from hfa_model.parameters import default_parameters
+from hfa_model.published import published_models
+from hfa_model.vectors import LINEAR_STATES
+from trim.compare import regenerate
+from verification.experiments.reading import Reading
+from verification.gare import GameSolution, solve_game
+from verification.tracking import Exosystem, exosystem_feedforward
+
+#: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
+MATRICES = ("regenerated", "printed")
+_ALPHA = LINEAR_STATES.index("alpha")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One aircraft of Section 5.1. trim_inputs: U0, (5,), of the trim that is linearized."""
+
+    dihedral_deg: float
+    game: Game
+    trim_inputs: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """For example "15 deg"."""
+        return f"{self.dihedral_deg:g} deg"
+
+    @cached_property
+    def exact(self) -> GameSolution:
+        """The exact solution of the game."""
+        return solve_game(self.game)
+
+    def reweighted(self, alpha_factor: float) -> Case:
+        """The same aircraft with the weight of the angle of attack multiplied."""
+        factors = np.ones(len(LINEAR_STATES))
+        factors[_ALPHA] = alpha_factor
+        return replace(self, game=replace(self.game, Q=self.game.Q * np.diag(factors)))
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A reading and the two aircraft, 15 degrees first. matrices: one of `MATRICES`."""
+
+    reading: Reading
+    matrices: str
+    cases: tuple[Case, ...]
+
+    def case(self, dihedral_deg: float) -> Case:
+        """The aircraft of that dihedral angle."""
+        return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What decides the numbers, as plain values."""
+        models = [
+            {"dihedral_deg": case.dihedral_deg, "A": case.game.A.tolist(), "B": case.game.B.tolist()}
+            for case in self.cases
+        ]
+        return {"matrices": self.matrices, "models": models, "reading": self.reading.settings}
+
+
+def make_setting(reading: Reading, matrices: str = "regenerated") -> Setting:
+    """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and B.
+
+    Raises BadInputError for an unknown source of matrices.
+    """
+    if matrices not in MATRICES:
+        raise BadInputError(f"unknown matrices {matrices!r}; choose from {', '.join(MATRICES)}")
+    aircraft = Aircraft(default_parameters().values, "published")
+    cases = []
+    for published in published_models():
+        model = regenerate(aircraft, published)
+        source = published if matrices == "printed" else model
+        cases.append(Case(published.dihedral_deg, published_game(source.A, source.B), model.input_offsets))
+    return Setting(reading, matrices, tuple(cases))
+
+
+def generator(reference: Signal) -> Signal:
+    """w = [1, t, sin f₁t, cos f₁t, ...]: the signals that a reference is made of, (2 + 2 k,)."""
+    unit = np.eye(2 + 2 * len(reference.harmonics))
+    waves = tuple(
+        Harmonic(harmonic.frequency, unit[2 + 2 * i], unit[3 + 2 * i]) for i, harmonic in enumerate(reference.harmonics)
+    )
+    return Signal(unit[0], unit[1], waves)
+
+
+def exosystem_of(reference: Signal) -> Exosystem:
+    """x_d = C w, w' = Ω w, with the w of `generator`."""
+    size = 2 + 2 * len(reference.harmonics)
+    omega = np.zeros((size, size))
+    omega[1, 0] = 1.0
+    columns = [reference.constant, reference.slope]
+    for i, harmonic in enumerate(reference.harmonics):
+        sine, cosine = 2 + 2 * i, 3 + 2 * i
+        omega[sine, cosine], omega[cosine, sine] = harmonic.frequency, -harmonic.frequency
+        columns += [harmonic.sine, harmonic.cosine]
+    return Exosystem(omega, np.column_stack(columns), generator(reference).at(0.0))
+
+
+def feedforward(case: Case, reference: Signal) -> np.ndarray:
+    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k) (`verification.tracking`)."""
+    P_s = exosystem_feedforward(case.game, case.exact.P, exosystem_of(reference))
+    return -case.game.R_inverse_B_transposed @ P_s
