@@ -1,1 +1,1 @@
-"""How the aircraft is flown: the game, the critics that learn its value, and closed-loop flight."""
+"""How the aircraft is flown: the game, the critics that learn its value, and the closed loop."""

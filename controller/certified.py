@@ -36,7 +36,7 @@ AT_REST = 1e-13
 class CertifiedSettings:
     """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time that is used.
 
-    samples: N_h >= M, chosen from a pool of `pool` random states. initial_weights: W(0) in the model's units, a
+    samples: N_h >= M, chosen from a pool of `pool_samples` random states. initial_weights: W(0) in the model's units, a
     number for all or (M,).
     """
 
@@ -46,7 +46,7 @@ class CertifiedSettings:
     theta: float = 0.9
     basis: str = "quadratic"
     samples: int = 50
-    pool: int = 500
+    pool_samples: int = 500
     initial_weights: float | tuple[float, ...] = 100.0
 
     def __post_init__(self) -> None:
@@ -55,6 +55,8 @@ class CertifiedSettings:
         settings.positive("tick", self.tick)
         settings.inside_unit_interval("eta", self.eta)
         settings.inside_unit_interval("theta", self.theta)
+        settings.counting("samples", self.samples)
+        settings.counting("pool_samples", self.pool_samples)
         if self.tick > self.predefined_time:
             raise BadInputError(
                 f"tick is {self.tick} s; it must not exceed the predefined time {self.predefined_time} s"
@@ -69,8 +71,8 @@ class CertifiedLaw:
     the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē along itself, so |ē| obeys the
     scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In a tick, Newton sub-steps W <- W - f N are taken
     with the f that puts |ē| on the exact scalar value; while it is out of reach, f minimizes |ē|. For f in (0, 1]
-    such a step keeps a stabilizing policy stabilizing: with P₁ = P + N the full step,
-    A_f'P₁ + P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁) for A_f = A - S(P + fN).
+    such a step keeps a stabilizing policy stabilizing: with P₁ = P - N the full step and A_f = A - S(P - fN),
+    A_f'P₁ + P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁).
     A start that is not stabilizing gets the discount β = its abscissa + margin, i.e. drift F - βz.
 
     Stage 2: β is lowered to 0, then 1/δ² raised to its value along a clock that ends at T + θT, with Newton
@@ -209,11 +211,11 @@ def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack 
     """The law on a pool of recorded samples, by default random states (`recorder.random_pool`).
 
     The drifts are replaced by their linear fit over the whole pool: the game is on a linear plant, so exact
-    drifts stay as they are, and noise of relative size ε in 500 samples moves P by ε/3 instead of tens of ε. Of
-    the pool the `samples` most different ones are kept. Raises BadInputError when the pool has not rank M.
+    drifts stay as they are, and noise of relative size ε in 500 samples moves P by about ε instead of tens of ε.
+    Of the pool the `samples` most different ones are kept. Raises BadInputError when the pool has not rank M.
     """
     functions = basis(chosen.basis, game.A.shape[0])
-    recorded = recorder.random_pool(game, chosen.pool, seed) if pool is None else pool
+    recorded = recorder.random_pool(game, chosen.pool_samples, seed) if pool is None else pool
     fitted, misfit = recorded.linear()
     return CertifiedLaw(game, recorder.choose(fitted, functions, chosen.samples), misfit, functions, chosen, seed)
 

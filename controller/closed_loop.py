@@ -9,26 +9,28 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.gusts import Gust
 from controller.integrator import integrate
 from controller.plants import Plant
 from controller.policies import Policy
-from controller.signals import Signal
+from controller.signals import TimeVector
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """x' = plant(x, u, d(t)),  u = policy(t, x + n(t) - x_d(t)).
+    """x' = plant(x, u, d(t), w(t)),  u = policy(t, x + n(t) - x_d(t)).
 
-    reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model.
+    reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model. gust: w, none by default.
     """
 
     plant: Plant
     policy: Policy
-    reference: Signal
-    disturbance: Signal
-    noise: Signal
+    reference: TimeVector
+    disturbance: TimeVector
+    noise: TimeVector
+    gust: Gust | None = None
 
     def __post_init__(self) -> None:
         """Every signal has six channels."""
@@ -43,7 +45,7 @@ class Flight:
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.
-    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states.
+    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s.
     """
 
     times: np.ndarray
@@ -52,23 +54,35 @@ class Flight:
     inputs: np.ndarray
     disturbances: np.ndarray
     memory: np.ndarray
+    updrafts: np.ndarray
 
 
 class CompiledLoop:
-    """The loop as CasADi Functions of (t, y, p), y = [x; memory]; compiled once, flown many times."""
+    """The loop as CasADi Functions of (t, y, p), y = [x; memory; gust filter], p = [policy's; gust's constants].
+
+    Compiled once, flown many times.
+    """
 
     def __init__(self, loop: ClosedLoop) -> None:
         self.loop = loop
         n, k, m = len(loop.plant.states), loop.policy.memory_size, loop.policy.constants_size
-        t, y, p = ca.SX.sym("t"), ca.SX.sym("y", n + k), ca.SX.sym("p", m)
-        x, memory = y[:n], y[n:]
+        filters, noises = (loop.gust.memory_size, loop.gust.constants_size) if loop.gust is not None else (0, 0)
+        t, y, every_p = ca.SX.sym("t"), ca.SX.sym("y", n + k + filters), ca.SX.sym("p", m + noises)
+        x, memory, p = y[:n], y[n : n + k], every_p[:m]
         error = loop.plant.seen(x) - loop.reference.at(t)
         measured = error + loop.noise.at(t)
         u = loop.policy.control(t, measured, memory, p)
         d = loop.disturbance.at(t)
-        rate = ca.vertcat(loop.plant.rate(x, u, d), loop.policy.memory_rate(t, measured, memory, p))
-        self.rate = ca.Function("loop_rate", [t, y, p], [ca.densify(rate)], {"cse": True})
-        self._seen = ca.Function("loop_seen", [t, y, p], [ca.densify(error), ca.densify(u), ca.densify(d)])
+        own_rate = loop.policy.memory_rate(t, measured, memory, p)
+        if loop.gust is None:
+            updraft, rate = ca.SX(0), ca.vertcat(loop.plant.rate(x, u, d), own_rate)
+        else:
+            of_the_air = t, y[n + k :], every_p[m:]
+            updraft = loop.gust.updraft(*of_the_air)
+            rate = ca.vertcat(loop.plant.rate(x, u, d, updraft), own_rate, loop.gust.memory_rate(*of_the_air))
+        self.rate = ca.Function("loop_rate", [t, y, every_p], [ca.densify(rate)], {"cse": True})
+        seen = [ca.densify(part) for part in (error, u, d, updraft)]
+        self._seen = ca.Function("loop_seen", [t, y, every_p], seen)
 
     def fly(
         self,
@@ -81,18 +95,26 @@ class CompiledLoop:
         memory: np.ndarray | None = None,
         **options: Any,
     ) -> Flight:
-        """Integrate from x(0) = `initial`, memory(0) = `memory`; arguments as in `integrator.integrate`."""
+        """Integrate from x(0) = `initial`, memory(0) = `memory`; arguments as in `integrator.integrate`.
+
+        constants: of the policy; the gust's are its own, and so is the start of its filter.
+        """
         plant_size, memory_size = len(self.loop.plant.states), self.loop.policy.memory_size
         start = np.concatenate([initial, np.zeros(memory_size) if memory is None else memory])
         if start.shape != (plant_size + memory_size,):
             raise BadInputError(
                 f"the flight starts with {start.size} numbers; plant and policy have {plant_size} and {memory_size}"
             )
-        path = integrate(self.rate, start, constants, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
+        gust = self.loop.gust
+        if gust is not None:
+            start = np.concatenate([start, gust.start()])
+        every = constants if gust is None else lambda tick: np.concatenate([constants(tick), gust.constants(tick)])
+        path = integrate(self.rate, start, every, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
         # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
-        rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, ticks - 1)
-        table = np.array([constants(tick) for tick in range(ticks)]).reshape(ticks, -1)[rows]
+        last = (len(path.times) - 1) // steps_per_tick - 1
+        rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, last)
+        table = np.array([every(tick) for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
         seen = self._seen.map(len(path.times))(path.times[None, :], path.states.T, table.T)
-        errors, inputs, disturbances = (np.array(part).T for part in seen)
-        states, own = path.states[:, :plant_size], path.states[:, plant_size:]
-        return Flight(path.times, states, errors, inputs, disturbances, own)
+        errors, inputs, disturbances, updrafts = (np.array(part).T for part in seen)
+        states, own, _ = np.split(path.states, [plant_size, plant_size + memory_size], axis=1)
+        return Flight(path.times, states, errors, inputs, disturbances, own, updrafts.ravel())

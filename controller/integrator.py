@@ -36,12 +36,14 @@ def integrate(
     ticks: int,
     compile_code: bool | None = None,
     progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[np.ndarray], bool] | None = None,
 ) -> Trajectory:
     """y' = f(t, y, p) by the classical Runge-Kutta method of order 4.
 
     rate: (t, y (n,), p (k,)) -> y' (n,). initial: y(0). constants: tick number -> p, held during the tick.
     step: s. ticks: number of ticks of `steps_per_tick` steps. compile_code: run as machine code; by default for
-    `COMPILE_FROM_STEPS` steps and more. Raises NoSolutionError, naming the time, when a state is no longer
+    `COMPILE_FROM_STEPS` steps and more. stop: asked with the states of every tick, (steps_per_tick, n); the run ends
+    with the first tick for which it says yes. Raises NoSolutionError, naming the time, when a state is no longer
     finite, and BadInputError when a number is not positive.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
@@ -62,6 +64,9 @@ def integrate(
         chunk()
         rows = chunk.results[0].reshape(steps_per_tick, n + 1)[:, 1:]
         states[begin + 1 : begin + 1 + steps_per_tick] = rows
+        if stop is not None and stop(rows):
+            total = begin + steps_per_tick
+            break
         if not np.isfinite(rows[-1]).all():
             first = int(np.argmin(np.isfinite(rows).all(axis=1)))
             raise NoSolutionError(
@@ -70,7 +75,7 @@ def integrate(
             )
         if progress is not None:
             progress(tick + 1, ticks)
-    return Trajectory(step * np.arange(total + 1), states)
+    return Trajectory(step * np.arange(total + 1), states[: total + 1])
 
 
 @lru_cache(maxsize=64)

@@ -45,8 +45,10 @@ class IrlSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        for name in ("interval", "intervals", "iterations", "probe"):
-            settings.positive(name, getattr(self, name))
+        settings.positive("interval", self.interval)
+        settings.positive("probe", self.probe)
+        settings.counting("intervals", self.intervals)
+        settings.counting("iterations", self.iterations)
         settings.one_of("form", self.form, ("game", "lqr"))
         if not self.disturbance >= 0.0:
             raise BadInputError(f"disturbance is {self.disturbance}; it must be at least 0")
@@ -166,17 +168,14 @@ class IntegralLearning:
 
     def advance(self, tick: int, memory: Memory) -> Memory:
         """One policy evaluation and improvement. Raises NoSolutionError when the numbers break down."""
-        rows, right = self._least_squares(memory["weights"])
-        orthogonal, triangular = np.linalg.qr(rows)
-        try:
-            weights = np.linalg.solve(triangular, orthogonal.T @ right)
-        except np.linalg.LinAlgError:
-            weights = np.full(self.basis.size, np.nan)
-        if not np.all(np.isfinite(weights)):
+        with np.errstate(over="ignore", invalid="ignore"):
+            rows, right = self._least_squares(memory["weights"])
+        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right))):
             raise NoSolutionError(
                 f"integral learning broke down at iteration {tick + 1}: the policy it evaluates has no value;"
                 " start from weights of a stabilizing policy"
             )
+        weights = np.linalg.lstsq(rows, right, rcond=0.0)[0]
         misfit = np.linalg.norm(rows @ weights - right) / np.linalg.norm(right)
         return {"weights": weights, "misfit": np.array(misfit)}
 

@@ -54,7 +54,7 @@ class PublishedSettings:
     gamma: float = 0.01
     basis: str = "paper"
     samples: int = 50
-    pool: int = 500
+    pool_samples: int = 500
     initial_weights: float | tuple[float, ...] = 100.0
     recorded_weights: float | tuple[float, ...] = 100.0
     normalisation: str = "root"
@@ -70,6 +70,8 @@ class PublishedSettings:
             settings.positive(name, getattr(self, name))
         settings.inside_unit_interval("eta", self.eta)
         settings.inside_unit_interval("theta", self.theta)
+        settings.counting("samples", self.samples)
+        settings.counting("pool_samples", self.pool_samples)
         settings.one_of("normalisation", self.normalisation, ("root", "squared"))
         settings.one_of("stack_policies", self.stack_policies, ("frozen", "reevaluated"))
         settings.one_of("integrator", self.integrator, ("explicit", "proximal"))
@@ -268,5 +270,5 @@ class PublishedLaw:
 def published_law(game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None) -> PublishedLaw:
     """The law on a pool of recorded samples, by default random states; the N_h most different ones are kept."""
     functions = basis(chosen.basis, game.A.shape[0])
-    recorded = recorder.random_pool(game, chosen.pool, seed) if pool is None else pool
+    recorded = recorder.random_pool(game, chosen.pool_samples, seed) if pool is None else pool
     return PublishedLaw(game, recorder.choose(recorded, functions, chosen.samples), functions, chosen, seed)

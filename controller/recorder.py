@@ -41,7 +41,7 @@ class Stack:
 
     @property
     def samples(self) -> int:
-        """N_h."""
+        """N_h, how many samples there are."""
         return int(self.states.shape[0])
 
     def drift_fit(self) -> np.ndarray:
@@ -127,7 +127,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     next M are chosen in the same way from the rest, and so on. Source: Golub & Van Loan, Matrix Computations,
     section 5.4.2.
 
-    Raises BadInputError when samples < M, when the pool is smaller, or when the pool has not rank M.
+    Raises BadInputError when samples < M, when the pool is smaller, or when even the chosen rows have not rank M.
     """
     from scipy.linalg import qr
 
@@ -136,7 +136,6 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     if pool.samples < samples:
         raise BadInputError(f"the pool holds {pool.samples} samples and {samples} were asked for; record more")
     rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
-    refuse_poor(rank(rows), basis.size, "the pool of recorded states")
     chosen: list[int] = []
     left = np.arange(pool.samples)
     while len(chosen) < samples:
@@ -144,6 +143,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
         block = left[order[: min(basis.size, samples - len(chosen))]]
         chosen.extend(int(index) for index in block)
         left = np.setdiff1d(left, block)
+    refuse_poor(rank(rows[chosen]), basis.size, "the recorded stack")
     return Stack(pool.states[chosen], pool.drifts[chosen])
 
 

@@ -17,8 +17,6 @@ def after(y: float, rate: float, eta: float, step: float) -> float:
 
     x = y^η obeys x' = -η rate (1 + x²), so that y₊ = tan(max(0, atan(y^η) - η rate step))^(1/η).
     """
-    if y > 1e150:  # y^η and its arc tangent are those of infinity; avoids overflow
-        return math.tan(max(0.0, math.pi / 2.0 - eta * rate * step)) ** (1.0 / eta)
     return math.tan(max(0.0, math.atan(y**eta) - eta * rate * step)) ** (1.0 / eta)
 
 

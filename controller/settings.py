@@ -18,14 +18,24 @@ LARGEST_WEIGHT = 1e60
 
 def positive(name: str, value: float) -> None:
     """Raise BadInputError unless the setting is a finite number above 0."""
-    if not (np.isfinite(value) and value > 0.0):
+    if not (_is_number(value) and np.isfinite(value) and value > 0.0):
         raise BadInputError(f"{name} is {value}; it must be a positive number")
+
+
+def counting(name: str, value: int) -> None:
+    """Raise BadInputError unless the setting is a whole number of at least 1."""
+    if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 1):
+        raise BadInputError(f"{name} is {value}; it must be a whole number of at least 1")
 
 
 def inside_unit_interval(name: str, value: float) -> None:
     """Raise BadInputError unless 0 < value < 1."""
-    if not 0.0 < value < 1.0:
+    if not (_is_number(value) and 0.0 < value < 1.0):
         raise BadInputError(f"{name} is {value}; it must lie between 0 and 1, both excluded")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
 def one_of(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hfa_model.errors import BadInputError
+
+
+class TimeVector(Protocol):
+    """A vector that is known at every time: what a loop asks of its reference, disturbance and noise."""
+
+    @property
+    def size(self) -> int:
+        """Number of channels."""
+
+    def at(self, t: Any) -> Any:
+        """The value, (n,), at a number or a CasADi expression."""
 
 
 class Harmonic(NamedTuple):
@@ -73,6 +84,14 @@ class Signal:
         """M s(t), for a constant matrix M."""
         turned = tuple(Harmonic(h.frequency, matrix @ h.sine, matrix @ h.cosine) for h in self.harmonics)
         return Signal(matrix @ self.constant, matrix @ self.slope, turned)
+
+    def plus(self, other: Signal) -> Signal:
+        """s(t) + other(t); BadInputError when they differ in length."""
+        if other.size != self.size:
+            raise BadInputError(
+                f"signals of {self.size} and {other.size} channels cannot be added; make them one length"
+            )
+        return Signal(self.constant + other.constant, self.slope + other.slope, self.harmonics + other.harmonics)
 
 
 def zero(size: int) -> Signal:

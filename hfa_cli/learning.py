@@ -33,14 +33,14 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
         game,
         arguments.law,
         whole("--seed", arguments.seed, 0, lowest=0),
-        progress=_show if sys.stderr.isatty() else None,
+        progress=show_learning if sys.stderr.isatty() else None,
         save_state=arguments.save,
         resume=arguments.resume,
-        **_settings(arguments),
+        **law_settings(arguments),
     )
 
 
-def _settings(arguments: argparse.Namespace) -> dict[str, Any]:
+def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
     if arguments.law not in LAWS:
         raise BadInputError(f"unknown law {arguments.law!r}; choose one of: {', '.join(LAWS)}")
@@ -66,6 +66,7 @@ def _converted(name: str, text: str, default: Any) -> Any:
     return values[0] if len(values) == 1 and not isinstance(default, tuple) and default is not None else values
 
 
-def _show(fraction: float, message: str) -> None:
+def show_learning(fraction: float, message: str) -> None:
+    """One line on standard error, gone when done."""
     end = "\r\033[K" if fraction >= 1.0 else ""
     print(f"\r\033[Klearn: {100 * fraction:3.0f} %  {message}", end=end, file=sys.stderr, flush=True)

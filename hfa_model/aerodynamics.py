@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hfa_model.kinematics import Flow, center_flow, center_height, outer_flow
+from hfa_model.kinematics import Flow, airspeed, center_flow, center_height, outer_flow
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import Input, State
@@ -71,7 +71,7 @@ def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: An
     )
 
 
-def aircraft_loads(x: State, u: Input, density: Any, p: Parameters, variant: Variant) -> Loads:
+def aircraft_loads(x: State, u: Input, density: Any, p: Parameters, variant: Variant, updraft: Any = 0.0) -> Loads:
     """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),
@@ -80,10 +80,12 @@ def aircraft_loads(x: State, u: Input, density: Any, p: Parameters, variant: Var
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
     The lever l of the outer panels' forward force and the projection π of their section moment are the
-    variant's (`variants.py`). Source: Gibson et al. 2011, Eqs. 31-44.
+    variant's (`variants.py`). updraft: vertical velocity of the air, ft/s, positive up. Lift and drag stay the
+    forces across and along the path over ground. Source: Gibson et al. 2011, Eqs. 31-44.
     """
-    center = panel_loads(center_flow(x, p), x.speed, u.aileron_center, u.elevator_center, density, p)
-    outer = panel_loads(outer_flow(x, p), x.speed, u.aileron_outer, u.elevator_outer, density, p)
+    speed = airspeed(x, updraft)
+    center = panel_loads(center_flow(x, p, updraft), speed, u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_flow(x, p, updraft), speed, u.aileron_outer, u.elevator_outer, density, p)
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward

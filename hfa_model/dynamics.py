@@ -13,7 +13,7 @@ from hfa_model.variants import Variant
 from hfa_model.vectors import Input, State
 
 
-def rates(x: State, u: Input, p: Parameters, variant: Variant) -> State:
+def rates(x: State, u: Input, p: Parameters, variant: Variant, updraft: Any = 0.0) -> State:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
     V'  = (T cos α - D)/m_tot - g sin γ
@@ -23,9 +23,10 @@ def rates(x: State, u: Input, p: Parameters, variant: Variant) -> State:
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
 
-    `coupling` and d3 are the variant's (`variants.py`). Numbers or CasADi expressions in, the same out.
+    `coupling` and d3 are the variant's (`variants.py`). V is over ground; an updraft (vertical velocity of the air,
+    ft/s, positive up) acts through the loads alone. Numbers or CasADi expressions in, the same out.
     """
-    loads = aircraft_loads(x, u, density(x.altitude), p, variant)
+    loads = aircraft_loads(x, u, density(x.altitude), p, variant, updraft)
     return rates_from_loads(x, loads, p, variant)
 
 

@@ -4,6 +4,9 @@ Axes: x forward, y to the right, z down, at the center of mass of the whole airc
 point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with dihedral η the center
 panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
 The right and the left panel mirror each other, so one "outer" panel stands for both.
+
+An updraft w (ft/s, positive up, the same at every panel) moves the air by (0, 0, -w) in north, east, down. Relative
+to the air every panel then moves by w downward more, which in body axes is (-w sin θ, 0, w cos θ).
 """
 
 from __future__ import annotations
@@ -34,20 +37,28 @@ def outer_height(dihedral: Any, p: Parameters) -> Any:
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
-def center_flow(x: State, p: Parameters) -> Flow:
-    """u = V cos α + q z_c,  w = V sin α + (s/3) cos η η'  (Gibson et al. 2011, Eqs. 75-76)."""
-    forward = x.speed * ca.cos(x.alpha) + x.pitch_rate * center_height(x.dihedral, p)
-    return flow_of(forward, 0.0, _hinge_descent(x, p))
+def airspeed(x: State, updraft: Any = 0.0) -> Any:
+    """V_a = sqrt(V² + w² - 2 V w sin γ): the speed of the center of mass relative to the air, ft/s; V in still air."""
+    if isinstance(updraft, float) and updraft == 0.0:
+        return x.speed
+    return ca.sqrt(x.speed**2 + updraft**2 - 2 * x.speed * updraft * ca.sin(x.pitch - x.alpha))
 
 
-def outer_flow(x: State, p: Parameters) -> Flow:
-    """u = V cos α + q z_o,  v = w_h sin η,  w = w_h cos η - (s/2) η',  w_h = V sin α + (s/3) cos η η'.
+def center_flow(x: State, p: Parameters, updraft: Any = 0.0) -> Flow:
+    """u = V cos α + q z_c - w sin θ,  w_c = V sin α + (s/3) cos η η' + w cos θ  (Gibson et al. 2011, Eqs. 75-76)."""
+    forward = _forward(x, updraft) + x.pitch_rate * center_height(x.dihedral, p)
+    return flow_of(forward, 0.0, _hinge_descent(x, p, updraft))
 
-    w_h is the vertical speed of the hinge, split along and across the outer panel (Gibson et al. 2011,
+
+def outer_flow(x: State, p: Parameters, updraft: Any = 0.0) -> Flow:
+    """u = V cos α + q z_o - w sin θ,  v = w_h sin η,  w_o = w_h cos η - (s/2) η',
+    w_h = V sin α + (s/3) cos η η' + w cos θ.
+
+    w_h is the descent of the hinge through the air, split along and across the outer panel (Gibson et al. 2011,
     Eqs. 69, 77-78).
     """
-    hinge = _hinge_descent(x, p)
-    forward = x.speed * ca.cos(x.alpha) + x.pitch_rate * outer_height(x.dihedral, p)
+    hinge = _hinge_descent(x, p, updraft)
+    forward = _forward(x, updraft) + x.pitch_rate * outer_height(x.dihedral, p)
     normal = hinge * ca.cos(x.dihedral) - p.panel_span / 2 * x.dihedral_rate
     return flow_of(forward, hinge * ca.sin(x.dihedral), normal)
 
@@ -58,5 +69,10 @@ def flow_of(forward: Any, sideward: Any, downward: Any) -> Flow:
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
-def _hinge_descent(x: State, p: Parameters) -> Any:
-    return x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
+def _forward(x: State, updraft: Any) -> Any:
+    return x.speed * ca.cos(x.alpha) - updraft * ca.sin(x.pitch)
+
+
+def _hinge_descent(x: State, p: Parameters, updraft: Any) -> Any:
+    descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
+    return descent + updraft * ca.cos(x.pitch)

@@ -30,10 +30,11 @@ class _Panel(NamedTuple):
     spin: Any
 
 
-def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters) -> State:
+def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters, updraft: Any = 0.0) -> State:
     """dX/dt of the aircraft by the Euler-Lagrange equations; arguments as in `dynamics.rates`.
 
-    `density` (slug/ft^3) is given, so that 0 means flight without air. CasADi expressions in and out.
+    `density` (slug/ft^3) is given, so that 0 means flight without air. `updraft` is the velocity of the air along
+    -Z, ft/s: the flow at a panel is its inertial velocity less that of the air. CasADi expressions in and out.
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
@@ -43,7 +44,8 @@ def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters) -> State:
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
-    force = _generalized_force(panels, r, v, u, density, p)
+    air = ca.vertcat(0, 0, -updraft)
+    force = _generalized_force(panels, r, v, u, density, p, air)
     # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR loses.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
@@ -94,21 +96,21 @@ def _potential_energy(panel: _Panel, p: Parameters) -> Any:
 
 
 def _generalized_force(
-    panels: tuple[_Panel, _Panel, _Panel], r: Any, v: Any, u: Input, density: Any, p: Parameters
+    panels: tuple[_Panel, _Panel, _Panel], r: Any, v: Any, u: Input, density: Any, p: Parameters, air: Any
 ) -> Any:
-    # The drag law takes the speed of the aircraft, that is of the common center of mass.
+    # The drag law takes the speed of the aircraft, that is of the common center of mass, through the air.
     center_of_mass = sum(panel.position for panel in panels) / 3
-    speed = ca.norm_2(ca.jtimes(center_of_mass, r, v))
+    speed = ca.norm_2(ca.jtimes(center_of_mass, r, v) - air)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
     controls = ((u.aileron_center, u.elevator_center), *((u.aileron_outer, u.elevator_outer),) * 2)
     for panel, (aileron, elevator) in zip(panels, controls, strict=True):
-        loads = panel_loads(_flow(panel, r, v), speed, aileron, elevator, density, p)
+        loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
         force += _virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force
 
 
-def _flow(panel: _Panel, r: Any, v: Any) -> Flow:
-    along = panel.axes.T @ _velocity(panel, r, v)
+def _flow(panel: _Panel, r: Any, v: Any, air: Any) -> Flow:
+    along = panel.axes.T @ (_velocity(panel, r, v) - air)
     return flow_of(along[0], along[1], along[2])
 
 

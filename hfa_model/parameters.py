@@ -103,7 +103,9 @@ class ParameterSet:
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Name -> standard error of each identified parameter, in its own unit."""
+        """Name -> standard error of each identified parameter, in its own unit; empty without a covariance."""
+        if not self.covariance.size:
+            return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
 

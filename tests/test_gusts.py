@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from random_points import random_points
 
+from controller.closed_loop import ClosedLoop, CompiledLoop
 from controller.gusts import Dryden, Gust, OneMinusCosine
 from controller.integrator import integrate
+from controller.plants import LinearPlant
+from controller.policies import GainPolicy
+from controller.signals import zero
 from hfa_model import kinematics
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.atmosphere import density
@@ -18,8 +22,9 @@ from hfa_model.dynamics import rates, rates_from_loads
 from hfa_model.errors import BadInputError
 from hfa_model.lagrangian import lagrangian_rates
 from hfa_model.parameters import Parameters
+from hfa_model.published import published_models
 from hfa_model.variants import VARIANTS, Newton, Variant
-from hfa_model.vectors import RATE_SCALES, STATES, Input, State
+from hfa_model.vectors import LINEAR_STATES, RATE_SCALES, STATES, Input, State
 
 # The model.
 
@@ -212,3 +217,18 @@ def test_turbulence_is_its_seed() -> None:
 def test_what_is_no_gust_is_refused(make: Any, said: str) -> None:
     with pytest.raises(BadInputError, match=said):
         make()
+
+
+def test_the_six_state_linear_model_refuses_a_gust() -> None:
+    model = published_models()[0]
+    nothing = zero(len(LINEAR_STATES))
+    loop = ClosedLoop(
+        LinearPlant(model.A, model.B),
+        GainPolicy(zero(len(Input._fields))),
+        nothing,
+        nothing,
+        nothing,
+        OneMinusCosine(100.0, 1.0, 68.0),
+    )
+    with pytest.raises(BadInputError, match="knows no gusts"):
+        CompiledLoop(loop)

@@ -1,0 +1,153 @@
+"""`hfa fly`: what it says, what it writes, its exit codes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+FLY = ("fly", "--dihedral", "15", "--law", "exact")
+
+
+def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = (*FLY, "--duration", "1", "--initial", "speed=0.1", "--gust", "50:2", "--error", "lift_slope=0.99")
+    result = hfa(*words, "--picture", "flight.png", "-o", "flight.json")
+    assert (result.code, result.err) == (0, "")
+    assert "held: 1 s inside the envelope" in result.out
+    assert Path("flight.png").read_bytes().startswith(b"\x89PNG")
+    data = json.loads(Path("flight.json").read_text(encoding="utf-8"))
+    assert data["schema"] == "hfa.flight/1"
+    assert data["held"] is True
+    assert data["departure"] is None
+    assert data["scenario"]["errors"] == {"lift_slope": 0.99}
+    assert data["scenario"]["gust"]["length"] == 50.0
+    history = data["history"]
+    assert (len(history["times"]), len(history["states"][0]), len(history["inputs"][0])) == (101, 7, 5)
+    assert history["states"][0][0] == pytest.approx(68.1)
+    assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
+    for suffix in ("npz", "mat", "csv"):
+        assert hfa(*words, "-o", f"flight.{suffix}").code == 0
+    with np.load("flight.npz") as stored:
+        np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
+    lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "# schema: hfa.flight/1"
+    assert lines[1].startswith("time [s],speed [ft/s],alpha [rad]")
+    assert len(lines) == 103
+
+
+def test_the_command_says_what_left_first_and_exits_with_1() -> None:
+    result = hfa(
+        *FLY, "--initial", "paper", "--reference", "paper", "--disturbance", "paper", "--noise", "paper", "--json"
+    )
+    assert (result.code, result.err) == (1, "")
+    data = json.loads(result.out)
+    assert data["held"] is False
+    assert data["departure"]["state"] == "pitch_rate"
+    assert data["departure"]["time"] < 0.1
+
+
+def test_the_command_checks_itself() -> None:
+    result = hfa(*FLY, "--duration", "0.5", "--initial", "speed=0.2", "--check", "--json")
+    assert result.code == 0
+    checks = {check["name"]: check for check in json.loads(result.out)["checks"]}
+    assert len(checks) == 21
+    assert 1.9 < checks["slope_pitch_rate_at_least"]["value"] < 2.1
+    assert checks["integration_pitch_rate"]["value"] < 1e-6
+    coarse = hfa(*FLY, "--duration", "0.5", "--initial", "speed=0.2", "--check", "--step", "0.01")
+    assert coarse.code == 1
+    assert "FAIL integration_pitch_rate" in coarse.out
+
+
+def test_the_command_learns_in_flight() -> None:
+    words = (
+        "fly",
+        "--dihedral",
+        "15",
+        "--online",
+        "--set",
+        "predefined_time=1",
+        "--duration",
+        "2",
+        "--initial",
+        "speed=0.1",
+    )
+    result = hfa(*words)
+    assert result.code == 0
+    assert "the baseline flies until the first stabilizing certificate, at 0." in result.out
+
+
+def test_the_command_flies_a_schedule() -> None:
+    result = hfa(
+        "fly", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact", "--step", "0.002"
+    )
+    assert (result.code, result.err) == (0, "")
+    assert "held: 40 s inside the envelope" in result.out
+    assert result.out.count("8 hold") == 3
+
+
+def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
+    picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
+    ranges = ("--speeds", "-1:1:1", "--dihedrals", "-10:10:10", "--commands", "-10,10")
+    result = hfa(*FLY, "--map", str(picture), *ranges, "-o", str(table))
+    assert (result.code, result.err) == (0, "")
+    assert "published dynamics" in result.out
+    assert "newton dynamics" in result.out
+    assert "pitch_rate at" in result.out
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
+    assert len(table.read_text(encoding="utf-8").splitlines()) == 2 + 2 * 2 * 9
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("--law published", "unknown law 'published'"),
+        ("--law exact --online", "--online belongs to a learning law"),
+        ("--law exact --set eta=0.5", "--set belongs to a learning law"),
+        ("--set span=1", "no setting 'span'"),
+        ("--duration 0", "duration is 0"),
+        ("--duration soon", "--duration is 'soon'"),
+        ("--step 0.003", "whole number"),
+        ("--initial roll=1", "--initial has no state 'roll'"),
+        ("--initial speed", "'speed' is not NAME=VALUE"),
+        ("--reference altitude=1", "--reference has no state 'altitude'"),
+        ("--noise alpha=1:2", "--noise alpha is '1:2'"),
+        ("--disturbance alpha=x", "alpha is 'x'"),
+        ("--error span=0.9", "unknown parameter 'span'"),
+        ("--error lift_slope=-1", "lift_slope is a factor of -1"),
+        ("--gust 400", "--gust is '400'"),
+        ("--gust 0:10", "length is 0"),
+        ("--gust 400:10 --turbulence 5:1750", "do not go together"),
+        ("--turbulence 5", "--turbulence is '5'"),
+        ("--turbulence 5:0", "scale is 0"),
+        ("--actuators 0.05", "--actuators is '0.05'"),
+        ("--actuators 0:60", "lag of throttle is 0"),
+        ("--engine 1:10", "--engine belongs to --actuators"),
+        ("--envelope roll=0:1", "no state 'roll'"),
+        ("--envelope alpha=1", "NAME=LOW:HIGH"),
+        ("--envelope alpha=10:-10", "lower one"),
+        ("--envelope dihedral=0:10", "outside the envelope"),
+        ("--over 60", "--over belongs to --to"),
+        ("--points 5", "--points belongs to --to"),
+        ("--speeds 0:1:1", "--speeds belongs to --map"),
+        ("--to 15", "two different ones"),
+        ("--to 20 --over 0", "takes 0"),
+        ("--to 20 --points 1", "--points is 1"),
+        ("--to 20 --speed 70", "--speed does not go with --to"),
+        ("--map map.png --gust 400:10", "--gust does not go with --map"),
+        ("--map map.xyz", "'.xyz'"),
+        ("--picture flight.pdf", "'.pdf'"),
+        ("--seed -1", "--seed is -1"),
+        ("--delta 0", "delta is 0"),
+        ("-o flight.txt", "'.txt'"),
+    ],
+)
+def test_the_command_refuses_in_one_line(words: str, named: str) -> None:
+    assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
+
+
+def test_a_game_without_a_value_is_refused_with_exit_1() -> None:
+    assert_refused(hfa(*FLY, "--delta", "100"), 1, "delta_min")
