@@ -66,6 +66,8 @@ def integrate(
         states[begin + 1 : begin + 1 + steps_per_tick] = rows
         if stop is not None and stop(rows):
             total = begin + steps_per_tick
+            if progress is not None:
+                progress(ticks, ticks)
             break
         if not np.isfinite(rows[-1]).all():
             first = int(np.argmin(np.isfinite(rows).all(axis=1)))

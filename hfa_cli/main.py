@@ -27,6 +27,7 @@ COMMANDS = {
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "a learned critic against the exact game solution",
     "fly": "fly a policy on the nonlinear aircraft, against its linear prediction; the recoverable set",
+    "reproduce": "fly Section 5 of the paper again: its figures, and its claims with numbers",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
 

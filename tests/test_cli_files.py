@@ -233,7 +233,7 @@ def test_report_folder(tmp_path: Path) -> None:
         assert (result.code, result.err) == (DONE, "")
         assert "Both printed pairs regenerated: yes" in result.out
         assert {path.name for path in folder.iterdir()} == {
-            *("report.html", "numbers.json", "regeneration.png", "root_locus.png")
+            *("report.html", "numbers.json", "regeneration.png", "root_locus.png", "critic.png")
         }
     for path in folders[0].iterdir():
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
@@ -247,7 +247,7 @@ def test_report_page_is_self_contained_and_tells_the_verdict(tmp_path: Path) -> 
     assert hfa("report", "-o", str(page)).code == DONE
     html = page.read_text(encoding="utf-8")
     assert 'are <strong class="yes">regenerated</strong>' in html
-    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
+    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 3
     assert not any(word in html for word in ("http://", "https://", "<script", "<link"))
     assert hfa("report", "-o", str(page), "--dynamics", "newton").code == FAILED
     assert "NOT regenerated" in page.read_text(encoding="utf-8")

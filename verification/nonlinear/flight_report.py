@@ -18,6 +18,8 @@ from verification.nonlinear.flight import NonlinearFlight, Scenario
 from verification.nonlinear.scheduling import CertifiedSchedule
 
 FLIGHT_SCHEMA = "hfa.flight/1"
+#: Numbers smaller than this are rounding and shown as 0.
+_ROUNDING = 1e-12
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 
@@ -208,4 +210,5 @@ def unit_text(unit: str) -> str:
 def number_text(value: float, unit: str) -> str:
     """A number of that unit, degrees for radians, four digits or more."""
     shown = float(np.degrees(value)) if unit.startswith("rad") else float(value)
+    shown = 0.0 if abs(shown) < _ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"

@@ -57,20 +57,19 @@ def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
     unit = "ft/s" if edge.axis == "speed" else "rad"
     sign = "+" if edge.sign > 0 else "-"
 
-    def reach(value: float, state: str) -> str:
-        return f"{sign}{number_text(value, unit)}" + ("" if state else " (all)")
+    def reached(value: float, one: Edge) -> str:
+        return f"{sign}{number_text(value, unit)}" + (" (all)" if value == one.reach else "")
 
     def leaving(one: Edge) -> str:
         return f"{one.state} at {one.time:.3g} s" if one.state else ""
 
-    back = f"{sign}{number_text(edge.returned, unit)}"
     return (
         edge.axis,
         unit_text(unit),
-        reach(edge.held, edge.state),
+        reached(edge.held, edge),
         leaving(edge),
-        back,
-        reach(linear.held, linear.state),
+        reached(edge.returned, edge),
+        reached(linear.held, linear),
         leaving(linear),
     )
 

@@ -33,7 +33,8 @@ class Edge(NamedTuple):
 
     held: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
     which one leaves it just beyond, and when, s. returned: up to where every flight comes to rest on its target,
-    whether or not it left the envelope. A value at the end of the scanned range has state "" and nothing was found.
+    whether or not it left the envelope. reach: the end of the scanned range; a value that equals it met no failure,
+    and `state` is then "".
     """
 
     axis: str
@@ -43,6 +44,7 @@ class Edge(NamedTuple):
     state: str
     time: float
     returned: float
+    reach: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +201,7 @@ def _edge(
         beyond = fly(np.array([sign * failure]))
         state, time = STATES[int(beyond.left[0])], float(beyond.when[0])
     returned, _ = _bisected(values, back(scan, sign * values), lambda v: back(fly(sign * v), sign * v), far)
-    return Edge(axis, sign, plant, held, state, time, returned)
+    return Edge(axis, sign, plant, held, state, time, returned, far)
 
 
 def _bisected(

@@ -1,0 +1,62 @@
+"""Fly Section 5 of the paper again: figures 3 to 23 anew, and every claim with its number, law by law.
+
+Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim
+that is not confirmed is a result, not a failure. Exit code 0 when everything was flown, 1 when a flight of this
+project's own laws was lost or a game has no solution.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from hfa_cli.output import Progress
+from hfa_model.errors import BadInputError
+from hfa_model.files import write_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa reproduce`."""
+    parser.add_argument("experiment", metavar="SECTION", help="5.1, 5.2, 5.3, 5.4 or all")
+    parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where results go; made when missing")
+    parser.add_argument(
+        "--matrices",
+        default="regenerated",
+        metavar="SOURCE",
+        help="regenerated (trimmed and linearized here; default) or printed",
+    )
+    parser.add_argument("--reading", metavar="FILE", help="another reading of what the print leaves open (.toml)")
+    parser.add_argument("--resume", action="store_true", help="keep experiments that are finished")
+    parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly, draw, judge, write."""
+    from verification.experiments.reading import default_reading, load_reading
+    from verification.experiments.reproduce import claims_markdown, claims_text, experiments, reproduce
+    from verification.experiments.setting import make_setting
+    from verification.experiments.store import json_text
+
+    chosen = experiments(arguments.experiment)
+    reading = default_reading() if arguments.reading is None else load_reading(arguments.reading)
+    setting = make_setting(reading, arguments.matrices)
+    folder = _folder(arguments.output)
+    counters: dict[str, Progress] = {}
+
+    def show(section: str, done: int, total: int) -> None:
+        counters.setdefault(section, Progress(f"reproduce {section}"))(done, total)
+
+    table = reproduce(chosen, setting, folder, resume=arguments.resume, progress=show)
+    write_text(folder / "claims.json", json_text(table))
+    write_text(folder / "claims.md", claims_markdown(table))
+    print(json_text(table) if arguments.json else claims_text(table), end="" if arguments.json else "\n")
+    return 1 if table["own_flights_lost"] else 0
+
+
+def _folder(name: str) -> Path:
+    """The folder, made when its parent exists."""
+    folder = Path(name)
+    if not folder.is_dir() and (folder.exists() or not folder.parent.is_dir()):
+        raise BadInputError(f"cannot make the folder {folder}: choose another, in a folder that exists")
+    folder.mkdir(exist_ok=True)
+    return folder

@@ -1,0 +1,195 @@
+"""Options of a nonlinear flight, and the scenario that they name."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from controller.actuators import Actuators
+from controller.game import Game, published_game
+from controller.gusts import Dryden, Gust, OneMinusCosine
+from controller.model_file import parse_diagonal
+from controller.signals import Harmonic, Signal
+from hfa_cli.values import number, quantity, split_assignments, whole
+from hfa_model.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, STATES, Input
+from trim.condition import CONTROL_LIMITS
+from trim.linearize import LinearModel
+from trim.operating_point import OperatingPoint
+from verification.experiments.reading import default_reading
+from verification.nonlinear.flight import Scenario
+
+#: Laws that fly: the exact gain, or a learned one that comes with certificates.
+LAWS = ("exact", "certified", "irl")
+#: In place of NAME=...: what the paper flies in Section 5, as `verification/reading.toml` reads it.
+PAPER = "paper"
+_TICK = 0.01
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """What happens in the flight; everything is off by default."""
+    form = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
+    parser.add_argument("--duration", metavar="S", help="default 20")
+    parser.add_argument("--step", metavar="S", help="fixed step of the integration, default 0.001")
+    parser.add_argument(
+        "--initial", action="append", metavar="NAME=VALUE", help="a state off trim at the start, degrees; or `paper`"
+    )
+    parser.add_argument("--reference", action="append", metavar=form, help="what a state shall follow; or `paper`")
+    parser.add_argument("--disturbance", action="append", metavar=form, help="added to the rate of a state; or `paper`")
+    parser.add_argument("--noise", action="append", metavar=form, help="added to what a sensor says; or `paper`")
+    parser.add_argument(
+        "--error",
+        action="append",
+        metavar="NAME=FACTOR",
+        help="a parameter of the flown aircraft that the design misses",
+    )
+    parser.add_argument(
+        "--actuators", metavar="LAG:RATE", help="first-order actuators, s and deg/s, within the trim's control limits"
+    )
+    parser.add_argument("--engine", metavar="LAG:RATE", help="another lag and rate for the throttle, s and 1/s")
+    parser.add_argument("--gust", metavar="LENGTH:PEAK[:BEGIN]", help="1-cosine updraft, ft, ft/s and s")
+    parser.add_argument("--turbulence", metavar="SIGMA:SCALE", help="Dryden turbulence, ft/s and ft, from --seed")
+    parser.add_argument(
+        "--envelope", action="append", metavar="NAME=LOW:HIGH", help="other limits of a state, absolute; repeatable"
+    )
+
+
+def add_weights(parser: argparse.ArgumentParser) -> None:
+    """--law, --set, --seed, --delta, --Q, --R."""
+    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(LAWS)}; default certified")
+    parser.add_argument(
+        "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
+    )
+    parser.add_argument("--seed", metavar="N", help="seed of the recorded data and of the turbulence; default 0")
+    parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight; default: the paper's 200")
+    parser.add_argument("--Q", metavar="a,b,...", help="diagonal of Q; default: the paper's")
+    parser.add_argument("--R", metavar="a,b,...", help="diagonal of R; default: the paper's")
+
+
+def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Changes of the published game that the options name."""
+    changes: dict[str, Any] = {
+        name: parse_diagonal(name, getattr(arguments, name)) for name in ("Q", "R") if getattr(arguments, name)
+    }
+    return changes if arguments.delta is None else changes | {"delta": number(arguments.delta, "delta")}
+
+
+def game_on(model: LinearModel, arguments: argparse.Namespace) -> Game:
+    """The published game on a model, with the weights that the options name."""
+    return published_game(model.A, model.B, **weights_of(arguments))
+
+
+def law_of(arguments: argparse.Namespace) -> str:
+    """The law that the options name."""
+    law: str = arguments.law
+    if law not in LAWS:
+        raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
+    return law
+
+
+def seed_of(arguments: argparse.Namespace) -> int:
+    """The seed that the options name."""
+    return whole("--seed", arguments.seed, 0, lowest=0)
+
+
+def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
+    """The scenario that the options name, about a trim. duration: unless given, s."""
+    duration = duration if arguments.duration is None else number(arguments.duration, "--duration")
+    step = 0.001 if arguments.step is None else number(arguments.step, "--step")
+    scenario = Scenario(
+        duration=duration,
+        step=step,
+        tick=_TICK,
+        initial=_initial(arguments.initial),
+        reference=_signal("--reference", arguments.reference),
+        disturbance=_signal("--disturbance", arguments.disturbance),
+        noise=_signal("--noise", arguments.noise),
+        errors={name: number(text, name) for name, text in split_assignments(arguments.error).items()},
+        actuators=_actuators(arguments),
+    )
+    return scenario.with_gust(_gust(arguments, point.states.speed, scenario))
+
+
+def envelope_changes(words: list[str] | None) -> dict[str, tuple[float, float]]:
+    """`NAME=LOW:HIGH` words of --envelope, in internal units."""
+    changes = {}
+    for name, text in split_assignments(words).items():
+        _known("--envelope", name, STATES)
+        low, colon, high = text.partition(":")
+        if not colon:
+            raise BadInputError(f"--envelope {name} is {text!r}; give NAME=LOW:HIGH")
+        changes[name] = quantity(name, low), quantity(name, high)
+        if not changes[name][0] < changes[name][1]:
+            raise BadInputError(f"--envelope {name} is {text}; the first limit must be the lower one")
+    return changes
+
+
+def _initial(words: list[str] | None) -> np.ndarray:
+    start = np.zeros(len(STATES))
+    if words == [PAPER]:
+        start[[STATES.index(name) for name in LINEAR_STATES]] = default_reading().initial
+        return start
+    for name, text in split_assignments(words).items():
+        _known("--initial", name, STATES)
+        start[STATES.index(name)] = quantity(name, text)
+    return start
+
+
+def _signal(option: str, words: list[str] | None) -> Signal:
+    if words == [PAPER]:
+        return default_reading().signal(option.removeprefix("--"))
+    constant = np.zeros(len(LINEAR_STATES))
+    harmonics = []
+    for name, text in split_assignments(words).items():
+        _known(option, name, LINEAR_STATES)
+        parts = text.split(":")
+        if len(parts) not in (1, 3):
+            raise BadInputError(f"{option} {name} is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
+        index = LINEAR_STATES.index(name)
+        constant[index] = quantity(name, parts[0])
+        if len(parts) == 3:
+            sine = np.zeros(len(LINEAR_STATES))
+            sine[index] = quantity(name, parts[1])
+            harmonics.append(Harmonic(number(parts[2], f"{option} {name} frequency"), sine, np.zeros(len(sine))))
+    return Signal(constant, np.zeros(len(LINEAR_STATES)), tuple(harmonics))
+
+
+def _actuators(arguments: argparse.Namespace) -> Actuators | None:
+    if arguments.actuators is None:
+        if arguments.engine is not None:
+            raise BadInputError("--engine belongs to --actuators; give both")
+        return None
+    lag, degrees_per_second = _numbers("--actuators", arguments.actuators, "LAG:RATE", (2,))
+    rate = quantity("dihedral", str(degrees_per_second))  # degrees to radians as everywhere else
+    engine_lag, engine_rate = lag, np.inf
+    if arguments.engine is not None:
+        engine_lag, engine_rate = _numbers("--engine", arguments.engine, "LAG:RATE", (2,))
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    surfaces = len(lowest) - 1
+    return Actuators(Input(engine_lag, *[lag] * surfaces), lowest, highest, Input(engine_rate, *[rate] * surfaces))
+
+
+def _gust(arguments: argparse.Namespace, speed: float, scenario: Scenario) -> Gust | None:
+    if arguments.gust is not None and arguments.turbulence is not None:
+        raise BadInputError("--gust and --turbulence do not go together; give one of them")
+    if arguments.gust is not None:
+        length, peak, *begin = _numbers("--gust", arguments.gust, "LENGTH:PEAK[:BEGIN]", (2, 3))
+        return OneMinusCosine(length, peak, speed, *begin)
+    if arguments.turbulence is not None:
+        intensity, scale = _numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))
+        return Dryden(intensity, scale, speed, scenario.tick, scenario.ticks, seed_of(arguments))
+    return None
+
+
+def _numbers(option: str, text: str, form: str, counts: tuple[int, ...]) -> list[float]:
+    parts = text.split(":")
+    if len(parts) not in counts:
+        raise BadInputError(f"{option} is {text!r}; give {form}")
+    return [number(part, option) for part in parts]
+
+
+def _known(option: str, name: str, names: tuple[str, ...]) -> None:
+    if name not in names:
+        raise BadInputError(f"{option} has no state {name!r}; choose from {', '.join(names)}")

@@ -1,0 +1,54 @@
+"""A critic learned on one linear model and held against its exact game solution, in one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from controller.basis import basis
+from controller.game import published_game
+from controller.learn import learn
+from controller.result import LearningResult
+from trim.linearize import LinearModel
+from trim.text import in_degrees
+from verification.candidate import from_weights
+from verification.check_figure import check_figure
+from verification.check_report import check_text
+from verification.critic_check import CriticCheck, check_critic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedCritic:
+    """The model, the run of the default law on the paper's game, and the verdict."""
+
+    model: LinearModel
+    run: LearningResult
+    check: CriticCheck
+
+
+def judged_critic(model: LinearModel) -> JudgedCritic:
+    """Learn with the default law and settings, then check."""
+    game = published_game(model.A, model.B)
+    run = learn(game)
+    functions = basis(run.basis, len(model.A))
+    candidate = from_weights(game, run.weights[-1], functions)
+    check = check_critic(game, candidate, functions, run=run, predefined_time=run.settings["predefined_time"])
+    return JudgedCritic(model, run, check)
+
+
+def critic_text(critic: JudgedCritic) -> str:
+    """The table of checks and the entries of P and K."""
+    model = critic.model
+    origin = f"the model at dihedral {in_degrees(model.point.states.dihedral):g} deg, {model.point.dynamics} dynamics"
+    return check_text(critic.check, model.states, model.inputs, origin)
+
+
+def critic_picture(critic: JudgedCritic) -> Figure:
+    """Heat maps of P and the errors over time."""
+    functions = basis(critic.run.basis, len(critic.model.A))
+    return check_figure(
+        critic.check, critic.model.states, functions, critic.run, critic.run.settings["predefined_time"]
+    )
