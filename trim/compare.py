@@ -38,6 +38,11 @@ class EntryRow:
         return 100 * (self.computed - self.printed) / abs(self.printed) if self.printed else float("nan")
 
     @property
+    def is_zero(self) -> bool:
+        """Whether the entry is printed 0 and is 0 but for rounding: nothing to compare."""
+        return self.printed == 0.0 and abs(self.half_units) < 1e-6
+
+    @property
     def name(self) -> str:
         """For example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
@@ -92,7 +97,7 @@ def comparison_text(model: LinearModel, published: PublishedModel) -> str:
             f"{entry.percent:+.4f}" if entry.printed else "-",
         )
         for entry in compare(model, published)
-        if entry.printed or entry.computed
+        if not entry.is_zero
     ]
     header = (f"at {published.dihedral_deg:g} deg", "printed", "computed", "half units", "percent")
     return columns(header, rows)

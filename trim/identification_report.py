@@ -106,7 +106,7 @@ def _entries_text(result: Identification) -> str:
         )
         for angle, table in result.tables.items()
         for entry in table
-        if entry.printed or entry.computed
+        if not entry.is_zero
     ]
     return columns(("entry", "printed", "fitted", "half units", "percent"), rows)
 

@@ -240,6 +240,8 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
     _, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
+    # A direction has no sign of its own: its largest component is made positive, on every machine alike.
+    directions *= np.sign(directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)])[:, None]
     prior_information = np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else np.zeros((len(theta), len(theta)))
     inverse = np.linalg.inv(relative.T @ relative + prior_information)
     spread = relative.T @ _rounding_covariance(relative) @ relative + prior_information / 3

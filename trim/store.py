@@ -1,40 +1,50 @@
-"""The results of a large sweep on disk: one Zarr group, written chunk by chunk.
+"""Results of a large job on disk: one Zarr group, written chunk by chunk.
 
-Zarr rather than Parquet, because the results are stacked matrices: A is an (N, 7, 7) array here, and would be
-49 columns there; any slice of it loads without the rest.
+Zarr rather than Parquet, because the results are stacked matrices: A of a sweep is an (N, 7, 7) array here, and would
+be 49 columns there; any slice of it loads without the rest.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa_model.errors import BadInputError
-from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
-from trim.chunk import STATUS, Chunk
-from trim.plan import SweepPlan
-
-SCHEMA = "hfa.sweep-store/1"
-
-_N, _M = len(STATES), len(INPUTS)
-#: Array -> (shape of one point, type, value of a point not yet computed).
-_ARRAYS: dict[str, tuple[tuple[int, ...], str, Any]] = {
-    "status": ((), "int8", -1),
-    "limiting": ((), "int8", -1),
-    "states": ((_N,), "float64", np.nan),
-    "inputs": ((_M,), "float64", np.nan),
-    "A": ((_N, _N), "float64", np.nan),
-    "B": ((_N, _M), "float64", np.nan),
-    "eigenvalues": ((_N,), "complex128", complex(np.nan, np.nan)),
-}
 
 
-class SweepStore:
-    """The store of one plan; `values` holds the varied variables, `done` which chunks are complete."""
+class Array(NamedTuple):
+    """One array of a store: shape of one row, type, value of a row that is not yet computed."""
+
+    shape: tuple[int, ...]
+    kind: str
+    fill: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What a store holds. schema: names its form and version. what: the job in one word, for messages.
+
+    rows: N. chunk: rows of a chunk. plan: JSON data that decides the results; identity: a hash of it.
+    arrays: name -> one array, (N, *shape). attributes: names and units of the columns.
+    """
+
+    schema: str
+    what: str
+    rows: int
+    chunk: int
+    plan: Mapping[str, Any]
+    identity: str
+    arrays: Mapping[str, Array]
+    attributes: Mapping[str, Any]
+
+
+class Store:
+    """The store of one job: its arrays, and `done`, which says of each chunk whether it is complete."""
 
     def __init__(self, group: Any) -> None:
         self._group = group
@@ -44,81 +54,56 @@ class SweepStore:
         """Numbers of the chunks that are not complete."""
         return np.flatnonzero(self._group["done"][:] == 0).tolist()
 
-    def write(self, number: int, values: np.ndarray, result: Chunk) -> None:
-        """Write chunk `number`: its data, and only then its flag."""
-        rows = slice(number * self.chunk, number * self.chunk + len(values))
-        self._group["values"][rows] = values
-        for name in _ARRAYS:
-            self._group[name][rows] = getattr(result, name)
+    def write(self, number: int, result: Mapping[str, np.ndarray]) -> None:
+        """Write chunk `number`, one array a name: its data, and only then its flag."""
+        for name, values in result.items():
+            self._group[name][number * self.chunk : number * self.chunk + len(values)] = values
         self._group["done"][number] = 1
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
         """A slice of one array."""
         return np.asarray(self._group[name][rows])
 
-    def counts(self) -> dict[str, int]:
-        """Status -> number of points, and "missing" for those not computed yet."""
-        status = self._group["status"]
-        totals = np.zeros(len(STATUS) + 1, dtype=int)
-        for start in range(0, status.shape[0], self.chunk):
-            totals += np.bincount(status[start : start + self.chunk] + 1, minlength=len(totals))
-        return dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
 
-
-def create_store(path: Path, plan: SweepPlan, chunk: int) -> SweepStore:
-    """A new store for all points of a plan; BadInputError when something is there already."""
+def create_store(path: Path, layout: Layout) -> Store:
+    """A new store; BadInputError when something is there already."""
     zarr = _zarr()
     if path.exists():
         raise BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     group = zarr.open_group(str(path), mode="w")
-    count = plan.count
-    shapes: Iterable[tuple[str, tuple[tuple[int, ...], str, Any]]] = (
-        ("values", ((len(plan.variables),), "float64", np.nan)),
-        *_ARRAYS.items(),
-    )
-    for name, (shape, kind, fill) in shapes:
-        group.create_array(name, shape=(count, *shape), chunks=(min(chunk, count), *shape), dtype=kind, fill_value=fill)
-    chunks = -(-count // chunk)
+    rows = min(layout.chunk, layout.rows)
+    for name, (shape, kind, fill) in layout.arrays.items():
+        group.create_array(name, shape=(layout.rows, *shape), chunks=(rows, *shape), dtype=kind, fill_value=fill)
+    chunks = -(-layout.rows // layout.chunk)
     group.create_array("done", shape=(chunks,), chunks=(1,), dtype="uint8", fill_value=0)
-    group.attrs.update(_attributes(plan, chunk))
-    return SweepStore(group)
+    known = {"identity": layout.identity, "plan": json.dumps(layout.plan), "chunk": layout.chunk, **layout.attributes}
+    group.attrs.update({"schema": layout.schema, **known})
+    return Store(group)
 
 
-def open_store(path: Path, plan: SweepPlan | None = None) -> SweepStore:
-    """An existing store; with a plan, BadInputError when it was made for another."""
+def open_store(path: Path, layout: Layout | None = None) -> Store:
+    """An existing store, to be read, or with its layout to be continued; BadInputError when it is of another job."""
     zarr = _zarr()
+    what = "store" if layout is None else f"{layout.what} store"
     try:
-        group = zarr.open_group(str(path), mode="r" if plan is None else "r+")
+        group = zarr.open_group(str(path), mode="r" if layout is None else "r+")
         attributes = dict(group.attrs)
     except (OSError, ValueError, KeyError) as error:
-        raise BadInputError(f"{path} is not a sweep store; start it without --resume") from error
-    if attributes.get("schema") != SCHEMA:
-        raise BadInputError(f"{path} is not a sweep store of schema {SCHEMA}")
-    if plan is not None and attributes["identity"] != plan.identity:
-        raise BadInputError(f"{path} belongs to another sweep; give the same options, or another name")
-    return SweepStore(group)
-
-
-def _attributes(plan: SweepPlan, chunk: int) -> dict[str, Any]:
-    return {
-        "schema": SCHEMA,
-        "identity": plan.identity,
-        "plan": json.dumps(plan.to_dict()),
-        "chunk": chunk,
-        "variables": list(plan.variables),
-        "variable_units": list(plan.units),
-        "states": list(STATES),
-        "state_units": list(STATE_UNITS),
-        "inputs": list(INPUTS),
-        "input_units": list(INPUT_UNITS),
-        "status": list(STATUS),
-        "limiting": list(STATES + INPUTS),
-    }
+        raise BadInputError(f"{path} is not a {what}; start it without --resume") from error
+    if layout is None:
+        if "identity" not in attributes:
+            raise BadInputError(f"{path} is not a {what} of this project")
+        return Store(group)
+    if attributes.get("schema") != layout.schema:
+        raise BadInputError(f"{path} is not a {what} of schema {layout.schema}")
+    if attributes["identity"] != layout.identity:
+        raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
+    return Store(group)
 
 
 def _zarr() -> Any:
     try:
         import zarr
     except ImportError as error:
-        raise BadInputError("a sweep store needs Zarr; install it with `pip install .[distributed]`") from error
+        raise BadInputError("a store needs Zarr; install it with `pip install .[distributed]`") from error
     return zarr

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from trim.plan import SweepPlan
-from trim.store import SweepStore
+from trim.store import Store
+from trim.stored_sweep import status_counts
 from trim.text import columns
 
 SCHEMA = "hfa.sweep-summary/1"
 
 
-def store_data(plan: SweepPlan, store: SweepStore, path: Path) -> dict[str, Any]:
+def store_data(plan: SweepPlan, store: Store, path: Path) -> dict[str, Any]:
     """Points by status, and where they are."""
     return {
         "schema": SCHEMA,
@@ -21,7 +22,7 @@ def store_data(plan: SweepPlan, store: SweepStore, path: Path) -> dict[str, Any]
         "variables": list(plan.variables),
         "variable_units": list(plan.units),
         "points": plan.count,
-        "counts": store.counts(),
+        "counts": status_counts(store, plan.count),
     }
 
 
