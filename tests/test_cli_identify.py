@@ -85,3 +85,12 @@ def test_another_process_writes_the_same_files(identified: Run, tmp_path: Path) 
     assert result == identified.result
     for name in ("evidence.json", *FILES):
         assert (tmp_path / name).read_bytes() == (identified.folder / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_a_parameters_file_is_an_output_too(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    result = hfa("identify", "--seed", "3", "-o", str(path))
+    assert (result.code, result.err) == (0, "")
+    assert load_parameters(path).values._asdict() == pytest.approx(default_parameters().values._asdict(), rel=1e-7)
+    assert hfa("regenerate", "--parameters", str(path)).code == 0

@@ -38,11 +38,20 @@ class Chunk(NamedTuple):
     eigenvalues: np.ndarray
 
 
-def run_chunk(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str) -> Chunk:
-    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising."""
+def run_chunk(
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    parameters: Parameters,
+    dynamics: str,
+    compile_code: bool | None = None,
+) -> Chunk:
+    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
+
+    compile_code: see `solve_level_flights`.
+    """
     variant = variant_named(dynamics)
     conditions, constants = _tables(variables, values, parameters)
-    flights = solve_level_flights(variant, constants, conditions)
+    flights = solve_level_flights(variant, constants, conditions, compile_code=compile_code)
     beyond = _excess(flights.states, flights.inputs)
     balanced = np.abs(flights.residuals).max(axis=1) <= BALANCE
     status = np.where(flights.trimmed, TRIMMED, np.where(balanced, BEYOND_LIMITS, NO_TRIM)).astype(np.int8)

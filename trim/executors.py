@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from queue import SimpleQueue
 from typing import Any
 
 from hfa_model.errors import BadInputError, NoSolutionError
@@ -51,20 +52,29 @@ class Workers:
         waiting: Iterator[tuple[int, Task]],
         left: dict[int, Task],
     ) -> Iterator[tuple[int, Any]]:
-        futures: dict[Future[Any], int] = {executor.submit(function, *task): key for key, task in left.items()}
+        futures: dict[Future[Any], int] = {}
+        # A queue, not `wait`, which looks at every future each time: thousands, with a thousand workers.
+        finished: SimpleQueue[Future[Any]] = SimpleQueue()
+
+        def submit(key: int, task: Task) -> None:
+            future = executor.submit(function, *task)
+            futures[future] = key
+            future.add_done_callback(finished.put)
+
         try:
+            for key, task in left.items():
+                submit(key, task)
             while True:
                 while len(futures) < _AHEAD * self._count and (item := next(waiting, None)) is not None:
-                    key, task = item
-                    left[key] = task
-                    futures[executor.submit(function, *task)] = key
+                    left[item[0]] = item[1]
+                    submit(*item)
                 if not futures:
                     return
-                for future in wait(futures, return_when=FIRST_COMPLETED).done:
-                    result = future.result()
-                    key = futures.pop(future)
-                    del left[key]
-                    yield key, result
+                future = finished.get()
+                result = future.result()
+                key = futures.pop(future)
+                del left[key]
+                yield key, result
         finally:
             for future in futures:
                 future.cancel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,39 +83,51 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 )
 
 
-def run_identification(seed: int = 0) -> Identification:
-    """Identify, then collect the evidence; a few seconds."""
+def run_identification(seed: int = 0, progress: Callable[[int, int], None] | None = None) -> Identification:
+    """Identify, then collect the evidence; about 20 seconds. progress: called with (stages done, stages in all)."""
+    stages = len(ALTERNATIVES) + 3
+
+    def done(stage: int) -> None:
+        if progress is not None:
+            progress(stage, stages)
+
     best, starts = identify(seed)
+    done(1)
     rival = fit_rival()
+    done(2)
     aircraft = Aircraft(best.parameters.values, Published())
     tables = {model.dihedral_deg: compare(regenerate(aircraft, model), model) for model in published_models()}
-    return Identification(best, rival, starts, tables, _structures(best, rival, seed), _left_out())
+    return Identification(best, rival, starts, tables, _structures(best, rival, seed, done), _left_out(done))
 
 
 def save_identification(result: Identification, folder: Path) -> tuple[Path, Path]:
     """Write `parameters.toml` and `parameters_rival.toml`; returns their paths."""
     paths = folder / "parameters.toml", folder / "parameters_rival.toml"
-    what = (
-        "The aircraft behind the printed matrices",
-        "The same with the rival hinge inertia (hfa_model/variants.py), for the spread between structures",
-    )
-    for path, fitted, title in zip(paths, (result.fit, result.rival), what, strict=True):
-        header = (
-            f"{title}. Written by `hfa identify`; do not edit.\n"
-            f"Sum of squares {fitted.sum_of_squares:.2f} half units^2 over {fitted.entries} printed entries "
-            f"(rounding alone gives {fitted.expected_sum:.1f} on average)."
-        )
-        save_parameters(fitted.parameters, path, header)
+    for path, fitted in zip(paths, (result.fit, result.rival), strict=True):
+        save_fit(fitted, path)
     return paths
 
 
-def _structures(best: Fit, rival: Fit, seed: int) -> tuple[Structure, ...]:
+def save_fit(fitted: Fit, path: Path) -> None:
+    """Write one fit as a parameters file."""
+    title = "The aircraft behind the printed matrices"
+    if fitted.parameters.structure:
+        title += ", with the rival hinge inertia (hfa_model/variants.py), for the spread between structures"
+    header = (
+        f"{title}. Written by `hfa identify`; do not edit.\n"
+        f"Sum of squares {fitted.sum_of_squares:.2f} half units^2 over {fitted.entries} printed entries "
+        f"(rounding alone gives {fitted.expected_sum:.1f} on average)."
+    )
+    save_parameters(fitted.parameters, path, header)
+
+
+def _structures(best: Fit, rival: Fit, seed: int, done: Callable[[int], None]) -> tuple[Structure, ...]:
     rng = np.random.default_rng(seed)
     rows = [
         Structure("published", 0, best.sum_of_squares, best.largest),
         Structure("rival: hinge inertia with a free factor on cos² η", 1, rival.sum_of_squares, rival.largest),
     ]
-    for description, variant in ALTERNATIVES:
+    for index, (description, variant) in enumerate(ALTERNATIVES):
         # From the published optimum and from rough guesses: the alternative gets its best chance.
         near = np.log(_identified(best) / _identified_rough())
         tries = [
@@ -122,10 +135,11 @@ def _structures(best: Fit, rival: Fit, seed: int) -> tuple[Structure, ...]:
         ]
         chosen = min(tries, key=lambda one: one.sum_of_squares)
         rows.append(Structure(description, 0, chosen.sum_of_squares, chosen.largest))
+        done(3 + index)
     return tuple(rows)
 
 
-def _left_out() -> tuple[LeftOut, ...]:
+def _left_out(done: Callable[[int], None]) -> tuple[LeftOut, ...]:
     rows = []
     first, second = published_models()
     for known, unknown in ((first, second), (second, first)):
@@ -139,6 +153,7 @@ def _left_out() -> tuple[LeftOut, ...]:
         determined = int(np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100))
         shape_error = _row_error(pitch, factor)
         rows.append(LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, errors, shape_error))
+    done(len(ALTERNATIVES) + 3)
     return tuple(rows)
 
 

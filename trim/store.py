@@ -7,10 +7,12 @@ be 49 columns there; any slice of it loads without the rest.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 
@@ -55,10 +57,23 @@ class Store:
         return np.flatnonzero(self._group["done"][:] == 0).tolist()
 
     def write(self, number: int, result: Mapping[str, np.ndarray]) -> None:
-        """Write chunk `number`, one array a name: its data, and only then its flag."""
+        """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile."""
         for name, values in result.items():
             self._group[name][number * self.chunk : number * self.chunk + len(values)] = values
+
+    def complete(self, number: int) -> None:
+        """Set the flag of a chunk whose data are written."""
         self._group["done"][number] = 1
+
+    @contextmanager
+    def session(self) -> Iterator[str]:
+        """A mark that this store bears while the block runs, and no copy of it elsewhere: workers know it by that."""
+        mark = uuid4().hex
+        self._group.attrs["session"] = mark
+        try:
+            yield mark
+        finally:
+            del self._group.attrs["session"]
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
         """A slice of one array."""
@@ -99,6 +114,17 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
     if attributes["identity"] != layout.identity:
         raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
     return Store(group)
+
+
+def store_in_sight(path: Path, mark: str) -> Store | None:
+    """The store of a session to write into, or None where this process does not see it."""
+    try:
+        import zarr
+
+        group = zarr.open_group(str(path), mode="r+")
+    except (ImportError, OSError, ValueError, KeyError):
+        return None
+    return Store(group) if group.attrs.get("session") == mark else None
 
 
 def _zarr() -> Any:

@@ -13,13 +13,14 @@ import numpy as np
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
 from trim.chunk import STATUS, run_chunk
+from trim.level_flights import COMPILE_FROM
 from trim.plan import SweepPlan
 from trim.store import Array, Layout, Store
 from trim.stream import stream
 
 SCHEMA = "hfa.sweep-store/1"
-#: Points of a chunk: half a second of work or more, about 25 MB of results.
-CHUNK = 25_000
+#: Points of a chunk: half a second of work or more, about 90 MB of results.
+CHUNK = 100_000
 
 _N, _M = len(STATES), len(INPUTS)
 _NAN = float("nan")
@@ -62,17 +63,17 @@ class SweepJob:
         """What workers run."""
         return run_points
 
-    def task(self, start: int, stop: int) -> tuple[tuple[str, ...], np.ndarray, Parameters, str]:
+    def task(self, start: int, stop: int) -> tuple[tuple[str, ...], np.ndarray, Parameters, str, bool]:
         """Values of the points, not the plan: a worker would make the whole of a Latin hypercube for its part."""
         plan = self.plan
-        return plan.variables, plan.values(start, stop), plan.parameters, plan.dynamics
+        return plan.variables, plan.values(start, stop), plan.parameters, plan.dynamics, plan.count >= COMPILE_FROM
 
 
 def run_points(
-    variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str
+    variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str, compile_code: bool
 ) -> Mapping[str, np.ndarray]:
-    """`run_chunk`, with the values that it was given, by name of the array in the store."""
-    return {"values": values, **run_chunk(variables, values, parameters, dynamics)._asdict()}
+    """`run_chunk`, with the values that it was given, by name of the array in the store. What a worker runs."""
+    return {"values": values, **run_chunk(variables, values, parameters, dynamics, compile_code)._asdict()}
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:

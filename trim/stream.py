@@ -1,15 +1,20 @@
-"""Run a large job into a store: what is missing, on the workers, written as it comes."""
+"""Run a large job into a store: what is missing, on the workers, written as it comes.
+
+A worker that sees the store, on the same disk or a shared one, writes its chunk itself, so that no process is the
+bottleneck of the others; from a worker that does not, the rows come back and are written here. Either way this
+process alone says that a chunk is complete, after its data.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from trim.executors import Task, workers
-from trim.store import Layout, Store, create_store, open_store
+from trim.store import Layout, Store, create_store, open_store, store_in_sight
 
 
 class Job(Protocol):
@@ -41,20 +46,37 @@ def stream(
     count, scheduler: see `executors.workers`. resume: continue an interrupted job; else the store must be new.
     progress is called with (chunks done, chunks in all). The results do not depend on where they were computed.
     """
-    layout = job.layout
+    layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as crew:
-        store = open_store(path, layout) if resume else create_store(path, layout)
+        store = open_store(place, layout) if resume else create_store(place, layout)
         total = -(-layout.rows // store.chunk)
         missing = store.missing()
         done = total - len(missing)
-        for number, result in crew.run(job.function, _tasks(job, store.chunk, missing)):
-            store.write(number, result)
-            done += 1
-            if progress is not None:
-                progress(done, total)
+        with store.session() as mark:
+            tasks = (
+                (number, (place, mark, number, job.function, _task(job, store.chunk, number))) for number in missing
+            )
+            for number, rows in crew.run(run_and_write, tasks):
+                if rows is not None:
+                    store.write(number, rows)
+                store.complete(number)
+                done += 1
+                if progress is not None:
+                    progress(done, total)
     return store
 
 
-def _tasks(job: Job, chunk: int, missing: list[int]) -> Iterator[tuple[int, Any]]:
-    for number in missing:
-        yield number, job.task(number * chunk, min((number + 1) * chunk, job.layout.rows))
+def run_and_write(
+    path: Path, mark: str, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
+) -> Mapping[str, np.ndarray] | None:
+    """Compute one chunk and write it where the store is in sight; else return it. What a worker runs."""
+    rows = function(*task)
+    store = store_in_sight(path, mark)
+    if store is None:
+        return rows
+    store.write(number, rows)
+    return None
+
+
+def _task(job: Job, chunk: int, number: int) -> Task:
+    return job.task(number * chunk, min((number + 1) * chunk, job.layout.rows))
