@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -57,6 +57,33 @@ class Flight:
     updrafts: np.ndarray
 
 
+class Expressions(NamedTuple):
+    """A loop at (t, y, p): y' and what is seen of it; error z without noise, inputs u, disturbance d, updraft w."""
+
+    rate: Any
+    error: Any
+    inputs: Any
+    disturbance: Any
+    updraft: Any
+
+
+def expressions(loop: ClosedLoop, t: Any, y: Any, p: Any) -> Expressions:
+    """The loop written out, y = [x; memory; gust filter], p = [policy's; gust's constants], as CasADi expressions."""
+    n, k, m = len(loop.plant.states), loop.policy.memory_size, loop.policy.constants_size
+    x, memory, own = y[:n], y[n : n + k], p[:m]
+    error = loop.plant.seen(x) - loop.reference.at(t)
+    measured = error + loop.noise.at(t)
+    u = loop.policy.control(t, measured, memory, own)
+    d = loop.disturbance.at(t)
+    own_rate = loop.policy.memory_rate(t, measured, memory, own)
+    if loop.gust is None:
+        return Expressions(ca.vertcat(loop.plant.rate(x, u, d), own_rate), error, u, d, ca.SX(0))
+    of_the_air = t, y[n + k :], p[m:]
+    updraft = loop.gust.updraft(*of_the_air)
+    rate = ca.vertcat(loop.plant.rate(x, u, d, updraft), own_rate, loop.gust.memory_rate(*of_the_air))
+    return Expressions(rate, error, u, d, updraft)
+
+
 class CompiledLoop:
     """The loop as CasADi Functions of (t, y, p), y = [x; memory; gust filter], p = [policy's; gust's constants].
 
@@ -67,22 +94,11 @@ class CompiledLoop:
         self.loop = loop
         n, k, m = len(loop.plant.states), loop.policy.memory_size, loop.policy.constants_size
         filters, noises = (loop.gust.memory_size, loop.gust.constants_size) if loop.gust is not None else (0, 0)
-        t, y, every_p = ca.SX.sym("t"), ca.SX.sym("y", n + k + filters), ca.SX.sym("p", m + noises)
-        x, memory, p = y[:n], y[n : n + k], every_p[:m]
-        error = loop.plant.seen(x) - loop.reference.at(t)
-        measured = error + loop.noise.at(t)
-        u = loop.policy.control(t, measured, memory, p)
-        d = loop.disturbance.at(t)
-        own_rate = loop.policy.memory_rate(t, measured, memory, p)
-        if loop.gust is None:
-            updraft, rate = ca.SX(0), ca.vertcat(loop.plant.rate(x, u, d), own_rate)
-        else:
-            of_the_air = t, y[n + k :], every_p[m:]
-            updraft = loop.gust.updraft(*of_the_air)
-            rate = ca.vertcat(loop.plant.rate(x, u, d, updraft), own_rate, loop.gust.memory_rate(*of_the_air))
-        self.rate = ca.Function("loop_rate", [t, y, every_p], [ca.densify(rate)], {"cse": True})
-        seen = [ca.densify(part) for part in (error, u, d, updraft)]
-        self._seen = ca.Function("loop_seen", [t, y, every_p], seen)
+        arguments = ca.SX.sym("t"), ca.SX.sym("y", n + k + filters), ca.SX.sym("p", m + noises)
+        now = expressions(loop, *arguments)
+        self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
+        seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
+        self._seen = ca.Function("loop_seen", [*arguments], seen)
 
     def fly(
         self,

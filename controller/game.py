@@ -131,9 +131,13 @@ def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if strictly and smallest < 1.0 / LARGEST:
-        raise BadInputError(f"{name} is not positive definite (smallest eigenvalue {smallest:.3g})")
+        raise BadInputError(
+            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}); make every eigenvalue positive"
+        )
     if not strictly and smallest < -1e-12 * scale:
-        raise BadInputError(f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g})")
+        raise BadInputError(
+            f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
+        )
 
 
 def _shape(matrix: np.ndarray) -> str:

@@ -83,7 +83,7 @@ def integrate(
 @lru_cache(maxsize=64)
 def _chunk(rate: ca.Function, steps: int, use_machine_code: bool) -> ca.Function:
     """([t; y], p, h) -> [t; y] after each of `steps` steps, one column a step."""
-    step = _runge_kutta_step(rate)
+    step = runge_kutta_step(rate)
     many = step.mapaccum("many_steps", steps)
     n, k = rate.numel_in(1), rate.numel_in(2)
     start, p, h = ca.MX.sym("start", n + 1), ca.MX.sym("p", k), ca.MX.sym("h")
@@ -92,7 +92,8 @@ def _chunk(rate: ca.Function, steps: int, use_machine_code: bool) -> ca.Function
     return machine_code(function) if use_machine_code else function
 
 
-def _runge_kutta_step(rate: ca.Function) -> ca.Function:
+def runge_kutta_step(rate: ca.Function) -> ca.Function:
+    """([t; y], p, h) -> [t; y] one step of h later."""
     kind: Any = ca.SX if rate.is_a("SXFunction") else ca.MX
     n, k = rate.numel_in(1), rate.numel_in(2)
     start, p, h = kind.sym("start", n + 1), kind.sym("p", k), kind.sym("h")

@@ -66,6 +66,8 @@ def learn(
     for name in options:
         if name not in known:
             raise BadInputError(f"law '{law}' has no setting '{name}'; choose from: {', '.join(known)}")
+    if not game.Q.any():
+        raise BadInputError("Q is zero: every law measures its residual against z'Qz; give some state a cost")
     if not isinstance(pool, Stack | None):
         raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
     process = LAWS[law].build(game, LAWS[law].settings(**options), seed, pool)

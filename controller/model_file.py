@@ -14,6 +14,8 @@ from hfa_model.errors import BadInputError
 from hfa_model.published import published_data
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
+#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
+LARGEST_CRITIC_ENTRY = 1e50
 CRITIC_KEYS: tuple[Literal["W", "P", "K"], ...] = ("W", "P", "K")
 
 
@@ -76,6 +78,11 @@ def load_critic(path: str | Path) -> StoredCritic:
                 values = values.reshape(-1)
             elif values.ndim != 2:
                 raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
+            if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
+                raise BadInputError(
+                    f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed "
+                    f"{LARGEST_CRITIC_ENTRY:g}"
+                )
             values.setflags(write=False)
             return StoredCritic(key, values)
     raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")

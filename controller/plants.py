@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -11,6 +11,8 @@ import numpy as np
 from hfa_model.compiled import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.errors import BadInputError
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
 from trim.operating_point import OperatingPoint
 
@@ -59,6 +61,13 @@ class LinearPlant:
         return x
 
 
+class Equations(NamedTuple):
+    """A variant of the equations with its parameters, which may be CasADi symbols (an `Aircraft` has numbers)."""
+
+    parameters: Parameters
+    variant: Variant
+
+
 @dataclass(frozen=True, eq=False)
 class NonlinearPlant:
     """X' = f(X, U, w) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
@@ -66,7 +75,7 @@ class NonlinearPlant:
     d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
     """
 
-    aircraft: Aircraft
+    aircraft: Aircraft | Equations
     point: OperatingPoint
 
     @property
@@ -79,11 +88,11 @@ class NonlinearPlant:
         X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
         U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
         rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, updraft))
-        return rate + ca.mtimes(ca.DM(_spread()), d)
+        return rate + ca.mtimes(ca.DM(spread()), d)
 
     def seen(self, x: Any) -> Any:
         """The six states of the linear model."""
-        return ca.mtimes(ca.DM(_spread().T), x)
+        return ca.mtimes(ca.DM(spread().T), x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +122,13 @@ class LinearizedAircraft:
     def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
         """A x + B u + b w, disturbed."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * updraft
-        return rate + ca.mtimes(ca.DM(_spread()), d)
+        return rate + ca.mtimes(ca.DM(spread()), d)
 
     def seen(self, x: Any) -> Any:
         """The six states of the linear model."""
-        return ca.mtimes(ca.DM(_spread().T), x)
+        return ca.mtimes(ca.DM(spread().T), x)
 
 
-def _spread() -> np.ndarray:
+def spread() -> np.ndarray:
     """(7, 6): the six states of the linear model among the seven."""
     return np.array([[float(name == other) for other in LINEAR_STATES] for name in STATES])

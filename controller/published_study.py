@@ -33,6 +33,7 @@ class StudyRun:
     P_error, K_error: relative Frobenius errors against the exact game. settled: when the law's own residual
     fell below `SETTLED` of its start for good, s (inf: never). stabilizing: A - S P and A - B K Hurwitz.
     lambda_0, alpha1, alpha2, explicit_step_limit: see `published_equations`; of the start. last_lambda_0: at T_w.
+    seed, box: of the stack, see `Case`.
     """
 
     dihedral_deg: float
@@ -48,6 +49,8 @@ class StudyRun:
     last_lambda_0: float = np.nan
     stabilizing: bool = False
     certified: bool = False
+    seed: int = 0
+    box: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,24 +88,49 @@ class StudyRow:
         return f"{text}. {self.cause}"
 
 
-def published_study(rows: tuple[str, ...] | None = None, progress: Progress | None = None) -> tuple[StudyRow, ...]:
+def published_study(
+    rows: tuple[str, ...] | None = None,
+    progress: Progress | None = None,
+    *,
+    finished: tuple[StudyRow, ...] = (),
+    keep: Callable[[tuple[StudyRow, ...]], None] | None = None,
+) -> tuple[StudyRow, ...]:
     """Run every row of `STUDY` (or those named) on both published models; takes a few minutes.
 
-    Raises BadInputError for an unknown row.
+    finished: rows of an earlier study, taken as they are. keep: called after each row with all rows that there are.
+    Raises BadInputError for an unknown row, and for a finished one that today's `STUDY` would run otherwise.
     """
     names = tuple(STUDY) if rows is None else rows
-    for name in names:
+    for name in (*names, *(row.name for row in finished)):
         if name not in STUDY:
             raise BadInputError(f"unknown row '{name}'; choose from: {', '.join(STUDY)}")
-    cases = [(name, case) for name in names for case in STUDY[name].cases()]
     references = {model.dihedral_deg: _Reference.of(published_game(model.A, model.B)) for model in published_models()}
-    done: dict[str, list[StudyRun]] = {name: [] for name in names}
-    for count, (name, case) in enumerate(cases):
-        for dihedral, reference in references.items():
-            done[name].append(_run(dihedral, reference, case))
-        if progress is not None:
-            progress((count + 1) / len(cases), name)
-    return tuple(StudyRow(name, STUDY[name].cause, tuple(done[name])) for name in names)
+    done = {row.name: _as_today(row, references) for row in finished}
+    cases = {name: tuple(STUDY[name].cases()) for name in names if name not in done}
+    count, total = 0, sum(len(of_row) for of_row in cases.values())
+    for name, of_row in cases.items():
+        runs: list[StudyRun] = []
+        for case in of_row:
+            runs += [_run(dihedral, reference, case) for dihedral, reference in references.items()]
+            count += 1
+            if progress is not None:
+                progress(count / total, name)
+        done[name] = StudyRow(name, STUDY[name].cause, tuple(runs))
+        if keep is not None:
+            keep(tuple(done.values()))
+    return tuple(done[name] for name in names)
+
+
+def _as_today(row: StudyRow, references: dict[float, _Reference]) -> StudyRow:
+    """The row with today's words on its cause, if its runs are those that would be made today."""
+    today = [
+        (dihedral, reference.settings(case), case.seed, case.box)
+        for case in STUDY[row.name].cases()
+        for dihedral, reference in references.items()
+    ]
+    if [(run.dihedral_deg, run.settings, run.seed, run.box) for run in row.runs] != today:
+        raise BadInputError(f"row '{row.name}' was made with other settings than today's; run it anew")
+    return replace(row, cause=STUDY[row.name].cause)
 
 
 @dataclass(frozen=True)
@@ -118,6 +146,11 @@ class _Reference:
         lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
         return cls(game, _certified(game), tuple(_certified(lqr).weights[-1].tolist()))
 
+    def settings(self, case: Case) -> PublishedSettings:
+        """The settings of one run on this model."""
+        starts: dict[str, Any] = dict.fromkeys(case.from_lqr, self.lqr_weights)
+        return PublishedSettings(**case.changes, **starts)
+
 
 def _certified(game: Game) -> LearningResult:
     law = certified_law(game, CertifiedSettings(tick=0.1), seed=0)
@@ -129,8 +162,7 @@ def _certified(game: Game) -> LearningResult:
 
 def _run(dihedral: float, reference: _Reference, case: Case) -> StudyRun:
     """One run of the published law."""
-    starts: dict[str, Any] = dict.fromkeys(case.from_lqr, reference.lqr_weights)
-    chosen = PublishedSettings(**case.changes, **starts)
+    chosen = reference.settings(case)
     pool = random_pool(reference.game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX)) if case.box else None
     law = published_law(reference.game, chosen, case.seed, pool)
     facts: dict[str, Any] = {
@@ -140,6 +172,8 @@ def _run(dihedral: float, reference: _Reference, case: Case) -> StudyRun:
         "alpha1": law.gains[0],
         "alpha2": law.gains[1],
         "explicit_step_limit": law.explicit_step_limit,
+        "seed": case.seed,
+        "box": case.box,
     }
     try:
         finished = run(law)
@@ -254,7 +288,7 @@ STUDY: dict[str, _Row] = {
     "learning alone, re-evaluated, implicit": _Row(
         lambda: _reevaluated_alone(box=False),
         "With a stabilizing start, policies re-evaluated, an implicit step and a stack spread as the plant spreads"
-        " its states, the law does find the game's value.",
+        " its states, the law finds the game's value; with the squared normaliser not always by T_w.",
     ),
     "learning alone, re-evaluated, implicit, poorer stack": _Row(
         lambda: _reevaluated_alone(box=True),

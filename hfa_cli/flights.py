@@ -56,9 +56,9 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_weights(parser: argparse.ArgumentParser) -> None:
-    """--law, --set, --seed, --delta, --Q, --R."""
-    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(LAWS)}; default certified")
+def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
+    """--law (one of `laws`), --set, --seed, --delta, --Q, --R."""
+    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(laws)}; default certified")
     parser.add_argument(
         "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
     )
@@ -81,11 +81,11 @@ def game_on(model: LinearModel, arguments: argparse.Namespace) -> Game:
     return published_game(model.A, model.B, **weights_of(arguments))
 
 
-def law_of(arguments: argparse.Namespace) -> str:
-    """The law that the options name."""
+def law_of(arguments: argparse.Namespace, laws: tuple[str, ...] = LAWS) -> str:
+    """The law that the options name, one of `laws`."""
     law: str = arguments.law
-    if law not in LAWS:
-        raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
+    if law not in laws:
+        raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(laws)}")
     return law
 
 
@@ -102,10 +102,10 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
         duration=duration,
         step=step,
         tick=_TICK,
-        initial=_initial(arguments.initial),
-        reference=_signal("--reference", arguments.reference),
-        disturbance=_signal("--disturbance", arguments.disturbance),
-        noise=_signal("--noise", arguments.noise),
+        initial=initial_of(arguments.initial),
+        reference=signal_of("--reference", arguments.reference),
+        disturbance=signal_of("--disturbance", arguments.disturbance),
+        noise=signal_of("--noise", arguments.noise),
         errors={name: number(text, name) for name, text in split_assignments(arguments.error).items()},
         actuators=_actuators(arguments),
     )
@@ -126,7 +126,8 @@ def envelope_changes(words: list[str] | None) -> dict[str, tuple[float, float]]:
     return changes
 
 
-def _initial(words: list[str] | None) -> np.ndarray:
+def initial_of(words: list[str] | None) -> np.ndarray:
+    """`NAME=VALUE` words of --initial as a deviation from trim, (7,)."""
     start = np.zeros(len(STATES))
     if words == [PAPER]:
         start[[STATES.index(name) for name in LINEAR_STATES]] = default_reading().initial
@@ -137,7 +138,8 @@ def _initial(words: list[str] | None) -> np.ndarray:
     return start
 
 
-def _signal(option: str, words: list[str] | None) -> Signal:
+def signal_of(option: str, words: list[str] | None) -> Signal:
+    """`NAME=CONSTANT[:AMPLITUDE:RAD/S]` words of an option, (6,)."""
     if words == [PAPER]:
         return default_reading().signal(option.removeprefix("--"))
     constant = np.zeros(len(LINEAR_STATES))
@@ -161,11 +163,11 @@ def _actuators(arguments: argparse.Namespace) -> Actuators | None:
         if arguments.engine is not None:
             raise BadInputError("--engine belongs to --actuators; give both")
         return None
-    lag, degrees_per_second = _numbers("--actuators", arguments.actuators, "LAG:RATE", (2,))
+    lag, degrees_per_second = numbers("--actuators", arguments.actuators, "LAG:RATE", (2,))
     rate = quantity("dihedral", str(degrees_per_second))  # degrees to radians as everywhere else
     engine_lag, engine_rate = lag, np.inf
     if arguments.engine is not None:
-        engine_lag, engine_rate = _numbers("--engine", arguments.engine, "LAG:RATE", (2,))
+        engine_lag, engine_rate = numbers("--engine", arguments.engine, "LAG:RATE", (2,))
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     surfaces = len(lowest) - 1
     return Actuators(Input(engine_lag, *[lag] * surfaces), lowest, highest, Input(engine_rate, *[rate] * surfaces))
@@ -175,15 +177,16 @@ def _gust(arguments: argparse.Namespace, speed: float, scenario: Scenario) -> Gu
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     if arguments.gust is not None:
-        length, peak, *begin = _numbers("--gust", arguments.gust, "LENGTH:PEAK[:BEGIN]", (2, 3))
+        length, peak, *begin = numbers("--gust", arguments.gust, "LENGTH:PEAK[:BEGIN]", (2, 3))
         return OneMinusCosine(length, peak, speed, *begin)
     if arguments.turbulence is not None:
-        intensity, scale = _numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))
+        intensity, scale = numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))
         return Dryden(intensity, scale, speed, scenario.tick, scenario.ticks, seed_of(arguments))
     return None
 
 
-def _numbers(option: str, text: str, form: str, counts: tuple[int, ...]) -> list[float]:
+def numbers(option: str, text: str, form: str, counts: tuple[int, ...]) -> list[float]:
+    """Numbers between colons, as many as one of `counts`; BadInputError shows the form."""
     parts = text.split(":")
     if len(parts) not in counts:
         raise BadInputError(f"{option} is {text!r}; give {form}")

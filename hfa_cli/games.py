@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import dataclass
+from typing import Any
 
 from controller.game import Game, published_game
 from controller.model_file import load_game, parse_diagonal
@@ -21,7 +23,14 @@ class NamedGame:
     game: Game
     states: tuple[str, ...]
     inputs: tuple[str, ...]
+    state_units: tuple[str, ...]
+    input_units: tuple[str, ...]
     origin: str
+
+    def labels(self) -> dict[str, Any]:
+        """What the numbers of a result are about; units are "" for a plant of the user's own."""
+        named = {name: list(getattr(self, name)) for name in ("states", "inputs", "state_units", "input_units")}
+        return {"plant": self.origin, **named, "delta": self.game.delta if math.isfinite(self.game.delta) else None}
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +40,7 @@ def add_game(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="FILE", help="a plant of your own: A, B, optionally E, Q, R (.mat .npz .json)"
     )
-    parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight; default: the paper's 200")
+    parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight, inf for none; default: the paper's 200")
     parser.add_argument("--Q", metavar="a,b,...", help="diagonal of Q; default: the paper's")
     parser.add_argument("--R", metavar="a,b,...", help="diagonal of R; default: the paper's")
 
@@ -40,15 +49,30 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     """The game that the options name."""
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    given = {name: parse_diagonal(name, getattr(arguments, name)) for name in ("Q", "R") if getattr(arguments, name)}
-    delta = None if arguments.delta is None else number(arguments.delta, "delta")
+    given = {name: parse_diagonal(name, text) for name in ("Q", "R") if (text := getattr(arguments, name)) is not None}
+    delta = None if arguments.delta is None else _delta(arguments.delta)
     if arguments.model is not None:
+        _refuse_options_of_the_aircraft(arguments)
         game = load_game(arguments.model, **given, delta=delta)
         n, m = game.B.shape
-        states = tuple(f"x{i + 1}" for i in range(n))
-        return NamedGame(game, states, tuple(f"u{i + 1}" for i in range(m)), str(arguments.model))
+        states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
+        return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model))
     aircraft = options.aircraft_of(arguments)
     model = linearize(aircraft, trim(aircraft, options.condition_of(arguments)))
     changes = given if delta is None else given | {"delta": delta}
     origin = f"the aircraft at dihedral {float(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
-    return NamedGame(published_game(model.A, model.B, **changes), model.states, model.inputs, origin)
+    game = published_game(model.A, model.B, **changes)
+    return NamedGame(game, model.states, model.inputs, model.state_units, model.input_units, origin)
+
+
+def _delta(text: str) -> float:
+    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text, "delta")
+
+
+def _refuse_options_of_the_aircraft(arguments: argparse.Namespace) -> None:
+    """An option that would change nothing is a mistake."""
+    names = ("speed", "altitude", "alpha", "gamma", "limit", "parameters")
+    given = [name for name in names if getattr(arguments, name) is not None]
+    given += ["dynamics"] * (arguments.dynamics != options.DEFAULT_DYNAMICS)
+    if given:
+        raise BadInputError(f"--{given[0]} belongs to the aircraft; leave it out with --model")

@@ -14,10 +14,12 @@ from hfa_cli.output import check_target
 from hfa_cli.values import number, split_assignments, whole
 from hfa_model.errors import BadInputError
 
+DEFAULT_LAW = "certified"
+
 
 def add_learning(parser: argparse.ArgumentParser) -> None:
     """--law, --seed, --set, --save, --resume."""
-    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(LAWS)}; default certified")
+    parser.add_argument("--law", metavar="NAME", help=f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
     parser.add_argument("--seed", metavar="N", help="seed of the recorded data; default 0")
     parser.add_argument(
         "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
@@ -31,7 +33,7 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     check_target(arguments.save, (".npz",))
     return learn(
         game,
-        arguments.law,
+        arguments.law or DEFAULT_LAW,
         whole("--seed", arguments.seed, 0, lowest=0),
         progress=show_learning if sys.stderr.isatty() else None,
         save_state=arguments.save,
@@ -42,13 +44,14 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
 
 def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
-    if arguments.law not in LAWS:
-        raise BadInputError(f"unknown law {arguments.law!r}; choose one of: {', '.join(LAWS)}")
-    defaults = {field.name: field.default for field in fields(LAWS[arguments.law].settings)}  # type: ignore[arg-type]
+    law = arguments.law or DEFAULT_LAW
+    if law not in LAWS:
+        raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
+    defaults = {field.name: field.default for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
     result = {}
     for name, text in split_assignments(arguments.set).items():
         if name not in defaults:
-            raise BadInputError(f"law {arguments.law!r} has no setting {name!r}; choose from: {', '.join(defaults)}")
+            raise BadInputError(f"law {law!r} has no setting {name!r}; choose from: {', '.join(defaults)}")
         result[name] = _converted(name, text, defaults[name])
     return result
 

@@ -26,7 +26,9 @@ COMMANDS = {
     "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "a learned critic against the exact game solution",
+    "study": "the paper's update law as printed, every setting, with causes; takes minutes",
     "fly": "fly a policy on the nonlinear aircraft, against its linear prediction; the recoverable set",
+    "monte-carlo": "fly many members of one flight with parameter errors, noise and turbulence, on any workers",
     "reproduce": "fly Section 5 of the paper again: its figures, and its claims with numbers",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
@@ -85,7 +87,7 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
     parser.add_argument("command", choices=COMMANDS, metavar="command", help="one of the commands below")
     parser.add_argument("--version", action="version", version=_version())
     chosen = parser.parse_args(words[:1] or ["--help"]).command
-    module = importlib.import_module(f"hfa_cli.commands.{chosen}")
+    module = importlib.import_module(f"hfa_cli.commands.{chosen.replace('-', '_')}")
     command = _Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip(), allow_abbrev=False)
     module.add_arguments(command)
     return module, command.parse_args(_attached(words[1:]))

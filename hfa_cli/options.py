@@ -10,12 +10,14 @@ from hfa_model.compiled import Aircraft
 from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
 from trim.condition import TrimCondition, level_flight
 
+DEFAULT_DYNAMICS = "published"
+
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
     parser.add_argument(
         "--dynamics",
-        default="published",
+        default=DEFAULT_DYNAMICS,
         metavar="VARIANT",
         help="published (regenerates the print; default) or newton (first principles)",
     )

@@ -103,7 +103,7 @@ def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
         return {name: leaf for part in parts for name, leaf in part.items()}
     if isinstance(data, list) and data and isinstance(data[0], dict):
         return _leaves({str(index): item for index, item in enumerate(data)}, prefix)
-    return {prefix: np.asarray(np.nan if data is None else data)}
+    return {prefix: np.asarray(_numbers(data))}
 
 
 def _mat(data: dict[str, Any]) -> bytes:
@@ -123,7 +123,14 @@ def _for_matlab(data: Any) -> Any:
             cells = np.empty(len(data), dtype=object)
             cells[:] = [_for_matlab(item) for item in data]
             return cells
-        return np.asarray([np.nan if item is None else item for item in data])
+        return np.asarray(_numbers(data))
+    return _numbers(data)
+
+
+def _numbers(data: Any) -> Any:
+    """None, which stands for a number that is not there, becomes nan at any depth of lists."""
+    if isinstance(data, list):
+        return [_numbers(item) for item in data]
     return np.nan if data is None else data
 
 

@@ -28,7 +28,8 @@ def from_weights(game: Game, weights: np.ndarray, basis: Basis) -> Candidate:
     """u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis."""
     if weights.shape != (basis.size,):
         raise BadInputError(
-            f"there are {weights.size} weights; basis {basis.name!r} on {basis.states} states has {basis.size}"
+            f"there are {weights.size} weights; basis {basis.name!r} on {basis.states} states has {basis.size}: "
+            "name the basis of the weights"
         )
     P = basis.matrix(weights)
 
@@ -42,7 +43,8 @@ def from_weights(game: Game, weights: np.ndarray, basis: Basis) -> Candidate:
 def from_value(game: Game, P: np.ndarray) -> Candidate:
     """u = -R⁻¹B'P z. BadInputError when P has another shape than A."""
     if P.shape != game.A.shape:
-        raise BadInputError(f"P is {P.shape[0]} x {P.shape[1]}; the plant has {len(game.A)} states")
+        n = len(game.A)
+        raise BadInputError(f"P is {P.shape[0]} x {P.shape[1]}; on a plant with {n} states it must be {n} x {n}")
     K = game.gain(P)
     return Candidate(K, P, None, lambda z: -z @ K.T)
 
@@ -50,7 +52,10 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
 def from_gain(game: Game, K: np.ndarray) -> Candidate:
     """u = -K z. BadInputError when K has another shape than B'."""
     if K.shape != game.B.T.shape:
-        raise BadInputError(f"K is {K.shape[0]} x {K.shape[1]}; the plant needs {game.B.shape[1]} x {len(game.A)}")
+        n, m = game.B.shape
+        raise BadInputError(
+            f"K is {K.shape[0]} x {K.shape[1]}; on a plant with {n} states and {m} inputs it must be {m} x {n}"
+        )
     return Candidate(K, None, None, lambda z: -z @ K.T)
 
 

@@ -13,9 +13,9 @@ from controller.basis import Basis
 from controller.game import Game
 from controller.result import LearningResult
 from verification.candidate import Candidate
-from verification.certificate import relative_residual
+from verification.certificate import INDEFINITENESS, relative_residual
 from verification.checks import Check, at_least, at_most, below, finite_or_none
-from verification.diagnosis import diagnose, relative_error
+from verification.diagnosis import SIGNLESS, diagnose, relative_error
 from verification.gare import GameSolution, solve_game
 from verification.l2_gain import bounded_real_gain
 from verification.margins import DiskMargin, disk_margin
@@ -103,15 +103,12 @@ def check_critic(
         ),
         *(_value_checks(game, candidate.P, P_error, limit, seed) if candidate.P is not None and finite else ()),
         *((_gain_check(game, candidate.K),) if math.isfinite(game.delta) and finite else ()),
-        *(_run_checks(run, predefined_time) if run is not None and predefined_time is not None else ()),
+        *(_run_checks(run, predefined_time) if run is not None else ()),
     ]
     wrong = any(not check.ok for check in checks)
     diagnosis = diagnose(game, exact, candidate, basis, limit) if wrong and finite else ""
-    if run is not None and run.excitation.rank < run.excitation.size:
-        diagnosis = (
-            f"the data have rank {run.excitation.rank} of {run.excitation.size}: whatever their residual, they do not "
-            "determine the weights"
-        )
+    if wrong and run is not None:
+        diagnosis = _fault_of_the_run(game, run, basis) or diagnosis
     return CriticCheck(
         exact=exact,
         candidate=candidate,
@@ -124,12 +121,29 @@ def check_critic(
     )
 
 
+def _fault_of_the_run(game: Game, run: LearningResult, basis: Basis) -> str:
+    """What the run was given that it could not make up for: too few data, or a start without a value."""
+    if run.excitation.rank < run.excitation.size:
+        return (
+            f"the data have rank {run.excitation.rank} of {run.excitation.size}: whatever their residual, they do not "
+            "determine the weights"
+        )
+    start = spectrum(game.A - game.B @ game.gain(basis.matrix(run.weights[0]))).abscissa
+    if start >= 0.0 and run.law != "certified":  # which discounts such a start
+        return (
+            f"the run starts from a policy that does not stabilize (abscissa of A - B K {start:+.3g} 1/s) and has "
+            "no value to learn from; give initial_weights of a stabilizing one"
+        )
+    return ""
+
+
 def _policy_check(candidate: Candidate, exact: GameSolution, box: np.ndarray, limit: float, seed: int) -> Check:
     """max |u(z) - u*(z)| / max |u*(z)| over random states of the box."""
     z = np.random.default_rng(seed).uniform(-box, box, size=(_BOX_SAMPLES, len(box)))
     best = -z @ exact.K.T
-    difference = candidate.policy(z) - best
-    error = float(np.linalg.norm(difference, axis=1).max() / np.linalg.norm(best, axis=1).max())
+    difference = float(np.linalg.norm(candidate.policy(z) - best, axis=1).max())
+    largest = float(np.linalg.norm(best, axis=1).max())
+    error = difference / largest if largest > 0.0 else difference
     error = error if math.isfinite(error) else math.inf
     return at_most(
         "policy_rel_error", error, limit, f"the policy is off by {error:.2g} of the largest input in the box"
@@ -138,19 +152,29 @@ def _policy_check(candidate: Candidate, exact: GameSolution, box: np.ndarray, li
 
 def _value_checks(game: Game, P: np.ndarray, P_error: float, limit: float, seed: int) -> tuple[Check, ...]:
     units = balanced_units(game)
-    scaled = P * np.outer(units, units)
-    residual = relative_residual(in_units(game, units), scaled)
+    balanced, scaled = in_units(game, units), P * np.outer(units, units)
+    residual = relative_residual(balanced, scaled)
     smallest = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0] / np.abs(scaled).max()) if np.any(scaled) else 0.0
+    # The value of a state that costs nothing may be 0, which rounding makes negative; the certificate allows the same.
+    least = 0.0 if _is_definite(balanced.Q) else -INDEFINITENESS
     abscissa = spectrum(game.A - game.S @ P).abscissa
     return (
         at_most("P_rel_error", P_error, limit, f"P is off by {P_error:.2g}"),
         below("game_loop_abscissa", abscissa, 0.0, f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
         at_least(
-            "P_smallest_eigenvalue", smallest, 0.0, f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
+            "P_smallest_eigenvalue",
+            smallest,
+            least,
+            f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)",
         ),
         at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
-        *saddle_checks(game, P, np.ones(len(P)), seed),
+        *saddle_checks(balanced, scaled, np.ones(len(P)), seed),
     )
+
+
+def _is_definite(matrix: np.ndarray) -> bool:
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] > SIGNLESS * eigenvalues[-1])
 
 
 def _gain_check(game: Game, K: np.ndarray) -> Check:
@@ -158,16 +182,20 @@ def _gain_check(game: Game, K: np.ndarray) -> Check:
     return below("l2_gain", gain, game.delta, f"the closed loop has an L2 gain of {gain:.4g}, not below delta")
 
 
-def _run_checks(run: LearningResult, predefined_time: float) -> tuple[Check, ...]:
+def _run_checks(run: LearningResult, predefined_time: float | None) -> tuple[Check, ...]:
+    """The richness of the data; the settling time only of a law that promises one."""
     rank = run.excitation
+    rich = at_least("data_rank", rank.rank, rank.size, f"the data have rank {rank.rank} of {rank.size}")
+    if predefined_time is None:
+        return (rich,)
+    late = (
+        f"the residual settles at {run.settling_time:.4g} s"
+        if math.isfinite(run.settling_time)
+        else "the residual does not settle"
+    )
     return (
-        at_least("data_rank", rank.rank, rank.size, f"the data have rank {rank.rank} of {rank.size}"),
-        at_most(
-            "settling_time",
-            run.settling_time,
-            predefined_time,
-            f"the residual settles at {run.settling_time:.4g} s, not within T_w = {predefined_time:g} s",
-        ),
+        rich,
+        at_most("settling_time", run.settling_time, predefined_time, f"{late}, not within T_w = {predefined_time:g} s"),
     )
 
 

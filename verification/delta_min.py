@@ -13,6 +13,8 @@ from verification.l2_gain import bounded_real_gain
 from verification.solvability import lqr_obstacle
 
 TOLERANCE = 1e-6
+#: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
+CLOSE = 0.01
 
 
 class DeltaMin(NamedTuple):
@@ -27,6 +29,16 @@ class DeltaMin(NamedTuple):
     def margin(self, delta: float) -> float:
         """delta / delta_min: above 1 the game has a value."""
         return delta / self.value if self.value > 0.0 else math.inf
+
+    def advice(self, delta: float) -> str:
+        """Where delta stands and what to change when a solution at this delta fails a test."""
+        if delta < self.value:
+            return f"delta = {delta:.9g} is below delta_min = {self.value:.7g}; ask for a larger delta"
+        excess = self.margin(delta) - 1.0
+        if excess < CLOSE:
+            above = f"{100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
+            return f"delta = {delta:.9g} is only {above}; ask for a larger delta"
+        return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
 
 
 def minimum_delta(game: Game) -> DeltaMin:

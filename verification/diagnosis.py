@@ -18,21 +18,24 @@ from verification.units import balanced_units
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
 #: An eigenvalue below this share of the largest has no sign.
-_SIGNLESS = 1e-12
+SIGNLESS = 1e-12
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite."""
+    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone is 0."""
     if not np.all(np.isfinite(value)):
         return math.inf
-    return float(np.linalg.norm(value - exact) / np.linalg.norm(exact))
+    difference, size = float(np.linalg.norm(value - exact)), float(np.linalg.norm(exact))
+    if size == 0.0:
+        return 0.0 if difference == 0.0 else math.inf
+    return difference / size
 
 
 def diagnose(game: Game, exact: GameSolution, candidate: Candidate, basis: Basis, limit: float) -> str:
     """One sentence that names the known mistake which this critic makes, or "" when none is recognized.
 
-    Recognized: a gain of the wrong sign, two weights in each other's place, the LQR solution in place of the game's,
-    another root of the Riccati equation, the value of another policy than its own.
+    Recognized: a gain of the wrong sign, two weights in each other's place, a P that is not symmetric, the LQR solution
+    in place of the game's, another root of the Riccati equation, the value of another policy than its own.
     """
     if relative_error(-candidate.K, exact.K) <= limit:
         return "the gain has the wrong sign: the policy is u = -K z"
@@ -42,8 +45,10 @@ def diagnose(game: Game, exact: GameSolution, candidate: Candidate, basis: Basis
             return swapped
     if candidate.P is None:
         return _gain_of_lqr(game, candidate.K, limit)
+    if relative_error(candidate.P, candidate.P.T) > limit:
+        return "P is not symmetric: the value z'Pz knows (P + P')/2 alone"
     if relative_error(candidate.P, _lqr(game)) <= limit:
-        return "this is the LQR solution (delta = inf), not the game's at delta = " + f"{game.delta:.6g}"
+        return f"this is the LQR solution (delta = inf), not the game's at delta = {game.delta:.6g}"
     residual = relative_residual(game, candidate.P)
     abscissa = spectrum(game.A - game.S @ candidate.P).abscissa
     if residual <= _ROOT and abscissa >= 0.0:
@@ -95,5 +100,5 @@ def _policy_evaluation(game: Game, P: np.ndarray, abscissa: float) -> str:
 def _signs(matrix: np.ndarray) -> tuple[int, int]:
     """Numbers of positive and of negative eigenvalues."""
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    floor = _SIGNLESS * float(np.abs(eigenvalues).max())
+    floor = SIGNLESS * float(np.abs(eigenvalues).max())
     return int(np.count_nonzero(eigenvalues > floor)), int(np.count_nonzero(eigenvalues < -floor))

@@ -72,17 +72,8 @@ def solve_game(game: Game) -> GameSolution:
 def _explanation(game: Game, reason: str) -> str:
     """What failed and what delta would do; raises by itself when no delta would do."""
     smallest = minimum_delta(game)
-    if game.delta < smallest.value:
-        return (
-            f"no value of the game: {reason}; delta = {game.delta:.9g} is below delta_min = {smallest.value:.7g}; "
-            "ask for a larger delta"
-        )
-    excess = smallest.margin(game.delta) - 1.0
-    advice = "ask for a larger delta" if excess < 0.01 else "check the scaling of A, B, Q and R"
-    return (
-        f"not certified: {reason}; delta = {game.delta:.9g} is {100.0 * excess:.2g} % above "
-        f"delta_min = {smallest.value:.7g}; {advice}"
-    )
+    verdict = "no value of the game" if game.delta < smallest.value else "not certified"
+    return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
 
 
 def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:

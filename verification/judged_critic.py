@@ -50,5 +50,10 @@ def critic_picture(critic: JudgedCritic) -> Figure:
     """Heat maps of P and the errors over time."""
     functions = basis(critic.run.basis, len(critic.model.A))
     return check_figure(
-        critic.check, critic.model.states, functions, critic.run, critic.run.settings["predefined_time"]
+        critic.check,
+        critic.model.states,
+        critic.model.inputs,
+        functions,
+        critic.run,
+        critic.run.settings["predefined_time"],
     )

@@ -13,7 +13,7 @@ from verification.cost import cost_matrix, simulated_cost
 from verification.spectrum import is_hurwitz
 
 #: The larger perturbation changes the cost by about this fraction, the smaller is this much smaller.
-CHANGE = 1e-4
+CHANGE = 1e-6
 RATIO = 8.0
 SLOPE_TOLERANCE = 0.05
 DIRECTIONS = 3
@@ -26,8 +26,8 @@ def saddle_checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int) -> 
 
     P: (n, n), whose policies are K = R⁻¹B'P and L = δ⁻²E'P; initial z(0): (n,). The costs are flown, at two ε
     a factor 8 apart; the slope log(ratio of changes)/log 8 is 2 at a saddle point and 1 away from it. An error
-    of P below about 1e-3 hides under this ε: the checks of the cost are the sharp ones, these give the sign.
-    With delta = inf there is no second player, and only the control is perturbed.
+    of P below about 1e-4 hides under this ε: the checks of the cost are the sharp ones, these give the sign.
+    With delta = inf, or an E without columns, there is no second player, and only the control is perturbed.
     Raises BadInputError when the flight from `initial` costs nothing.
     """
     K, L = game.gain(P), game.disturbance_gain(P)
@@ -40,7 +40,7 @@ def saddle_checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int) -> 
     rng = np.random.default_rng(seed)
     control = [(step, np.zeros_like(L)) for step in rng.standard_normal((DIRECTIONS, *K.shape))]
     checks = _judge("control", np.array([_changes(game, P, step, initial, base) for step in control]))
-    if math.isfinite(game.delta):
+    if math.isfinite(game.delta) and L.size > 0:
         disturbance = [(np.zeros_like(K), step) for step in rng.standard_normal((DIRECTIONS, *L.shape))]
         losses = -np.array([_changes(game, P, step, initial, base) for step in disturbance])
         checks += _judge("disturbance", losses)

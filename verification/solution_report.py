@@ -16,6 +16,7 @@ from verification.delta_min import DeltaMin, minimum_delta
 from verification.gare import GameSolution, solve_game
 from verification.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
 from verification.meaning import meaning_checks
+from verification.units import balanced_units, in_units
 
 SCHEMA = "hfa.game-solution/1"
 
@@ -32,16 +33,20 @@ class SolutionReport:
 
 
 def solution_report(game: Game) -> SolutionReport:
-    """Solve, then fly and analyse the solution. Raises NoSolutionError when it is not certified, or when its policies
-    do not mean what the certificate says."""
-    solution = solve_game(game)
-    meaning = meaning_checks(game, solution.P, np.ones(len(game.A)))
-    wrong = [check for check in meaning if not check.ok]
-    if wrong:
-        raise NoSolutionError(f"certified, but not confirmed in flight: {wrong[0].name}: {wrong[0].reason}")
-    return SolutionReport(
-        solution, minimum_delta(game), meaning, loop_margins(game, solution.K), disk_margin(game, solution.K)
-    )
+    """Solve, then fly and analyse the solution, in balanced units of state: the verdict must not depend on the
+    user's, and the flight starts at one unit of each.
+
+    Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
+    """
+    solution, units = solve_game(game), balanced_units(game)
+    meaning = meaning_checks(in_units(game, units), solution.P * np.outer(units, units), np.ones(len(units)))
+    smallest = minimum_delta(game)
+    for check in meaning:
+        if not check.ok:
+            raise NoSolutionError(
+                f"certified, but not confirmed in flight: {check.name}: {check.reason}; {smallest.advice(game.delta)}"
+            )
+    return SolutionReport(solution, smallest, meaning, loop_margins(game, solution.K), disk_margin(game, solution.K))
 
 
 def solution_data(report: SolutionReport, states: tuple[str, ...], inputs: tuple[str, ...]) -> dict[str, Any]:

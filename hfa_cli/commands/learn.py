@@ -25,9 +25,9 @@ def run(arguments: argparse.Namespace) -> int:
     result = run_learning(arguments, named.game)
     if target is not None:
         # Files hold the whole history; on a terminal it would drown the result.
-        write(target, learning_data(result, history=True), lambda: learning_table(result))
+        write(target, learning_data(result, history=True) | named.labels(), lambda: learning_table(result))
     deliver(
-        learning_data(result, history=False),
+        learning_data(result, history=False) | named.labels(),
         lambda: learning_text(result, named.states, named.inputs, named.origin),
         lambda: learning_table(result),
         as_json=arguments.json,

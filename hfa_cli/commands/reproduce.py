@@ -1,8 +1,8 @@
 """Fly Section 5 of the paper again: figures 3 to 23 anew, and every claim with its number, law by law.
 
 Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim
-that is not confirmed is a result, not a failure. Exit code 0 when everything was flown, 1 when a flight of this
-project's own laws was lost or a game has no solution.
+that is not confirmed is a result, not a failure. Exit code 0 when everything was flown, 1 when a law of this
+project lost a flight or was not certified, or a game has no solution.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fly, draw, judge, write."""
     from verification.experiments.reading import default_reading, load_reading
-    from verification.experiments.reproduce import claims_markdown, claims_text, experiments, reproduce
+    from verification.experiments.reproduce import experiments, reproduce
     from verification.experiments.setting import make_setting
     from verification.experiments.store import json_text
+    from verification.experiments.tables import claims_markdown, claims_text
 
     chosen = experiments(arguments.experiment)
     reading = default_reading() if arguments.reading is None else load_reading(arguments.reading)
@@ -50,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_text(folder / "claims.json", json_text(table))
     write_text(folder / "claims.md", claims_markdown(table))
     print(json_text(table) if arguments.json else claims_text(table), end="" if arguments.json else "\n")
-    return 1 if table["own_flights_lost"] else 0
+    return 1 if table["own_failures"] else 0
 
 
 def _folder(name: str) -> Path:

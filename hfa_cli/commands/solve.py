@@ -22,7 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     named = game_of(arguments)
     report = solution_report(named.game)
     deliver(
-        solution_data(report, named.states, named.inputs),
+        solution_data(report, named.states, named.inputs) | named.labels(),
         lambda: solution_text(report, named.states, named.inputs, named.origin),
         lambda: solution_table(report, named.states, named.inputs),
         as_json=arguments.json,

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
     from trim.plan import SweepPlan
     from trim.store_report import store_data, store_text
-    from trim.stream import stream_sweep
+    from trim.stored_sweep import stream_sweep
 
     for name in ("full", "picture"):
         if getattr(arguments, name):

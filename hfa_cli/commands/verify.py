@@ -45,8 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError(f"--limit-error is {limit:g}; it must be positive")
     if arguments.weights is None and arguments.basis is not None:
         raise BadInputError("--basis belongs to --weights; for a law, use --set basis=NAME")
-    if arguments.weights is not None and (arguments.set or arguments.save or arguments.resume):
-        raise BadInputError("--set, --save and --resume belong to a law; leave them out with --weights")
+    of_a_law = [name for name in ("law", "seed", "set", "save", "resume") if getattr(arguments, name) is not None]
+    if arguments.weights is not None and of_a_law:
+        raise BadInputError(f"--{of_a_law[0]} belongs to a law; leave it out with --weights")
     named = game_of(arguments)
     functions, candidate, result = _candidate(arguments, named)
     time = None if result is None else result.settings.get("predefined_time")
@@ -56,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if picture is not None:
         _draw(check, named, functions, result, time, picture)
     deliver(
-        check.to_dict(),
+        check.to_dict() | named.labels(),
         lambda: check_text(check, named.states, named.inputs, named.origin),
         lambda: check_table(check, named.states, named.inputs),
         as_json=arguments.json,
@@ -69,7 +70,11 @@ def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, 
     n = len(named.game.A)
     if arguments.weights is not None:
         functions = basis(arguments.basis or "quadratic", n)
-        return functions, from_stored(named.game, load_critic(arguments.weights), functions), None
+        stored = load_critic(arguments.weights)
+        try:
+            return functions, from_stored(named.game, stored, functions), None
+        except BadInputError as error:
+            raise BadInputError(f"{arguments.weights}: {error}") from error
     result = run_learning(arguments, named.game)
     functions = basis(result.basis, n)
     return functions, from_weights(named.game, result.weights[-1], functions), result
@@ -91,4 +96,4 @@ def _draw(
     from verification.check_figure import check_figure
     from verification.figures import save
 
-    save(check_figure(check, named.states, functions, result, time), path)
+    save(check_figure(check, named.states, named.inputs, functions, result, time), path)

@@ -178,5 +178,7 @@ def _certified_plan(setting: Setting, case: Case, predefined_time: float, tick: 
 def _irl_plan(setting: Setting, case: Case, tick: float) -> GainPlan:
     chosen = {name: value for name, value in setting.reading["irl"].items() if name != "why"}
     start = basis("quadratic", len(LINEAR_STATES)).weights(baseline_value(case.game) / BASELINE_EFFORT)
-    learned = learn(case.game, "irl", setting.reading["critic"]["seed"], initial_weights=tuple(start.tolist()), **chosen)
+    learned = learn(
+        case.game, "irl", setting.reading["critic"]["seed"], initial_weights=tuple(start.tolist()), **chosen
+    )
     return online_plan(case.game, "irl", learned, tick)

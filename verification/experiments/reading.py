@@ -34,7 +34,13 @@ _ANY_LENGTH = {f"{signal}.{name}" for signal in _SIGNALS for name in ("frequenci
 #: Numbers that may be 0 or negative; all others must be positive.
 _ANY_SIGN = {"initial_state.value", "uncertainty.factors", *_ANY_LENGTH}
 _ANY_SIGN |= {f"{signal}.{name}" for signal in _SIGNALS for name in ("constant", "slope")}
-_NOT_NEGATIVE = {"published_helped.alpha1", "published_helped.alpha2", "irl.disturbance", "criteria.late", "critic.seed"}
+_NOT_NEGATIVE = {
+    "published_helped.alpha1",
+    "published_helped.alpha2",
+    "irl.disturbance",
+    "criteria.late",
+    "critic.seed",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +88,7 @@ def default_reading() -> Reading:
 
 
 def load_reading(path: str | Path) -> Reading:
-    """A reading of one's own. Raises BadInputError, one line, for anything missing, unknown, not finite or impossible."""
+    """A reading of one's own. BadInputError, one line, for anything missing, unknown, not finite or impossible."""
     try:
         with Path(path).open("rb") as stream:
             tables = tomllib.load(stream)
@@ -158,7 +164,9 @@ def _possible(reading: Reading) -> None:
     for name in _SIGNALS:
         counts = {len(reading[name][part]) for part in ("frequencies", "sine", "cosine")}
         if len(counts) > 1:
-            raise BadInputError(f"{name} has frequencies, sine and cosine of different lengths; give one row a frequency")
+            raise BadInputError(
+                f"{name} has frequencies, sine and cosine of different lengths; give one row a frequency"
+            )
         if not all(frequency > 0 for frequency in reading[name]["frequencies"]):
             raise BadInputError(f"{name}.frequencies holds a number that is not positive, rad/s")
     for section in SECTIONS:

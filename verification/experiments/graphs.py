@@ -1,0 +1,103 @@
+"""From flights to the panels that Section 5 shows: tracking, inputs, and how the critic learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from verification.experiments.flights import FlightRecord
+from verification.experiments.pictures import COMMAND, LOST, Line, Panel
+
+#: Below this a logarithmic axis shows nothing: rounding.
+FLOOR = 1e-16
+_SYMBOLS = {"speed": "V", "alpha": "α", "pitch": "θ", "pitch_rate": "q", "dihedral": "η", "dihedral_rate": "η'"}
+
+
+def label_of(record: FlightRecord, by: str) -> str:
+    """How a flight is called in a legend: by its "law", or by its "uncertainty"."""
+    factor = record.plan.uncertainty
+    name = record.plan.law if by == "law" else "ΔA = 0" if factor == 0.0 else f"ΔA = {factor:+g} A"
+    return name if record.held else f"{name}{LOST}{record.lost_at:.2g} s)"
+
+
+def state_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+    """A state as a deviation from its trim, with its command."""
+    row = LINEAR_STATES.index(state)
+    lines = [Line(label_of(record, by), record.times, record.states[:, row]) for record in records]
+    longest = max(records, key=lambda record: len(record.times))
+    lines.append(Line(COMMAND, longest.times, longest.commands[:, row]))
+    return Panel(
+        title,
+        _labelled(f"{_SYMBOLS[state]} - trim", getattr(STATE_UNITS, state)),
+        tuple(lines),
+        marked=_mark(T_w, records),
+    )
+
+
+def error_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+    """A tracking error z_i."""
+    row = LINEAR_STATES.index(state)
+    lines = tuple(Line(label_of(record, by), record.times, record.errors[:, row]) for record in records)
+    label = _labelled(f"z{row + 1} = {_SYMBOLS[state]} error", getattr(STATE_UNITS, state))
+    return Panel(title, label, lines, marked=_mark(T_w, records))
+
+
+def input_panels(
+    titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]], by: str, T_w: float
+) -> tuple[Panel, ...]:
+    """The five inputs as deviations from trim: one row an input, one column a group of flights."""
+    panels = []
+    for row, name in enumerate(INPUTS):
+        for title, records in zip(titles, groups, strict=True):
+            lines = tuple(Line(label_of(record, by), record.times, record.inputs[:, row]) for record in records)
+            unit = getattr(INPUT_UNITS, name)
+            label, marked = _labelled(name, unit), _mark(T_w, records)
+            # The first instants are tens of times larger than the rest.
+            panels.append(Panel(title if row == 0 else "", label, lines, "asinh", marked, linear_part=0.1))
+    return tuple(panels)
+
+
+def weights_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
+    """All weights of the critic, in the units of the model (cost, ft/s, rad)."""
+    assert record.critic is not None
+    line = Line("weights", record.times, record.critic.weights)
+    return Panel(title, "weights W", (line,), "asinh", _mark(T_w))
+
+
+def increments_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
+    """All increments W(t + tick) - W(t)."""
+    assert record.critic is not None
+    line = Line("increments", record.times[:-1], np.diff(record.critic.weights, axis=0))
+    return Panel(title, "increments of W in a tick", (line,), "asinh", _mark(T_w))
+
+
+def residual_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+    """|e| of the learned value at the flown error, in units of the cost rate z'Qz."""
+    lines = tuple(Line(label_of(one, by), one.times, np.maximum(np.abs(one.residual), FLOOR)) for one in records)
+    return Panel(title, "|Bellman residual|, cost / s", lines, "log", _mark(T_w))
+
+
+def update_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+    """|W(t + tick) - W(t)| / tick over |W| at the end: the relative speed of learning, 1/s."""
+    lines = []
+    for record in records:
+        assert record.critic is not None
+        steps = np.diff(record.times)
+        size = np.linalg.norm(np.diff(record.critic.weights, axis=0), axis=1)
+        final = float(np.linalg.norm(record.critic.weights[-1]))
+        speed = np.where(size > 0.0, size / steps / final, np.nan)  # a logarithmic axis has no place for rest
+        lines.append(Line(label_of(record, by), record.times[:-1], speed))
+    return Panel(title, "|W'| / |W(end)|, 1/s", tuple(lines), "log", _mark(T_w))
+
+
+def _labelled(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name}, {unit}"
+
+
+def _mark(T_w: float, records: Sequence[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
+    """T_w, and when the learned gain of a law takes over from the gain it started with."""
+    begins = {record.learned_from: record.plan.law for record in records if record.learned_from > 0.0}
+    # Laws that share their learning share the time; the shorter name serves for both.
+    return ((T_w, "T_w"), *((time, f"K(t), {name.partition(' +')[0]}") for time, name in begins.items()))

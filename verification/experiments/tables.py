@@ -1,0 +1,88 @@
+"""The table of claims as text: for a terminal, as Markdown in full, and in short for a document."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, HELPED
+
+
+def claims_text(table: dict[str, Any]) -> str:
+    """The table for a terminal: verdicts, then each claim with its number for every law."""
+    lines = [f"{claim['number']:<8}{claim['verdict']:<32}{claim['says']}" for claim in table["claims"]]
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
+    failures = [f"failed: {name}" for name in table["own_failures"]]
+    return "\n".join([*lines, "", f"{counts}; {_lost_text(table)}", *failures])
+
+
+def _lost_text(table: dict[str, Any]) -> str:
+    lost = table["lost_flights"]
+    if not lost:
+        return "no flight was lost"
+    laws = sorted({flight["law"] for flight in lost})
+    times = [flight["lost_at"] for flight in lost]
+    return f"{len(lost)} flights were lost ({'; '.join(laws)}), at {min(times):.3g} to {max(times):.3g} s"
+
+
+def claims_markdown(table: dict[str, Any]) -> str:
+    """The table as Markdown: one row a claim, one column a law."""
+    laws = list(dict.fromkeys(law for claim in table["claims"] for law in claim["findings"]))
+    lines = [
+        "# Section 5 of the paper, claim by claim",
+        "",
+        *(f"- {law}: {text}" for law, text in table["laws"].items()),
+        "",
+        f"Matrices: {table['setting']['matrices']}. "
+        + "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
+        + f'; {_lost_text(table)}. A number in bold fulfils the claim. Verdicts are about "{HELPED}", because the law'
+        " as printed does not fly, or about what the claim names.",
+        "",
+        "| claim | the paper says | measured | asked for | " + " | ".join(laws) + " | verdict | reason |",
+        "|" + "---|" * (len(laws) + 6),
+    ]
+    for claim in table["claims"]:
+        cells = [_cell(claim["findings"].get(law)) for law in laws]
+        row = [
+            claim["number"],
+            claim["says"],
+            claim["measured"],
+            _asked(claim),
+            *cells,
+            claim["verdict"],
+            claim["reason"],
+        ]
+        lines.append(_row(row))
+    return "\n".join(lines) + "\n"
+
+
+def claims_summary(table: dict[str, Any]) -> str:
+    """A short Markdown table: the number of the claim's subject, of this project's law and of the optimum."""
+    beside = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
+    lines = [
+        f"| claim | the paper says | measured | asked for | {HELPED} | {' | '.join(beside)} | verdict |",
+        "|" + "---|" * (len(beside) + 6),
+    ]
+    for claim in table["claims"]:
+        own = _cell(claim["findings"][claim["subject"]])
+        own = own if claim["subject"] == HELPED else f"{claim['subject']}: {own}"
+        cells = [_cell(claim["findings"].get(law)) for law in beside]
+        row = [claim["number"], claim["says"], claim["measured"], _asked(claim), own, *cells, claim["verdict"]]
+        lines.append(_row(row))
+    return "\n".join(lines)
+
+
+def _asked(claim: dict[str, Any]) -> str:
+    return f"{claim['relation']} {claim['limit']:.3g}"
+
+
+def _row(cells: list[str]) -> str:
+    return "| " + " | ".join(text.replace("|", "\\|") for text in cells) + " |"
+
+
+def _cell(finding: dict[str, Any] | None) -> str:
+    if finding is None:
+        return ""
+    if finding["value"] is None:
+        return "lost" if finding["note"] else "∞"
+    number = f"{finding['value']:.3g}"
+    return f"**{number}**" if finding["holds"] else number
