@@ -19,12 +19,14 @@ from verification.diagnosis import SIGNLESS, diagnose, relative_error
 from verification.gare import GameSolution, solve_game
 from verification.l2_gain import bounded_real_gain
 from verification.margins import DiskMargin, disk_margin
-from verification.saddle import saddle_checks
+from verification.saddle import CHANGE, saddle_checks
 from verification.spectrum import spectrum
 from verification.units import balanced_units, in_units
 
 #: Default limit of the relative errors of P, K and policy, and of the Riccati residual.
 LIMIT = 1e-6
+#: With a larger limit the saddle checks, which see errors beyond it, are left out.
+SADDLE_LIMIT = 1e-5
 _BOX_SAMPLES = 2000
 SCHEMA = "hfa.critic-check/1"
 
@@ -86,7 +88,8 @@ def check_critic(
 
     Checked: relative errors of P, K (Frobenius) and of the policy over a box of states, stability of A - B K and
     A - S P, P > 0, Riccati residual, saddle point, L2 gain below delta; for a run also the rank of its data and its
-    settling time against T_w. limit: of the errors and the residual. box: (n,), half widths, default ones.
+    settling time against T_w. limit: of the errors and the residual. box: (n,), half widths, default ones. With a
+    limit above `SADDLE_LIMIT` there are no saddle checks: they would refuse what the limit allows.
     Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
     exact = solve_game(game)
@@ -157,7 +160,7 @@ def _value_checks(game: Game, P: np.ndarray, P_error: float, limit: float, seed:
     smallest = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0] / np.abs(scaled).max()) if np.any(scaled) else 0.0
     # The value of a state that costs nothing may be 0, which rounding makes negative; the certificate allows the same.
     least = 0.0 if _is_definite(balanced.Q) else -INDEFINITENESS
-    abscissa = spectrum(game.A - game.S @ P).abscissa
+    abscissa, change = spectrum(game.A - game.S @ P).abscissa, _saddle_change(limit)
     return (
         at_most("P_rel_error", P_error, limit, f"P is off by {P_error:.2g}"),
         below("game_loop_abscissa", abscissa, 0.0, f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
@@ -168,8 +171,15 @@ def _value_checks(game: Game, P: np.ndarray, P_error: float, limit: float, seed:
             f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)",
         ),
         at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
-        *saddle_checks(balanced, scaled, np.ones(len(P)), seed),
+        *(saddle_checks(balanced, scaled, np.ones(len(P)), seed, change) if change is not None else ()),
     )
+
+
+def _saddle_change(limit: float) -> float | None:
+    """The change of cost under which errors within the limit hide, if it is small enough for a parabola."""
+    if limit <= CHANGE:
+        return CHANGE
+    return 10.0 * limit if limit <= SADDLE_LIMIT else None
 
 
 def _is_definite(matrix: np.ndarray) -> bool:
