@@ -17,6 +17,9 @@ from controller.signals import TimeVector
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 
+#: Steps whose outputs are computed in one go.
+_BLOCK = 10_000
+
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
@@ -130,7 +133,15 @@ class CompiledLoop:
         last = (len(path.times) - 1) // steps_per_tick - 1
         rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, last)
         table = np.array([every(tick) for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
-        seen = self._seen.map(len(path.times))(path.times[None, :], path.states.T, table.T)
-        errors, inputs, disturbances, updrafts = (np.array(part).T for part in seen)
+        errors, inputs, disturbances, updrafts = self._watched(path.times, path.states, table)
         states, own, _ = np.split(path.states, [plant_size, plant_size + memory_size], axis=1)
         return Flight(path.times, states, errors, inputs, disturbances, own, updrafts.ravel())
+
+    def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Errors, inputs, disturbances and updrafts, a row a step, in blocks: one map of all steps takes a gigabyte."""
+        blocks = []
+        for begin in range(0, len(times), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            many = self._seen.map(len(times[rows]))
+            blocks.append([np.array(part).T for part in many(times[None, rows], states[rows].T, constants[rows].T)])
+        return tuple(np.vstack(parts) for parts in zip(*blocks, strict=True))
