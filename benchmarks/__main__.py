@@ -1,24 +1,33 @@
-"""Run every benchmark, print the table, store it."""
+"""Run every benchmark, print the table, store it, draw it: `python -m benchmarks [--quick] [sets]`.
+
+--quick runs everything at a toy size to see that it works; its figures mean nothing and are not stored. Sets of jobs
+named on the command line are run alone, and replace their own figures among the stored ones.
+"""
 
 from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Sequence
 
 from benchmarks import report
 
-JOBS = ("jobs_trim", "jobs_gare")
+SETS = ("startup", "trim", "gare", "flight", "no_compiler", "monte_carlo", "size")
 
 
-def main() -> int:
-    """All jobs, or those named on the command line."""
-    rows = []
-    for job in sys.argv[1:] or JOBS:
-        print(f"{job} ...", file=sys.stderr, flush=True)
-        rows += importlib.import_module(f"benchmarks.{job}").rows()
-    print(report.text(rows))
-    if not sys.argv[1:]:
-        print(f"stored in {report.store(rows)}")
+def main(words: Sequence[str] | None = None) -> int:
+    """All sets of jobs, or those named."""
+    words = sys.argv[1:] if words is None else words
+    quick = "--quick" in words
+    rows = {}
+    for name in [word for word in words if word != "--quick"] or SETS:
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        rows[name] = importlib.import_module(f"benchmarks.jobs_{name}").rows(quick=quick)
+    print(report.text([row for some in rows.values() for row in some]))
+    if not quick:
+        from benchmarks.picture import draw
+
+        print(f"stored in {report.RESULTS} and {draw(report.store(rows, SETS))}")
     return 0
 
 

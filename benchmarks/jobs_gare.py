@@ -13,18 +13,17 @@ from trim.level_flights import solve_level_flights
 from trim.sweep import level_conditions
 from verification.gare_batch import solve_games
 
-_MODELS = 1000
 
-
-def rows() -> list[Row]:
+def rows(quick: bool = False) -> list[Row]:
     """1000 models between 0 and 20 degrees."""
+    count = 20 if quick else 1000
     from scipy.linalg import block_diag, solve_continuous_are
 
-    conditions = level_conditions(("dihedral",), np.radians(np.linspace(0.0, 20.0, _MODELS))[:, None])
+    conditions = level_conditions(("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None])
     flights = solve_level_flights(variant_named("published"), default_parameters().values, conditions)
     index = [STATES.index(name) for name in LINEAR_STATES]
     A, B = flights.A[:, index][:, :, index], flights.B[:, index]
-    game = published_game(A[_MODELS // 2], B[_MODELS // 2])
+    game = published_game(A[count // 2], B[count // 2])
     weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
 
     def ours():
@@ -34,10 +33,10 @@ def rows() -> list[Row]:
         for a, b in zip(A[::5], B[::5], strict=True):
             solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
 
-    timing = in_turn(ours, peer, units=_MODELS, peer_units=_MODELS / 5)
+    timing = in_turn(ours, peer, units=count, peer_units=count / 5)
     return [
         Row(
-            f"{_MODELS} game Riccati equations, certified",
+            f"{count} game Riccati equations, certified",
             "SciPy solve_continuous_are, no certificate",
             timing,
             1 / 2.5,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from benchmarks.numpy_dynamics import six_state_rates
@@ -17,14 +19,16 @@ from trim.solve import trim
 from trim.sweep import level_conditions
 from trim.tracking import track_modes
 
-_ANGLES = 10_000
-_PEER_ANGLES = 100
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
-def rows() -> list[Row]:
+def rows(quick: bool = False) -> list[Row]:
     """All figures of trims."""
-    return [_one_point(), *_many_points(), _optimizer()]
+    angles, peer_angles = (500, 2) if quick else (10_000, 100)
+    with warnings.catch_warnings():
+        # python-control counts the states that it is told to hold as constraints, and warns of too many of them.
+        warnings.filterwarnings("ignore", "number of constraints", UserWarning)
+        return [_one_point(), *_many_points(angles, peer_angles), _optimizer(angles, peer_angles // 2)]
 
 
 def peer_system():
@@ -80,14 +84,14 @@ def _one_point() -> Row:
     )
 
 
-def _many_points() -> list[Row]:
+def _many_points(count: int, peer_count: int) -> list[Row]:
     parameters, variant = default_parameters().values, variant_named("published")
-    angles = np.radians(np.linspace(0.0, 20.0, _ANGLES))
+    angles = np.radians(np.linspace(0.0, 20.0, count))
     conditions = level_conditions(("dihedral",), angles[:, None])
     system = peer_system()
 
     def peer():
-        for angle in angles[:: _ANGLES // _PEER_ANGLES]:
+        for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
     def full():
@@ -99,13 +103,13 @@ def _many_points() -> list[Row]:
     peer_name = "python-control, point by point"
     found = [
         Row(
-            f"{_ANGLES} dihedral angles, no compiler",
+            f"{count} dihedral angles, no compiler",
             peer_name,
             in_turn(
                 lambda: solve_level_flights(variant, parameters, conditions, compile_code=False),
                 peer,
-                units=_ANGLES,
-                peer_units=_PEER_ANGLES,
+                units=count,
+                peer_units=peer_count,
             ),
             50.0,
         )
@@ -113,29 +117,29 @@ def _many_points() -> list[Row]:
     if _compiler() is not None:
         found.append(
             Row(
-                f"{_ANGLES} dihedral angles, generated C",
+                f"{count} dihedral angles, generated C",
                 peer_name,
                 in_turn(
                     lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
                     peer,
-                    units=_ANGLES,
-                    peer_units=_PEER_ANGLES,
+                    units=count,
+                    peer_units=peer_count,
                 ),
                 200.0,
             )
         )
     found.append(
         Row(
-            f"{_ANGLES} dihedral angles with tracked modes, every residual and limit checked",
+            f"{count} dihedral angles with tracked modes, every residual and limit checked",
             peer_name + " (trim, A, B only)",
-            in_turn(full, peer, units=_ANGLES, peer_units=_PEER_ANGLES, repeats=3),
+            in_turn(full, peer, units=count, peer_units=peer_count, repeats=3),
             20.0,
         )
     )
     return found
 
 
-def _optimizer() -> Row:
+def _optimizer(count: int, peer_count: int) -> Row:
     """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
     import casadi as ca
 
@@ -150,23 +154,23 @@ def _optimizer() -> Row:
     opti.subject_to(f[[0, 1, 4, 6]] == 0)
     opti.minimize(0)
     opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
-    angles = np.radians(np.linspace(0.0, 20.0, _ANGLES))
+    angles = np.radians(np.linspace(0.0, 20.0, count))
     conditions = level_conditions(("dihedral",), angles[:, None])
 
     def peer():
-        for angle in angles[:: _ANGLES // 50]:
+        for angle in angles[:: count // peer_count]:
             opti.set_value(dihedral, angle)
             opti.set_initial(u, [40.0, 0.03, 0.0, -0.05])
             opti.solve()
 
     return Row(
-        f"{_ANGLES} dihedral angles, trim alone for the peer",
+        f"{count} dihedral angles, trim alone for the peer",
         "CasADi Opti + IPOPT, point by point",
         in_turn(
             lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
             peer,
-            units=_ANGLES,
-            peer_units=50,
+            units=count,
+            peer_units=peer_count,
         ),
         500.0,
     )

@@ -77,5 +77,7 @@ def test_delta_below_the_minimum_says_what_to_ask_for(game: Game) -> None:
 def test_a_thousandth_above_the_minimum_is_solved_and_a_millionth_says_why_not(game: Game) -> None:
     smallest = minimum_delta(game).value
     assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok
-    with pytest.raises(NoSolutionError, match=r"not certified: .* % above delta_min = .*; ask for a larger delta"):
+    with pytest.raises(
+        NoSolutionError, match=r"not certified: .* is only .* % above delta_min = .*; ask for a larger delta"
+    ):
         solve_game(game.with_delta(smallest * (1.0 + 3e-6)))

@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from hfa_model import BadInputError, default_parameters
-from trim import store as store_module
-from trim import stream
+from trim import stored_sweep, stream
 from trim.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
 from trim.executors import Workers
 from trim.plan import SweepPlan
-from trim.store import open_store
-from trim.stream import stream_sweep
+from trim.store import create_store, open_store
+from trim.stored_sweep import SweepJob, status_counts, stream_sweep
+from trim.stream import run_and_write
 
 PARAMETERS = default_parameters().values
-ARRAYS = ("values", *store_module._ARRAYS)
 
 
 def _plan(points: int = 40) -> SweepPlan:
@@ -30,11 +29,12 @@ def _plan(points: int = 40) -> SweepPlan:
 
 @pytest.fixture
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(stream, "CHUNK", 30)
+    monkeypatch.setattr(stored_sweep, "CHUNK", 30)
 
 
 def _same(first, second) -> bool:
-    return all(np.array_equal(first.read(name), second.read(name), equal_nan=name != "status") for name in ARRAYS)
+    names = SweepJob(_plan()).layout.arrays
+    return all(np.array_equal(first.read(name), second.read(name), equal_nan=name != "status") for name in names)
 
 
 def test_a_plan_gives_any_slice_of_the_whole():
@@ -82,7 +82,7 @@ def test_each_point_of_a_chunk_carries_its_status():
 def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks):
     one = stream_sweep(_plan(), tmp_path / "one.zarr")
     two = stream_sweep(_plan(), tmp_path / "two.zarr", count=2)
-    assert one.counts()["missing"] == two.counts()["missing"] == 0
+    assert status_counts(one, 160)["missing"] == status_counts(two, 160)["missing"] == 0
     assert _same(one, two)
 
 
@@ -101,7 +101,7 @@ def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, m
     left = open_store(tmp_path / "part.zarr").missing()
     assert len(left) == 3
     ran = []
-    monkeypatch.setattr(stream, "run_chunk", lambda *task: ran.append(1) or run_chunk(*task))
+    monkeypatch.setattr(stored_sweep, "run_chunk", lambda *task: ran.append(1) or run_chunk(*task))
     resumed = stream_sweep(_plan(), tmp_path / "part.zarr", resume=True)
     assert len(ran) == len(left)
     assert _same(whole, resumed)
@@ -115,6 +115,34 @@ def test_a_store_is_neither_overwritten_nor_continued_by_another_plan(tmp_path, 
         stream_sweep(_plan(9), tmp_path / "a.zarr", resume=True)
     with pytest.raises(BadInputError, match="not a sweep store"):
         stream_sweep(_plan(9), tmp_path / "nothing.zarr", resume=True)
+
+
+def test_a_worker_that_does_not_see_the_store_sends_its_rows(tmp_path, small_chunks, monkeypatch):
+    whole = stream_sweep(_plan(), tmp_path / "whole.zarr")
+    sent = []
+
+    def from_afar(path, *task):
+        rows = run_and_write(tmp_path / "elsewhere" / path.name, *task)
+        sent.append(rows is not None)
+        return rows
+
+    monkeypatch.setattr(stream, "run_and_write", from_afar)
+    assert _same(whole, stream_sweep(_plan(), tmp_path / "far.zarr"))
+    assert sent == [True] * 6
+
+
+def test_a_worker_does_not_write_into_a_copy_of_the_store(tmp_path, small_chunks):
+    """A copy, left on the worker's own disk at the same path, would swallow the rows."""
+    plan = _plan()
+    copy = create_store(tmp_path / "a.zarr", SweepJob(plan).layout)
+    task = (0, stored_sweep.run_points, SweepJob(plan).task(0, 30))
+    with copy.session() as mark:
+        assert run_and_write(tmp_path / "a.zarr", "another mark", *task) is not None
+        assert np.isnan(copy.read("values")).all()
+        assert run_and_write(tmp_path / "a.zarr", mark, *task) is None
+    assert np.isfinite(copy.read("values", slice(30))).all()
+    assert 0 in copy.missing()
+    assert run_and_write(tmp_path / "a.zarr", mark, *task) is not None
 
 
 def test_a_store_names_its_columns(tmp_path, small_chunks):
@@ -155,9 +183,9 @@ def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chu
         import time
         from pathlib import Path
         from tests.test_stream import _plan
-        from trim import stream
-        stream.CHUNK = 30
-        stream.stream_sweep(_plan(), Path({str(tmp_path / "killed.zarr")!r}), progress=lambda *_: time.sleep(0.3))
+        from trim import stored_sweep, stream
+        stored_sweep.CHUNK = 30
+        stored_sweep.stream_sweep(_plan(), Path({str(tmp_path / "killed.zarr")!r}), progress=lambda *_: time.sleep(0.3))
         """
     )
     process = subprocess.Popen([sys.executable, "-c", script])

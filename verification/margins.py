@@ -76,7 +76,8 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
         peak = int(np.argmax(bounds))
         if minimised[peak]:
             break
-        bounds[peak] = min(bounds[peak], structured_bound(responses[peak]))
+        # The scaling found at a peak serves its neighbours too: a flat top is done at once.
+        bounds = np.minimum(bounds, _scaled_norm(responses, _best_scaling(responses[peak])))
         minimised[peak] = True
     peak = int(np.argmax(bounds))
     alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
@@ -88,18 +89,24 @@ def structured_bound(M: np.ndarray) -> float:
 
     M: (m, m) complex. Exact for m <= 3.  Source: Packard and Doyle, Automatica 29 (1993), 71-109.
     """
+    return float(_scaled_norm(M, _best_scaling(M)))
+
+
+def _best_scaling(M: np.ndarray) -> np.ndarray:
+    """log D of `structured_bound`, (m,)."""
     from scipy.optimize import minimize
 
-    if len(M) == 1:
-        return float(abs(M[0, 0]))
     start = _osborne_scaling(M)
+    if len(M) == 1:
+        return start
+    size = float(_scaled_norm(M, start))
     found = minimize(
         lambda free: float(_scaled_norm(M, np.append(free, 0.0))),
         start[:-1] - start[-1],
         method="Nelder-Mead",
-        options={"xatol": 1e-7, "fatol": 1e-10 * max(float(_scaled_norm(M, start)), 1e-300), "maxiter": 4000},
+        options={"xatol": 1e-7, "fatol": 1e-10 * max(size, 1e-300), "maxiter": 4000},
     )
-    return min(float(found.fun), float(_scaled_norm(M, start)))
+    return np.append(found.x, 0.0) if found.fun < size else start
 
 
 def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray) -> LoopMargin:

@@ -1,0 +1,53 @@
+"""Monte Carlo plans that the benchmarks fly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.flight_case import STEP, Case
+from controller.critic_policy import CriticPolicy
+from controller.game import published_game
+from controller.monte_carlo_plan import Course, FlownLaw, MonteCarlo, Uncertainty, critic_law, gain_law
+from controller.signals import zero
+from hfa_model.compiled import Aircraft
+from hfa_model.parameters import default_parameters
+from trim.condition import level_flight
+from trim.linearize import linearize
+from trim.solve import trim
+from verification.gare import solve_game
+from verification.nonlinear.envelope import flight_envelope
+
+_UNCERTAIN = Uncertainty(
+    errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
+    noise={"alpha": 0.001, "pitch_rate": 0.001},
+    turbulence=(1.0, 1750.0),
+)
+_FAR = np.full(7, 1e9)
+
+
+def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
+    """The flight of `flight_case` by many members: 25 weights, 50 samples, step 1e-4 s, seven states at 5 degrees.
+
+    The envelope is as good as none, so that every member flies to the end.
+    """
+    case = Case()
+    law = critic_law("published", CriticPolicy(case.law, zero(6)))
+    initial = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    course = Course(-_FAR, _FAR, duration, STEP, 0.01, initial, case.reference, case.disturbance)
+    return _plan(members, 5.0, "linear", law, course)
+
+
+def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
+    """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
+    aircraft = Aircraft(default_parameters().values)
+    model = linearize(aircraft, trim(aircraft, level_flight(float(np.radians(15.0)))))
+    envelope = flight_envelope(aircraft.parameters, model.point)
+    law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
+    course = Course(np.array(envelope.lowest), np.array(envelope.highest), duration)
+    return _plan(members, 15.0, "nonlinear", law, course)
+
+
+def _plan(members: int, degrees: float, plant: str, law: FlownLaw, course: Course) -> MonteCarlo:
+    aircraft = Aircraft(default_parameters().values)
+    point = trim(aircraft, level_flight(float(np.radians(degrees))))
+    return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, course, _UNCERTAIN)

@@ -1,0 +1,54 @@
+"""The table as a picture for the README: how many times faster, and what a row costs as jobs grow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report import FOLDER
+
+PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
+_REACHED, _MISSED, _PLAIN = "#2a6f97", "#c1440e", "#8d99ae"
+
+
+def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
+    """Bars of the ratios with a mark at what was to reach; curves of time and memory against size."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    bars = [figure for figure in data["figures"] if not figure["sizes"] and figure["unit"] == "s"]
+    curves = [figure for figure in data["figures"] if figure["sizes"]]
+    picture = Figure(figsize=(11.0, 0.42 * len(bars) + 4.2), layout="constrained")
+    grid = picture.add_gridspec(2, 2, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
+    _ratios(picture.add_subplot(grid[0, :]), bars)
+    time, memory = picture.add_subplot(grid[1, 0]), picture.add_subplot(grid[1, 1])
+    for figure in curves:
+        rows = [size["rows"] for size in figure["sizes"]]
+        label = figure["job"].split(" ", 1)[1].partition(",")[0]
+        time.loglog(rows, [1e6 * size["seconds"] for size in figure["sizes"]], "o-", label=label)
+        memory.semilogx(rows, [size["memory"] for size in figure["sizes"]], "o-", label=label)
+    for axes, name in ((time, "time a row, µs"), (memory, "largest memory, MB")):
+        axes.set(xlabel="rows", ylabel=name)
+        axes.grid(alpha=0.3)
+    if curves:
+        time.legend(fontsize=8)
+    memory.set_ylim(bottom=0)
+    picture.savefig(path, dpi=110, metadata={"Software": None})
+    return path
+
+
+def _ratios(axes: Any, bars: list[dict[str, Any]]) -> None:
+    colors = {"yes": _REACHED, "NO": _MISSED, "-": _PLAIN}
+    for place, figure in enumerate(reversed(bars)):
+        axes.barh(place, figure["ratio"], height=0.6, color=colors[figure["reached"]])
+        axes.text(1.04 * figure["ratio"], place, f"{figure['ratio']:.3g}", va="center", fontsize=8)
+        if figure["to_reach"] is not None:
+            axes.plot([figure["to_reach"]] * 2, [place - 0.4, place + 0.4], color="black", linewidth=1.5)
+    axes.set_yticks(range(len(bars)), [f"{figure['job']}\nagainst {figure['peer']}" for figure in reversed(bars)])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set_xscale("log")
+    axes.set_xlim(0.3, 3000)
+    axes.set_xlabel("times faster than the peer; black: to reach; orange: not reached")
+    axes.axvline(1.0, color="black", linewidth=0.5)

@@ -1,0 +1,39 @@
+"""Plants and critics in files, as users of `hfa solve`, `hfa learn` and `hfa verify` bring them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import savemat
+
+#: Two states, one input, of another size than the aircraft.
+SMALL: dict[str, Any] = {
+    "A": [[-0.2, 1.0], [-2.0, -0.3]],
+    "B": [[0.0], [1.0]],
+    "Q": [[2.0, 0.0], [0.0, 1.0]],
+    "R": [[0.5]],
+    "E": [[1.0], [0.5]],
+    "delta": 3.0,
+}
+
+
+def stored(path: str | Path, **content: Any) -> str:
+    """A file with that content in the format of its suffix; returns its name for the command line."""
+    path = Path(path)
+    if path.suffix == ".json":
+        plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in content.items()}
+        path.write_text(json.dumps(plain), encoding="utf-8")
+    elif path.suffix == ".npz":
+        np.savez(path, **content)
+    else:
+        savemat(path, content)
+    return str(path)
+
+
+def small(path: str | Path, **changes: Any) -> str:
+    """The small plant with changes; a change to None leaves the entry out."""
+    content = {key: value for key, value in (SMALL | changes).items() if value is not None}
+    return stored(path, **content)

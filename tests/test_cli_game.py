@@ -1,0 +1,554 @@
+"""`hfa solve`, `hfa learn`, `hfa verify`: numbers, keys, exit codes, files, interruptions, pictures, wrong critics."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import Result, Terminal, hfa, hfa_process
+from game_files import SMALL, small, stored
+from scipy.io import loadmat
+
+from controller.game import Game, published_game
+from controller.learn import LAWS
+from controller.published_study import STUDY
+from hfa_cli.main import DONE, FAILED, INTERRUPTED
+from hfa_model import Aircraft, default_parameters
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from trim.condition import level_flight
+from trim.linearize import linearize
+from trim.solve import trim
+from verification.gare import solve_game
+
+AT_15 = ("--dihedral", "15")
+#: A certified run of a tenth of a second.
+QUICK = ("--set", "tick=0.1")
+LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
+HISTORY = {"times", "weights", "residual_norm", "law_residual_norm"}
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def game() -> Game:
+    """What `--dihedral 15` stands for."""
+    aircraft = Aircraft(default_parameters().values)
+    model = linearize(aircraft, trim(aircraft, level_flight(math.radians(15.0))))
+    return published_game(model.A, model.B)
+
+
+def answer(*words: str, code: int = DONE) -> dict[str, Any]:
+    """What `hfa words... --json` prints: one JSON object, nothing else."""
+    result = hfa(*words, "--json")
+    assert (result.code, result.err) == (code, "")
+    data = json.loads(result.out, parse_constant=pytest.fail)
+    assert isinstance(data, dict)
+    return data
+
+
+def checks_of(data: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {check["name"]: check for check in data["checks"]}
+
+
+# Solve.
+
+
+@pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
+def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
+    data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
+    assert set(data) >= {"schema", "P", "K", "delta", "delta_min", "certificate", "meaning", "disk_margin"} | LABELS
+    aircraft = Aircraft(default_parameters().values, dynamics)
+    model = linearize(aircraft, trim(aircraft, level_flight(math.radians(float(degrees)))))
+    exact = solve_game(published_game(model.A, model.B))
+    np.testing.assert_array_equal(data["P"], exact.P)
+    np.testing.assert_array_equal(data["K"], exact.K)
+    assert data["delta"] == 200.0
+    assert 100.0 < data["delta_min"] < 120.0
+    assert data["delta_margin"] == 200.0 / data["delta_min"]
+    assert data["certificate"]["ok"] is True
+    assert all(check["ok"] for check in (*data["certificate"]["checks"], *data["meaning"]))
+    assert (data["states"], data["inputs"]) == (list(LINEAR_STATES), list(INPUTS))
+    assert data["state_units"] == [getattr(STATE_UNITS, name) for name in LINEAR_STATES]
+    assert data["input_units"] == list(INPUT_UNITS)
+    assert list(data["loop_margins"]) == list(INPUTS)
+
+
+def test_solve_takes_weights_and_delta_from_its_options() -> None:
+    words = ("--Q", "1000,1000,0.01,0.01,1000,0.01", "--R", "1e4,4e4,4e4,4e4,5e3", "--delta", "2000")
+    data = answer("solve", *AT_15, *words)
+    aircraft = Aircraft(default_parameters().values)
+    model = linearize(aircraft, trim(aircraft, level_flight(math.radians(15.0))))
+    exact = solve_game(published_game(model.A, model.B, R=np.diag([1e4, 4e4, 4e4, 4e4, 5e3]), delta=2000.0))
+    np.testing.assert_array_equal(data["K"], exact.K)
+
+
+def test_solve_without_disturbance_is_lqr(game: Game) -> None:
+    from scipy.linalg import solve_continuous_are
+
+    data = answer("solve", *AT_15, "--delta", "inf")
+    assert data["delta"] is None
+    P = solve_continuous_are(game.A, game.B, game.Q, game.R)
+    np.testing.assert_allclose(data["P"], P, rtol=0, atol=1e-9 * np.abs(P).max())
+    assert np.abs(data["disturbance_gain"]).max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("delta", "failed"),
+    [("100", "the Hamiltonian has an eigenvalue on the imaginary axis"), ("113.5", "P is indefinite")],
+)
+def test_solve_below_the_smallest_delta_gives_no_P_and_says_what_would_do(delta: str, failed: str) -> None:
+    result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
+    assert (result.code, result.out) == (FAILED, "")
+    assert result.err.count("\n") == 1
+    assert failed in result.err
+    assert f"delta = {delta} is below delta_min = 113.5486; ask for a larger delta" in result.err
+    assert list(Path().iterdir()) == []
+
+
+def test_solve_a_thousandth_above_the_smallest_delta() -> None:
+    assert answer("solve", *AT_15, "--delta", str(1.001 * 113.5486))["certificate"]["ok"] is True
+
+
+# Plants of the user's own.
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
+@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
+def test_a_plant_from_a_file_in_every_format(command: str, suffix: str) -> None:
+    data = answer(command, "--model", small(f"plant.{suffix}"))
+    exact = solve_game(Game(**{key: np.array(value) if key != "delta" else value for key, value in SMALL.items()}))
+    np.testing.assert_allclose(data["P"], exact.P, rtol=1e-12)
+    np.testing.assert_allclose(data["K"], exact.K, rtol=1e-12)
+    assert data["plant"] == f"plant.{suffix}"
+    assert (data["states"], data["inputs"], data["state_units"]) == (["x1", "x2"], ["u1"], ["", ""])
+    assert data["delta"] == 3.0
+
+
+def test_a_linear_model_of_ours_is_a_plant_too(game: Game) -> None:
+    assert hfa("linearize", *AT_15, "-o", "model.mat").code == DONE
+    np.testing.assert_array_equal(answer("solve", "--model", "model.mat")["P"], solve_game(game).P)
+
+
+def test_options_count_before_the_file() -> None:
+    plant = small("plant.json")
+    changed = answer("solve", "--model", plant, "--Q", "4,2", "--R", "1", "--delta", "6")
+    doubled = answer("solve", "--model", small("doubled.json", Q=[[4.0, 0.0], [0.0, 2.0]], R=[[1.0]], delta=6.0))
+    assert changed["P"] == doubled["P"]
+    assert changed["P"] != answer("solve", "--model", plant)["P"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"E": None},
+        {"E": [[0.0], [0.0]]},
+        {"E": [[], []]},
+        {"delta": math.inf},
+        {"Q": [[0.0, 0.0], [0.0, 1.0]]},
+        {"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "E": None},
+        {"A": [[-1.0, 0.0, 0.0], [0.2, -2.0, 0.0], [0.0, 0.3, -4.0]], "B": [[1.0], [0.5], [0.2]], "E": None}
+        | {"Q": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
+    ],
+    ids=["E not given", "E zero", "E empty", "delta inf", "one free state", "one state", "two free states"],
+)
+def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
+    plant = small("plant.json", **changes)
+    assert answer("learn", "--model", plant, *QUICK)["converged"] is True
+    assert answer("verify", "--model", plant, *QUICK)["ok"] is True
+    assert answer("solve", "--model", plant, "-o", "solution.json")["certificate"]["ok"] is True
+    exact = answer("verify", "--model", plant, "--weights", "solution.json")
+    assert exact["ok"] is True
+    assert exact["P_rel_error"] <= 1e-15
+
+
+def test_eight_states_three_inputs_in_units_that_nobody_would_choose() -> None:
+    rng = np.random.default_rng(0)
+    units = 10.0 ** rng.uniform(-3.0, 3.0, 8)
+    A, B = rng.standard_normal((8, 8)), rng.standard_normal((8, 3))
+    plant = stored(
+        "plant.npz",
+        A=A * units[:, None] / units,
+        B=B * units[:, None],
+        E=np.diag(units),
+        Q=np.diag(units**-2.0),
+        R=np.eye(3),
+    )
+    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
+    assert answer("verify", "--model", plant, *QUICK)["ok"] is True
+
+
+# Learn.
+
+
+def test_learn_prints_the_outcome_and_keeps_the_history_for_files() -> None:
+    printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
+    assert set(printed) >= {"schema", "law", "P", "K", "W", "converged", "certificates", "settling_time"} | LABELS
+    assert HISTORY.isdisjoint(printed)
+    assert printed["converged"] is True
+    assert all(row["ok"] for row in printed["certificates"])
+    assert printed["settling_time"] <= printed["settings"]["predefined_time"] == 10.0
+    filed = json.loads(Path("run.json").read_text(encoding="utf-8"))
+    assert {key: value for key, value in filed.items() if key not in HISTORY} == printed
+    assert set(filed) - set(printed) == HISTORY
+    assert np.shape(filed["weights"]) == (101, 21)
+    assert filed["weights"][0] == pytest.approx([100.0] * 21, rel=1e-14)
+    assert filed["weights"][-1] == printed["W"]
+
+
+def test_learn_writes_the_same_history_in_every_format() -> None:
+    plant = small("plant.json")
+    for suffix in ("json", "npz", "mat", "csv"):
+        assert hfa("learn", "--model", plant, *QUICK, "-o", f"run.{suffix}").code == DONE
+    data = json.loads(Path("run.json").read_text(encoding="utf-8"))
+    with np.load("run.npz") as archive:
+        matlab = loadmat("run.mat", simplify_cells=True)
+        for name in (*HISTORY, "W", "P", "K", "delta"):
+            np.testing.assert_array_equal(archive[name], data[name])
+            np.testing.assert_array_equal(matlab[name], np.squeeze(data[name]))
+        assert str(archive["schema"]) == matlab["schema"] == data["schema"]
+    with Path("run.csv").open(encoding="utf-8", newline="") as stream:
+        assert next(stream) == f"# schema: {data['schema']}\n"
+        rows = list(csv.DictReader(stream))
+    assert [float(row["time"]) for row in rows] == data["times"]
+    assert [[float(row[f"W{i}"]) for i in (1, 2, 3)] for row in rows] == data["weights"]
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
+@pytest.mark.parametrize(("command", "words"), [("learn", QUICK), ("solve", ())])
+def test_verify_reads_what_learn_and_solve_write(command: str, words: tuple[str, ...], suffix: str) -> None:
+    plant = small("plant.json")
+    assert hfa(command, "--model", plant, *words, "-o", f"critic.{suffix}").code == DONE
+    data = answer("verify", "--model", plant, "--weights", f"critic.{suffix}")
+    assert data["ok"] is True
+    assert data["P_rel_error"] <= 1e-13
+
+
+def test_learn_irl_needs_a_stabilizing_start() -> None:
+    assert answer("learn", "--dihedral", "5", "--law", "irl")["converged"] is True
+    failed = answer("verify", *AT_15, "--law", "irl", code=FAILED)
+    assert "starts from a policy that does not stabilize (abscissa of A - B K +0.0156" in failed["diagnosis"]
+    start = answer("learn", *AT_15, *QUICK, "--Q", "1000,1000,1000,1000,1000,1000", "--delta", "inf")["W"]
+    words = ("--law", "irl", "--set", f"initial_weights={','.join(map(repr, start))}")
+    assert answer("verify", *AT_15, *words)["ok"] is True
+
+
+def test_the_published_law_as_printed_overflows() -> None:
+    for degrees in ("5", "15"):
+        for command in ("learn", "verify"):
+            result = hfa(command, "--dihedral", degrees, "--law", "published", "--json", "-o", "run.json")
+            assert (result.code, result.out) == (FAILED, "")
+            assert result.err.count("\n") == 1
+            for word in ("overflowed at step", "lambda_0", "alpha2", "explicit step below", "use law 'certified'"):
+                assert word in result.err
+    assert list(Path().iterdir()) == []
+
+
+def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
+    settings = ("gains=100,100", "coordinates=scaled", "predefined_time=0.1", "step=1e-3", "basis=quadratic")
+    words = [part for text in settings for part in ("--set", text)]
+    data = answer("learn", *AT_15, "--law", "published", *words, code=FAILED)
+    assert data["settings"]["gains"] == [100.0, 100.0]
+    assert data["settings"]["basis"] == "quadratic"
+    assert data["status"].startswith("failed: ")
+    words = ["--set", "disturbance_measured=no", "--set", "intervals=60", "--seed", "3"]
+    data = answer("learn", "--dihedral", "5", "--law", "irl", *words, code=FAILED)
+    assert (data["settings"]["disturbance_measured"], data["settings"]["intervals"], data["seed"]) == (False, 60, 3)
+
+
+# Interrupted and resumed.
+
+RUNS = {
+    "certified": QUICK,
+    "published": (
+        "--set",
+        "gains=1,1",
+        "--set",
+        "basis=quadratic",
+        "--set",
+        "step=0.001",
+        "--set",
+        "coordinates=scaled",
+    ),
+    "irl": (),
+}
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, fraction: float, *words: str) -> Result:
+    """`hfa words...` on a terminal with Ctrl-C when that fraction of the run is done."""
+
+    def stop(done: float, message: str) -> None:
+        if done >= fraction:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_cli.learning.show_learning", stop)
+        return hfa(*words, err=Terminal())
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("fraction", [0.1, 0.6])
+def test_a_resumed_run_gives_the_same_bytes(law: str, fraction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
+    whole = hfa(*words, "-o", "whole.json")
+    stopped = interrupted(monkeypatch, fraction, *words, "--save", "state.npz", "-o", "part.json")
+    assert (stopped.code, stopped.out) == (INTERRUPTED, "")
+    assert stopped.err.endswith("hfa: interrupted\n")
+    assert not Path("part.json").exists()
+    resumed = hfa(*words, "--resume", "state.npz", "-o", "resumed.json")
+    assert resumed == whole
+    assert Path("resumed.json").read_bytes() == Path("whole.json").read_bytes()
+
+
+def test_verify_resumes_too_and_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("verify", "--model", small("plant.json"), *QUICK)
+    assert interrupted(monkeypatch, 0.5, *words, "--save", "state.npz").code == INTERRUPTED
+    assert hfa(*words, "--resume", "state.npz") == hfa(*words)
+
+
+def test_a_state_is_refused_by_another_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert hfa("learn", *AT_15, *QUICK, "--save", "state.npz").code == DONE
+    for words in (("--dihedral", "14"), (*AT_15, "--seed", "1"), (*AT_15, "--delta", "201"), (*AT_15, "--law", "irl")):
+        quick = () if "irl" in words else QUICK
+        result = hfa("learn", *words, *quick, "--resume", "state.npz")
+        assert (result.code, result.out) == (2, "")
+        assert "state.npz was written by a run with another game, stack, law or settings" in result.err
+
+
+def test_progress_is_shown_on_a_terminal_alone() -> None:
+    words = ("learn", "--model", small("plant.json"), *QUICK)
+    quiet, terminal = hfa(*words), hfa(*words, err=Terminal())
+    assert quiet.err == ""
+    assert quiet.out == terminal.out
+    assert "learn: 100 %" in terminal.err
+    assert terminal.err.endswith("\r\033[K")
+    assert "\n" not in terminal.err
+
+
+# Verify.
+
+
+def test_verify_keeps_the_contract() -> None:
+    data = answer("verify", *AT_15)
+    assert data["ok"] is True
+    assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
+    assert all(set(check) >= {"name", "value", "limit", "ok"} and check["ok"] for check in data["checks"])
+    assert set(checks_of(data)) >= {"data_rank", "settling_time", "l2_gain", "saddle_control_loses"}
+    assert set(data) >= {"schema", "diagnosis", "P", "K", "P_exact", "K_exact", "disk_margin"} | LABELS
+    assert data["diagnosis"] == ""
+
+
+def test_verify_prints_a_table_of_checks() -> None:
+    said = hfa("verify", *AT_15, *QUICK).out
+    assert said.startswith("Critic on the aircraft at dihedral 15 deg, published dynamics, against the exact game")
+    assert "\ncheck " in said
+    assert "FAIL" not in said
+    assert said.count(" pass\n") == 14
+    assert "\nP(alpha, pitch_rate) " in said
+
+
+def test_verify_writes_files() -> None:
+    plant = small("plant.json")
+    for suffix in ("json", "npz", "mat", "csv"):
+        assert hfa("verify", "--model", plant, *QUICK, "-o", f"check.{suffix}").code == DONE
+    data = json.loads(Path("check.json").read_text(encoding="utf-8"))
+    with np.load("check.npz") as archive:
+        np.testing.assert_array_equal(archive["P_exact"], data["P_exact"])
+    np.testing.assert_array_equal(loadmat("check.mat", simplify_cells=True)["P"], data["P"])
+    with Path("check.csv").open(encoding="utf-8", newline="") as stream:
+        assert next(stream) == f"# schema: {data['schema']}\n"
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 4 + 2
+    for kind in ("learned", "exact"):
+        found = {(row["matrix"], row["row"], row["column"]): float(row[kind]) for row in rows}
+        suffix = "" if kind == "learned" else "_exact"
+        assert found["P", "x1", "x2"] == data[f"P{suffix}"][0][1]
+        assert found["K", "u1", "x2"] == data[f"K{suffix}"][0][1]
+
+
+@pytest.mark.parametrize(("kind", "suffix"), [("W", "json"), ("P", "npz"), ("K", "mat"), ("W", "mat")])
+def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
+    exact = solve_game(game)
+    row, column = np.triu_indices(6)
+    weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
+    file = stored(f"critic.{suffix}", **{kind: {"W": weights, "P": exact.P, "K": exact.K}[kind]})
+    data = answer("verify", *AT_15, "--weights", file)
+    assert data["ok"] is True
+    assert data["K_rel_error"] <= 1e-14
+    assert (data["P_rel_error"] is None) == (kind == "K")
+    assert not {"data_rank", "settling_time"} & set(checks_of(data))
+
+
+@pytest.mark.parametrize(
+    ("name", "beyond", "bent"), [("quadratic+linear", 2, -1), ("quadratic+quartic", 2, -1), ("paper", 4, -4)]
+)
+def test_verify_takes_weights_of_every_basis(name: str, beyond: int, bent: int) -> None:
+    words = AT_15 if name == "paper" else ("--model", small("plant.json"))
+    P = np.array(answer("solve", *words)["P"])
+    row, column = np.triu_indices(len(P))
+    weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(beyond)])
+    assert answer("verify", *words, "--weights", stored("W.npz", W=weights), "--basis", name)["ok"] is True
+    weights[bent] = 1e-3 * abs(weights[0])  # leaves P and K alone and bends the policy
+    wrong = answer("verify", *words, "--weights", stored("W.npz", W=weights), "--basis", name, code=FAILED)
+    assert {row["name"] for row in wrong["checks"] if not row["ok"]} == {"policy_rel_error"}
+
+
+def test_the_limit_of_errors_is_the_users(game: Game) -> None:
+    file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
+    assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(1e-5, rel=1e-6)
+    assert answer("verify", *AT_15, "--weights", file, "--limit-error", "2e-5")["ok"] is True
+
+
+# Planted mistakes.
+
+
+def lqr(game: Game) -> np.ndarray:
+    return solve_game(game.with_delta(math.inf)).P
+
+
+def other_root(game: Game) -> np.ndarray:
+    """The root of the Riccati equation with one real eigenvalue of the closed loop reflected."""
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    values, vectors = np.linalg.eig(H)
+    stable = [i for i in range(len(values)) if values[i].real < 0]
+    real = min((i for i in stable if abs(values[i].imag) < 1e-9), key=lambda i: values[i].real)
+    chosen = [int(np.argmin(np.abs(values + values[real]))) if i == real else i for i in stable]
+    P = np.real(vectors[6:, chosen] @ np.linalg.inv(vectors[:6, chosen]))
+    return (P + P.T) / 2
+
+
+def recorded_policy(game: Game) -> np.ndarray:
+    """The value of the policies of another P, as a stack with frozen policies teaches it."""
+    from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+    P0 = solve_continuous_are(game.A, game.B, 1000.0 * np.eye(6), game.R)
+    return solve_continuous_lyapunov((game.A - game.S @ P0).T, -(game.Q + P0 @ game.S @ P0))
+
+
+def swapped(game: Game) -> np.ndarray:
+    row, column = np.triu_indices(6)
+    weights = np.where(row == column, 1.0, 2.0) * solve_game(game).P[row, column]
+    weights[[3, 7]] = weights[[7, 3]]
+    return weights
+
+
+MISTAKES = {
+    "LQR value": ("P", lqr, "this is the LQR solution (delta = inf), not the game's at delta = 200"),
+    "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
+    "wrong sign": ("K", lambda game: -solve_game(game).K, "the gain has the wrong sign: the policy is u = -K z"),
+    "another root": ("P", other_root, "this is another root of the Riccati equation"),
+    "recorded policy": ("P", recorded_policy, "this may be the value of a recorded policy instead of its own"),
+    "swapped weights": ("W", swapped, "weights 4 and 8 stand in each other's place"),
+    "upper triangle": ("P", lambda game: np.triu(solve_game(game).P), "P is not symmetric"),
+    "no gain": ("K", lambda game: np.zeros((5, 6)), "K is off by 1"),
+    "5 degrees": ("K", lambda game: np.array(answer("solve", "--dihedral", "5")["K"]), "K is off by"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_planted_mistake_is_refused_with_its_reason(game: Game, mistake: str) -> None:
+    kind, plant, reason = MISTAKES[mistake]
+    file = stored("critic.npz", **{kind: plant(game)})
+    data = answer("verify", *AT_15, "--weights", file, code=FAILED)
+    assert data["ok"] is False
+    failed = [check for check in data["checks"] if not check["ok"]]
+    assert reason in failed[0]["reason"]
+    assert all(check["reason"] for check in failed)
+
+
+def test_a_refusal_in_words_begins_with_the_reason(game: Game) -> None:
+    said = hfa("verify", *AT_15, "--weights", stored("critic.npz", K=-solve_game(game).K))
+    assert (said.code, said.err) == (FAILED, "")
+    lines = said.out.splitlines()
+    assert lines[0].endswith("against the exact game solution: REFUSED")
+    assert lines[2] == "Reason: the gain has the wrong sign: the policy is u = -K z"
+    assert sum(line.endswith(" FAIL") for line in lines) == sum(line.startswith("FAIL ") for line in lines) >= 3
+
+
+def test_a_law_that_runs_but_fails_is_refused() -> None:
+    words = ("--law", "published", "--set", "integrator=proximal", "--set", "step=0.05", "--set", "basis=quadratic")
+    data = answer("verify", *AT_15, *words, code=FAILED)
+    assert "starts from a policy that does not stabilize" in data["diagnosis"]
+    failed = {check["name"] for check in data["checks"] if not check["ok"]}
+    assert {"P_rel_error", "K_rel_error", "control_loop_abscissa", "settling_time"} <= failed
+
+
+# Pictures.
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_verify_draws_a_run(suffix: str) -> None:
+    words = ("verify", "--model", small("plant.json"), *QUICK, "--picture", f"check.{suffix}")
+    assert hfa(*words).code == DONE
+    begins = {"png": b"\x89PNG\r\n", "svg": b"<?xml"}[suffix]
+    first = Path(f"check.{suffix}").read_bytes()
+    assert first.startswith(begins)
+    assert hfa(*words).code == DONE
+    assert Path(f"check.{suffix}").read_bytes() == first
+
+
+@pytest.mark.parametrize("kind", ["P", "K"])
+def test_verify_draws_what_it_refuses(kind: str) -> None:
+    critic = stored("critic.npz", **{kind: np.zeros((2, 2) if kind == "P" else (1, 2))})
+    words = ("verify", "--model", small("plant.json"), "--weights", critic, "--picture")
+    assert hfa(*words, "check.svg").code == FAILED
+    picture = Path("check.svg").read_text(encoding="utf-8")
+    assert f"<!-- {kind} learned -->" in picture
+    assert f"<!-- {'K' if kind == 'P' else 'P'} learned -->" not in picture
+
+
+# The study of the paper's law.
+
+
+def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(fraction: float, row: str) -> None:
+        if row.startswith("learning alone"):
+            raise KeyboardInterrupt
+
+    words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit")
+    names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_cli.commands.study._show", stop)
+        assert hfa(*words, "--save", "state.json", err=Terminal()).code == INTERRUPTED
+    kept = json.loads(Path("state.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert [row["name"] for row in kept["rows"]] == names[:1]
+    whole = hfa(*words, "--resume", "state.json", "-o", "study.json", err=Terminal())
+    assert whole.code == DONE
+    assert "study: 100 %" in whole.err
+    assert names[0] not in whole.err
+    data = json.loads(Path("study.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert data["rows"][0] == kept["rows"][0]
+    counts = [(row["name"], row["count"], row["overflow"], row["certified"]) for row in data["rows"]]
+    assert counts == [(names[0], 48, 48, 0), (names[1], 4, 0, 0)]
+    for name in names:
+        assert f"\n{name}: {STUDY[name].cause}" in whole.out
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a finished row is run again")
+
+    monkeypatch.setattr("controller.published_study._run", refuse)
+    for suffix in ("json", "npz", "mat", "csv"):
+        again = hfa(*words, "--resume", "study.json", "-o", f"again.{suffix}")
+        assert (again.code, again.out, again.err) == (DONE, whole.out, "")
+    assert Path("again.json").read_bytes() == Path("study.json").read_bytes()
+    assert len(Path("again.csv").read_text(encoding="utf-8").splitlines()) == 2 + 48 + 4
+
+
+# Time.
+
+
+def test_one_cold_verify_takes_less_than_three_seconds(tmp_path: Path) -> None:
+    before = os.times()
+    result = hfa_process("verify", *AT_15, folder=tmp_path)
+    after = os.times()
+    assert result.code == DONE
+    # Processor time of the process, which other work on the machine does not stretch.
+    assert after.children_user - before.children_user + after.children_system - before.children_system < 3.0
