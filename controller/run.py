@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from controller.files import load_npz, save_npz
-from hfa_model.errors import BadInputError
+from hfa_model.errors import BadInputError, NoSolutionError
 
 #: Called with the fraction done (0 to 1) and one line of text.
 Progress = Callable[[float, str], None]
@@ -62,8 +62,9 @@ def run(
     """Run all ticks of a law.
 
     save_state: .npz written `REPORTS` times in a run, at its end, and when the run is interrupted
-    (KeyboardInterrupt, also raised from `progress`). resume: such a file; the run goes on from it and returns
-    the same bits as an uninterrupted one. Raises BadInputError when the file is of another game or settings.
+    (KeyboardInterrupt, also raised from `progress`); a run that cannot reach its end (NoSolutionError) leaves none.
+    resume: such a file; the run goes on from it and returns the same bits as an uninterrupted one. Raises
+    BadInputError when the file is of another game or settings.
     """
     mark = _digest(process.fingerprint())
     tick, memory, rows = _load(resume, mark) if resume is not None else (0, process.start(), {})
@@ -71,6 +72,7 @@ def run(
     report_every = max(1, process.ticks // REPORTS)
     if not rows:
         _append(rows, process.observe(0, memory))
+    saved = False
     try:
         while tick < process.ticks:
             memory = process.advance(tick, memory)
@@ -81,11 +83,16 @@ def run(
             if tick % report_every == 0 or last:
                 if save_state is not None:
                     _save(save_state, mark, tick, memory, rows)
+                    saved = True
                 if progress is not None:
                     progress(tick / process.ticks, _line(rows))
     except KeyboardInterrupt:
         if save_state is not None:
             _save(save_state, mark, tick, memory, rows)
+        raise
+    except NoSolutionError:
+        if save_state is not None and saved:
+            Path(save_state).unlink()
         raise
     return Run(memory, {name: np.array(values) for name, values in rows.items()})
 

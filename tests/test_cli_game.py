@@ -82,15 +82,6 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
     assert list(data["loop_margins"]) == list(INPUTS)
 
 
-def test_solve_takes_weights_and_delta_from_its_options() -> None:
-    words = ("--Q", "1000,1000,0.01,0.01,1000,0.01", "--R", "1e4,4e4,4e4,4e4,5e3", "--delta", "2000")
-    data = answer("solve", *AT_15, *words)
-    aircraft = Aircraft(default_parameters().values)
-    model = linearize(aircraft, trim(aircraft, level_flight(math.radians(15.0))))
-    exact = solve_game(published_game(model.A, model.B, R=np.diag([1e4, 4e4, 4e4, 4e4, 5e3]), delta=2000.0))
-    np.testing.assert_array_equal(data["K"], exact.K)
-
-
 def test_solve_without_disturbance_is_lqr(game: Game) -> None:
     from scipy.linalg import solve_continuous_are
 
@@ -121,8 +112,9 @@ def test_solve_a_thousandth_above_the_smallest_delta() -> None:
 # Plants of the user's own.
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
-@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("solve", "json"), ("solve", "npz"), ("solve", "mat"), ("learn", "npz"), ("verify", "mat")]
+)
 def test_a_plant_from_a_file_in_every_format(command: str, suffix: str) -> None:
     data = answer(command, "--model", small(f"plant.{suffix}"))
     exact = solve_game(Game(**{key: np.array(value) if key != "delta" else value for key, value in SMALL.items()}))
@@ -162,12 +154,9 @@ def test_options_count_before_the_file() -> None:
 )
 def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
     plant = small("plant.json", **changes)
-    assert answer("learn", "--model", plant, *QUICK)["converged"] is True
-    assert answer("verify", "--model", plant, *QUICK)["ok"] is True
-    assert answer("solve", "--model", plant, "-o", "solution.json")["certificate"]["ok"] is True
-    exact = answer("verify", "--model", plant, "--weights", "solution.json")
-    assert exact["ok"] is True
-    assert exact["P_rel_error"] <= 1e-15
+    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
+    assert answer("learn", "--model", plant, *QUICK, "-o", "learned.json")["converged"] is True
+    assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
 
 
 def test_eight_states_three_inputs_in_units_that_nobody_would_choose() -> None:
@@ -222,11 +211,12 @@ def test_learn_writes_the_same_history_in_every_format() -> None:
     assert [[float(row[f"W{i}"]) for i in (1, 2, 3)] for row in rows] == data["weights"]
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
-@pytest.mark.parametrize(("command", "words"), [("learn", QUICK), ("solve", ())])
-def test_verify_reads_what_learn_and_solve_write(command: str, words: tuple[str, ...], suffix: str) -> None:
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("learn", "npz"), ("learn", "mat"), ("solve", "npz"), ("solve", "mat")]
+)
+def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
     plant = small("plant.json")
-    assert hfa(command, "--model", plant, *words, "-o", f"critic.{suffix}").code == DONE
+    assert hfa(command, "--model", plant, "-o", f"critic.{suffix}").code == DONE
     data = answer("verify", "--model", plant, "--weights", f"critic.{suffix}")
     assert data["ok"] is True
     assert data["P_rel_error"] <= 1e-13
@@ -295,7 +285,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, fraction: float, *words: str) -
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("fraction", [0.1, 0.6])
+@pytest.mark.parametrize("fraction", [pytest.param(0.1, marks=pytest.mark.slow), 0.6])
 def test_a_resumed_run_gives_the_same_bytes(law: str, fraction: float, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
     whole = hfa(*words, "-o", "whole.json")
@@ -347,12 +337,12 @@ def test_verify_keeps_the_contract() -> None:
 
 
 def test_verify_prints_a_table_of_checks() -> None:
-    said = hfa("verify", *AT_15, *QUICK).out
-    assert said.startswith("Critic on the aircraft at dihedral 15 deg, published dynamics, against the exact game")
+    said = hfa("verify", "--model", small("plant.json"), *QUICK).out
+    assert said.startswith("Critic on plant.json, against the exact game solution: agrees\n")
     assert "\ncheck " in said
     assert "FAIL" not in said
     assert said.count(" pass\n") == 14
-    assert "\nP(alpha, pitch_rate) " in said
+    assert "\nP(x1, x2) " in said
 
 
 def test_verify_writes_files() -> None:
@@ -484,7 +474,7 @@ def test_a_law_that_runs_but_fails_is_refused() -> None:
 # Pictures.
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg"])
+@pytest.mark.parametrize("suffix", ["png", pytest.param("svg", marks=pytest.mark.slow)])
 def test_verify_draws_a_run(suffix: str) -> None:
     words = ("verify", "--model", small("plant.json"), *QUICK, "--picture", f"check.{suffix}")
     assert hfa(*words).code == DONE

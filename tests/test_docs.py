@@ -61,8 +61,8 @@ def test_the_pictures_are_those_of_the_report(tmp_path: Path) -> None:
 
     assert hfa("report", "--folder", str(tmp_path / "report")).code == DONE
     shown = sorted((ROOT / "docs" / "pictures").iterdir())
-    assert [path.name for path in shown] == ["regeneration.png", "root_locus.png"]
-    for path in shown:
+    assert [path.name for path in shown] == ["benchmarks.png", "regeneration.png", "root_locus.png"]
+    for path in shown[1:]:  # the first is drawn by `make bench`, another one on every machine
         one, other = imread(path), imread(tmp_path / "report" / path.name)
         assert one.shape == other.shape
         # Another release of the font library moves some edges of letters.

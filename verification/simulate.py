@@ -42,18 +42,24 @@ def simulate(
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983), as implemented in SciPy.
     """
     from scipy.integrate import solve_ivp
+    from scipy.linalg import block_diag
 
     price = 0.0 if math.isinf(game.delta) else game.delta**2  # no disturbance, no pay-off: inf * 0 is 0
+    # z' = [A B E] y and J' = y'D y with y = (z, u, d): thousands of calls a flight.
+    motion = np.hstack([game.A, game.B, game.E])
+    D = block_diag(game.Q, game.R, -price * np.eye(game.E.shape[1]))
 
     def rate(t: float, augmented: np.ndarray) -> np.ndarray:
         z = augmented[:-1]
-        if not np.abs(z).max() < LARGEST:
+        if not z @ z < LARGEST**2:
             raise NoSolutionError(f"the flight leaves every bound near t = {t:.4g} s: the policies do not stabilize it")
-        u, d = control(t, z), disturbance(t, z)
-        motion = game.A @ z + game.B @ u + game.E @ d
+        y = np.concatenate((z, control(t, z), disturbance(t, z)))
+        change = np.empty_like(augmented)
+        change[:-1] = motion @ y
+        change[-1] = y @ D @ y
         if forcing is not None:
-            motion = motion + forcing(t)
-        return np.append(motion, z @ game.Q @ z + u @ game.R @ u - price * (d @ d))
+            change[:-1] += forcing(t)
+        return change
 
     result = solve_ivp(
         rate,
