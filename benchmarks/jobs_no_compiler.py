@@ -50,15 +50,18 @@ def _limits(case: Case, quick: bool) -> list[Row]:
 
 
 def _without_stack(case: Case, quick: bool) -> Row:
-    """What would be left if the stack of Eq. (46) cost nothing: not the same flight, only its time."""
+    """What would be left if the stack of Eq. (46) cost nothing: not the same flight, only its time.
+
+    The weights stay where they are (p = 0), because without the stack they run away.
+    """
     loop = replace(case.compiled.loop, policy=_NoStack(case.law, zero(6)))
     rate = CompiledLoop(loop).rate
     steps, peer_steps = (1000, 100) if quick else (20_000, 1000)
 
     def fly() -> None:
-        ones = np.ones(1)
+        frozen = np.zeros(1)
         integrate(
-            rate, case.start, lambda tick: ones, step=STEP, steps_per_tick=1000, ticks=steps // 1000, compile_code=False
+            rate, case.start, lambda tick: frozen, step=STEP, steps_per_tick=1000, ticks=steps // 1000, compile_code=False
         )
 
     timing = in_turn(

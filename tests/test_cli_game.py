@@ -222,8 +222,19 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
     assert data["P_rel_error"] <= 1e-13
 
 
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_a_number_that_is_not_there_is_nan_in_binary_files(suffix: str) -> None:
+    """The first residual of integral learning is infinite: no policy has been evaluated yet."""
+    plant = small("plant.json")
+    assert hfa("learn", "--model", plant, "--law", "irl", "-o", f"run.{suffix}").code == DONE
+    load = np.load if suffix == "npz" else loadmat
+    residuals = np.ravel(load(f"run.{suffix}")["law_residual_norm"])
+    assert np.isnan(residuals[0])
+    assert np.isfinite(residuals[1:]).all()
+
+
 def test_learn_irl_needs_a_stabilizing_start() -> None:
-    assert answer("learn", "--dihedral", "5", "--law", "irl")["converged"] is True
+    assert answer("verify", "--dihedral", "5", "--law", "irl")["ok"] is True
     failed = answer("verify", *AT_15, "--law", "irl", code=FAILED)
     assert "starts from a policy that does not stabilize (abscissa of A - B K +0.0156" in failed["diagnosis"]
     start = answer("learn", *AT_15, *QUICK, "--Q", "1000,1000,1000,1000,1000,1000", "--delta", "inf")["W"]

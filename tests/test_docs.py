@@ -29,7 +29,7 @@ def test_blocks_run_and_print_what_is_shown(path: Path, tmp_path: Path, monkeypa
 
 
 def test_every_document_is_read() -> None:
-    assert {path.stem for path in DOCUMENTS} >= {"README", "dynamics", "identification", "trim"}
+    assert {path.stem for path in DOCUMENTS} >= {"README", "critics", "dynamics", "game", "identification", "trim"}
     for path in DOCUMENTS:
         assert blocks_of(text_of(path)), f"{path} shows nothing that can be checked"
 
@@ -60,15 +60,29 @@ def test_the_pictures_are_those_of_the_report(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
     assert hfa("report", "--folder", str(tmp_path / "report")).code == DONE
-    shown = sorted((ROOT / "docs" / "pictures").iterdir())
-    assert [path.name for path in shown] == ["benchmarks.png", "regeneration.png", "root_locus.png"]
-    for path in shown[1:]:  # the first is drawn by `make bench`, another one on every machine
+    folder = ROOT / "docs" / "pictures"
+    drawn = ["regeneration.png", "root_locus.png"]
+    # `make bench` draws another benchmarks.png on every machine, the test below looks at verify.png.
+    assert sorted(path.name for path in folder.iterdir()) == ["benchmarks.png", *drawn, "verify.png"]
+    for path in (folder / name for name in drawn):
         one, other = imread(path), imread(tmp_path / "report" / path.name)
         assert one.shape == other.shape
         # Another release of the font library moves some edges of letters.
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, (
             f"copy report/{path.name} to docs/pictures after `make report`"
         )
+
+
+def test_the_picture_of_a_verified_critic_is_that_of_the_command(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    assert hfa("verify", "--dihedral", "15", "--picture", str(tmp_path / "verify.png")).code == DONE
+    one, other = (imread(folder / "verify.png") for folder in (ROOT / "docs" / "pictures", tmp_path))
+    assert one.shape == other.shape
+    different = np.abs(one - other).max(axis=2) > 0.1
+    height, width = different.shape
+    different[: height // 2, 2 * width // 3 :] = False  # the map of the difference shows rounding
+    assert np.mean(different) < 0.005, "run `hfa verify --dihedral 15 --picture docs/pictures/verify.png`"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)

@@ -44,7 +44,9 @@ def markdown(rows: dict[str, StudyRow]) -> list[str]:
     for row in rows.values():
         counts = [len(row.runs), len(row.runs) - len(row.finished)]
         counts += [sum(getattr(run, name) for run in row.runs) for name in ("stabilizing", "certified")]
-        ranges = [_range(*row.span(name)) for name in ("P_error", "K_error", "settled")]
+        ranges = [
+            _range(*row.span(name)) for name in ("P_error", "K_error", "settled", "lambda_0", "explicit_step_limit")
+        ]
         cells = [row.name, *map(str, counts), *ranges]
         lines.append(f"| {' | '.join(cells)} |")
     return lines
@@ -90,3 +92,22 @@ def test_the_document_shows_the_committed_numbers(committed: dict[str, StudyRow]
     document = (ROOT / "docs" / "critics.md").read_text(encoding="utf-8").splitlines()
     table = [line for line in document if line.startswith(tuple(f"| {name} |" for name in STUDY))]
     assert table == markdown(committed)
+
+
+def test_the_causes_that_the_document_gives_stand_in_the_runs(committed: dict[str, StudyRow]) -> None:
+    rows = list(committed.values())
+    assert sum(len(row.runs) for row in rows) == 136
+    explicit, implicit, raw, scaled, helped, frozen, rich, poor = rows
+    assert all(run.explicit_step_limit < 1e-12 * run.settings.step for run in explicit.runs)
+    assert not any(run.overflow or run.stabilizing for run in implicit.runs)
+    for row in (raw, scaled):
+        assert all(run.overflow for run in row.runs if run.dihedral_deg == 5.0)
+    assert all(
+        run.settings.gains == (100.0, 100.0) and run.settings.step < run.explicit_step_limit for run in helped.runs
+    )
+    assert all(run.settled <= 0.9 * 10.0 / 2.0 for run in frozen.runs)
+    (late,) = [run for run in rich.runs if not run.certified]
+    assert late.settings.normalisation == "squared"
+    assert math.isinf(late.settled)
+    assert late.P_error < 1e-5
+    assert all(run.last_lambda_0 < 0.01 * run.lambda_0 for run in poor.runs)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Entries below this share of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4
+#: Errors below this are rounding, and drawn here: a logarithmic axis has no 0.
+_FLOOR = 1e-17
 
 
 def check_figure(
@@ -50,12 +52,12 @@ def check_figure(
 def _over_time(
     axes: Axes, check: CriticCheck, basis: Basis, run: LearningResult, predefined_time: float | None
 ) -> None:
-    floor = np.finfo(float).tiny  # a logarithmic axis has no 0
-    axes.semilogy(run.times, np.maximum(run.residual_norm, floor), color="C0", label="residual |e| / |z'Qz|")
-    errors = np.maximum(error_over_time(check, run, basis), floor)
+    axes.semilogy(run.times, np.maximum(run.residual_norm, _FLOOR), color="C0", label="residual |e| / |z'Qz|")
+    errors = np.maximum(error_over_time(check, run, basis), _FLOOR)
     axes.semilogy(run.times, errors, "--", color="C1", label="error |P - P exact| / |P exact|")
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
+    axes.set_ylim(bottom=_FLOOR)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")
     axes.grid(alpha=0.3)

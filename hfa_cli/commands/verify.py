@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.basis import Basis, basis
 from controller.model_file import load_critic
+from controller.published_study import FLIGHT_BOX
 from controller.result import LearningResult
 from hfa_cli import options
 from hfa_cli.games import NamedGame, add_game, game_of
@@ -19,7 +20,7 @@ from hfa_cli.learning import add_learning, run_learning
 from hfa_cli.output import check_target, deliver
 from hfa_cli.values import number
 from hfa_model.errors import BadInputError
-from hfa_model.vectors import STATE_SCALES
+from hfa_model.vectors import LINEAR_STATES
 from verification.candidate import Candidate, from_stored, from_weights
 from verification.check_report import check_table, check_text
 from verification.critic_check import LIMIT, CriticCheck, check_critic
@@ -81,8 +82,9 @@ def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, 
 
 
 def _box(named: NamedGame) -> np.ndarray:
-    """Half widths of the box in which policies are compared: one scaled unit of each state, where it has a name."""
-    return np.array([getattr(STATE_SCALES, name, 1.0) for name in named.states])
+    """Half widths of the box in which policies are compared: ordinary deviations of the aircraft, else 1."""
+    ordinary = dict(zip(LINEAR_STATES, FLIGHT_BOX, strict=True))
+    return np.array([ordinary.get(name, 1.0) for name in named.states])
 
 
 def _draw(
