@@ -25,7 +25,7 @@ def rows(quick: bool = False) -> list[Row]:
 
     cores = os.cpu_count() or 1
     workers = max(2, cores)
-    with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
         address = cluster.scheduler_address
         on_dask = [_dask_against_pool(workers, address, quick), _empty_chunks(workers, address, quick)]
     return [_on_all_cores(cores, workers, quick), *on_dask]

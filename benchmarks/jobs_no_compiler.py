@@ -61,7 +61,13 @@ def _without_stack(case: Case, quick: bool) -> Row:
     def fly() -> None:
         frozen = np.zeros(1)
         integrate(
-            rate, case.start, lambda tick: frozen, step=STEP, steps_per_tick=1000, ticks=steps // 1000, compile_code=False
+            rate,
+            case.start,
+            lambda tick: frozen,
+            step=STEP,
+            steps_per_tick=1000,
+            ticks=steps // 1000,
+            compile_code=False,
         )
 
     timing = in_turn(

@@ -205,7 +205,7 @@ def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chu
 def test_a_dask_cluster_gives_the_same_bits(tmp_path, small_chunks):
     distributed = pytest.importorskip("distributed")
     serial = stream_sweep(_plan(), tmp_path / "serial.zarr")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
         spread = stream_sweep(_plan(), tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
     assert _same(serial, spread)
 

@@ -100,6 +100,8 @@ def test_the_causes_that_the_document_gives_stand_in_the_runs(committed: dict[st
     explicit, implicit, raw, scaled, helped, frozen, rich, poor = rows
     assert all(run.explicit_step_limit < 1e-12 * run.settings.step for run in explicit.runs)
     assert not any(run.overflow or run.stabilizing for run in implicit.runs)
+    reevaluated = [run for run in implicit.runs if run.settings.stack_policies == "reevaluated"]
+    assert (sum(math.isfinite(run.settled) for run in reevaluated), len(reevaluated)) == (15, 16)
     for row in (raw, scaled):
         assert all(run.overflow for run in row.runs if run.dihedral_deg == 5.0)
     assert all(
