@@ -6,13 +6,11 @@ named on the command line are run alone, and replace their own figures among the
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Sequence
 
 from benchmarks import report
-
-SETS = ("startup", "trim", "gare", "flight", "no_compiler", "monte_carlo", "size")
+from benchmarks.sets import SETS, rows_of
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -22,7 +20,7 @@ def main(words: Sequence[str] | None = None) -> int:
     rows = {}
     for name in [word for word in words if word != "--quick"] or SETS:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        rows[name] = importlib.import_module(f"benchmarks.jobs_{name}").rows(quick=quick)
+        rows[name] = rows_of(name, quick)
     print(report.text([row for some in rows.values() for row in some]))
     if not quick:
         from benchmarks.picture import draw

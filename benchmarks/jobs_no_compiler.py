@@ -8,7 +8,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from benchmarks.flight_case import STEP, STEPS, Case, c_flight, numba_flight, numpy_flight
+from benchmarks.flight_case import STEP, STEPS, Case, c_flight, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from controller.closed_loop import CompiledLoop
@@ -31,7 +31,7 @@ def _limits(case: Case, quick: bool) -> list[Row]:
     """What compiled code makes of the loop, in parts of NumPy's time."""
     steps, peer_steps = (500, 100) if quick else (STEPS, 1000)
     found = []
-    for name, make in (("C by hand, -O3", c_flight), ("numba", numba_flight)):
+    for name, make in (("C by hand, -O3", c_flight), ("numba", numba_flight), ("JAX", jax_flight)):
         try:
             if make is c_flight and _compiler() is None:
                 continue

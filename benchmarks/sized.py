@@ -37,11 +37,11 @@ def sweep(rows: int, path: Path) -> None:
 
 
 def members(rows: int, path: Path) -> None:
-    """Nonlinear flights of 2 s in turbulence, with parameter errors and noise."""
+    """Nonlinear flights of 0.1 s in turbulence, with parameter errors and noise."""
     from benchmarks.members_case import gain_plan
     from controller.monte_carlo import stream_monte_carlo
 
-    stream_monte_carlo(gain_plan(rows, duration=2.0), path)
+    stream_monte_carlo(gain_plan(rows, duration=0.1), path)
 
 
 JOBS = {"sweep": sweep, "members": members}

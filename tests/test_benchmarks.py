@@ -202,7 +202,7 @@ def test_quick_jobs_run_and_store_nothing(capsys: pytest.CaptureFixture, monkeyp
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick", "trim", "gare", "size"]) == 0
     said = capsys.readouterr().out
-    for words in ("python-control", "IPOPT", "solve_continuous_are", "members of 2 s into a store"):
+    for words in ("python-control", "IPOPT", "solve_continuous_are", "members of 0.1 s into a store"):
         assert words in said
 
 
