@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.files import load_npz, save_npz
 from hfa_model.errors import BadInputError, NoSolutionError
+from hfa_model.version import toolchain_version
 
 #: Called with the fraction done (0 to 1) and one line of text.
 Progress = Callable[[float, str], None]
@@ -64,7 +65,7 @@ def run(
     save_state: .npz written `REPORTS` times in a run, at its end, and when the run is interrupted
     (KeyboardInterrupt, also raised from `progress`); a run that cannot reach its end (NoSolutionError) leaves none.
     resume: such a file; the run goes on from it and returns the same bits as an uninterrupted one. Raises
-    BadInputError when the file is of another game or settings.
+    BadInputError when the file is of another game, settings or version of the toolchain.
     """
     mark = _digest(process.fingerprint())
     tick, memory, rows = _load(resume, mark) if resume is not None else (0, process.start(), {})
@@ -107,7 +108,7 @@ def _append(rows: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
 
 
 def _digest(fingerprint: Mapping[str, Any]) -> str:
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(toolchain_version().encode())
     for name in sorted(fingerprint):
         value = np.asarray(fingerprint[name])
         digest.update(f"{name}{value.dtype}{value.shape}".encode())
@@ -126,7 +127,7 @@ def _load(path: str | Path, mark: str) -> tuple[int, Memory, dict[str, list[Any]
     if "mark" not in data or "tick" not in data:
         raise BadInputError(f"{path} is not a state file of a learning run")
     if str(data["mark"]) != mark:
-        raise BadInputError(f"{path} was written by a run with another game, stack, law or settings; start anew")
+        raise BadInputError(f"{path} is of a run with another game, stack, law, settings or version; start anew")
     memory = {name.removeprefix("memory."): value for name, value in data.items() if name.startswith("memory.")}
     rows = {name.removeprefix("history."): list(value) for name, value in data.items() if name.startswith("history.")}
     return int(data["tick"]), memory, rows

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from hfa_model.errors import BadInputError, NoSolutionError
+from hfa_model.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -85,7 +86,7 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", choices=COMMANDS, metavar="command", help="one of the commands below")
-    parser.add_argument("--version", action="version", version=_version())
+    parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     chosen = parser.parse_args(words[:1] or ["--help"]).command
     module = importlib.import_module(f"hfa_cli.commands.{chosen.replace('-', '_')}")
     command = _Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip(), allow_abbrev=False)
@@ -102,12 +103,6 @@ def _attached(words: list[str]) -> list[str]:
         else:
             result.append(word)
     return result
-
-
-def _version() -> str:
-    from importlib.metadata import version
-
-    return f"hfa {version('hfa-toolchain')}"
 
 
 def _drop_output() -> None:

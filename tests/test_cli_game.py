@@ -298,7 +298,7 @@ def test_a_state_is_refused_by_another_run(monkeypatch: pytest.MonkeyPatch) -> N
         quick = () if "irl" in words else QUICK
         result = hfa("learn", *words, *quick, "--resume", "state.npz")
         assert (result.code, result.out) == (2, "")
-        assert "state.npz was written by a run with another game, stack, law or settings" in result.err
+        assert "state.npz is of a run with another game, stack, law, settings or version" in result.err
 
 
 def test_progress_is_shown_on_a_terminal_alone() -> None:

@@ -106,6 +106,9 @@ def test_resuming_flies_nothing_again(finished: Path, short: Path, monkeypatch: 
         hfa("reproduce", "5.4", "-o", str(finished), "--resume")  # another reading is another experiment
     with pytest.raises(AssertionError, match="flown again"):
         hfa("reproduce", "5.4", "-o", str(finished), "--reading", str(short))
+    monkeypatch.setattr(store, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(AssertionError, match="flown again"):
+        hfa("reproduce", "all", "-o", str(finished), "--reading", str(short), "--resume")
     assert contents(finished) == before
 
 

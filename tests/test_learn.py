@@ -11,7 +11,7 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
-from controller import files
+from controller import files, run
 from controller.files import load_npz, save_npz
 from controller.learn import LAWS, learn
 from controller.recorder import random_pool
@@ -124,8 +124,16 @@ def test_state_of_another_run_is_refused(tmp_path: Path) -> None:
         lambda: learn(game, seed=4, resume=state, pool=random_pool(game, 100, 9), **options),
         lambda: short_run("irl", resume=state),
     ):
-        with pytest.raises(BadInputError, match="was written by a run with another game, stack, law or settings"):
+        with pytest.raises(BadInputError, match="of a run with another game, stack, law, settings or version"):
             changed()
+
+
+def test_state_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = tmp_path / "state.npz"
+    short_run("certified", save_state=state)
+    monkeypatch.setattr(run, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(BadInputError, match="or version"):
+        short_run("certified", resume=state)
 
 
 def test_files_that_are_no_state_are_refused(tmp_path: Path) -> None:

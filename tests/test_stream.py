@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hfa_model import BadInputError, default_parameters
-from trim import stored_sweep, stream
+from trim import store, stored_sweep, stream
 from trim.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
 from trim.executors import Workers
 from trim.plan import SweepPlan
@@ -115,6 +115,14 @@ def test_a_store_is_neither_overwritten_nor_continued_by_another_plan(tmp_path, 
         stream_sweep(_plan(9), tmp_path / "a.zarr", resume=True)
     with pytest.raises(BadInputError, match="not a sweep store"):
         stream_sweep(_plan(9), tmp_path / "nothing.zarr", resume=True)
+
+
+def test_a_store_is_not_continued_by_another_version(tmp_path, small_chunks, monkeypatch):
+    stream_sweep(_plan(8), tmp_path / "a.zarr")
+    monkeypatch.setattr(store, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(BadInputError, match=r"was begun by version \d.* and this is 0\.0\.9"):
+        stream_sweep(_plan(8), tmp_path / "a.zarr", resume=True)
+    assert open_store(tmp_path / "a.zarr").missing() == []  # any version reads it
 
 
 def test_a_worker_that_does_not_see_the_store_sends_its_rows(tmp_path, small_chunks, monkeypatch):

@@ -17,6 +17,7 @@ from uuid import uuid4
 import numpy as np
 
 from hfa_model.errors import BadInputError
+from hfa_model.version import toolchain_version
 
 
 class Array(NamedTuple):
@@ -92,7 +93,7 @@ def create_store(path: Path, layout: Layout) -> Store:
     chunks = -(-layout.rows // layout.chunk)
     group.create_array("done", shape=(chunks,), chunks=(1,), dtype="uint8", fill_value=0)
     known = {"identity": layout.identity, "plan": json.dumps(layout.plan), "chunk": layout.chunk, **layout.attributes}
-    group.attrs.update({"schema": layout.schema, **known})
+    group.attrs.update({"schema": layout.schema, "toolchain": toolchain_version(), **known})
     return Store(group)
 
 
@@ -113,6 +114,9 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         raise BadInputError(f"{path} is not a {what} of schema {layout.schema}")
     if attributes["identity"] != layout.identity:
         raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
+    begun, own = attributes.get("toolchain"), toolchain_version()
+    if begun != own:
+        raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
     return Store(group)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from controller.files import save_npz
 from hfa_model.errors import BadInputError
 from hfa_model.files import write_text
+from hfa_model.version import toolchain_version
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.laws import LAWS
 from verification.experiments.pictures import Picture, draw
@@ -43,6 +44,7 @@ def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
     result: dict[str, Any] = plain(
         {
             "schema": SCHEMA,
+            "toolchain": toolchain_version(),
             "identity": identity(experiment, setting),
             "section": experiment.section,
             "title": experiment.title,
@@ -87,12 +89,12 @@ def _name(picture: Picture) -> str:
 
 
 def finished(experiment: Experiment, setting: Setting, folder: Path) -> dict[str, Any] | None:
-    """The result of an earlier run with the same identity, if all its files are there."""
+    """The result of an earlier run of this version with the same identity, if all its files are there."""
     place = folder / experiment.section
     try:
         result: dict[str, Any] = json.loads((place / _RESULT).read_text(encoding="utf-8"))
         names = [f"{name}.{suffix}" for name in result["pictures"] for suffix in ("png", "npz")]
-        same = result["identity"] == identity(experiment, setting)
+        same = (result["toolchain"], result["identity"]) == (toolchain_version(), identity(experiment, setting))
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return result if same and all((place / name).is_file() for name in names) else None
