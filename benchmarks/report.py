@@ -1,4 +1,4 @@
-"""The table of figures: printed and stored. `python -m benchmarks.report` prints the stored ones for the documents."""
+"""The table of figures: printed and stored."""
 
 from __future__ import annotations
 
@@ -82,19 +82,6 @@ def text(rows: list[Row]) -> str:
     return "\n".join([columns(header, table), "", *remarks])
 
 
-def markdown(results: dict[str, Any], *, with_target: bool) -> str:
-    """The stored figures as a table for a document: those that have something to reach, or the others."""
-    lines = ["| job | against | ours | peer's | ratio | to reach | reached |", "|---|---|---|---|---|---|---|"]
-    for figure in results["figures"]:
-        if (figure["to_reach"] is None) == with_target:
-            continue
-        ours, peers = (value_text(figure[name], figure["unit"]) for name in ("ours", "peers"))
-        to_reach = "-" if figure["to_reach"] is None else f"{figure['to_reach']:.3g}"
-        cells = (figure["job"], figure["peer"], ours, peers, f"{figure['ratio']:.3g}", to_reach, figure["reached"])
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
 def data(rows: Mapping[str, list[Row]]) -> dict[str, Any]:
     """Machine and figures, ready for JSON. rows: name of a set of jobs -> its rows."""
     figures = [
@@ -158,8 +145,3 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return ""
-
-
-if __name__ == "__main__":
-    for choice in (True, False):
-        print(markdown(stored(), with_target=choice), end="\n\n")

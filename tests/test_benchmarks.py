@@ -15,6 +15,7 @@ import pytest
 
 from benchmarks import __main__ as bench
 from benchmarks import flight_case, jobs_no_compiler, report
+from benchmarks.documents import arithmetic, growth_table, markdown
 from benchmarks.flight_case import Case, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
 from benchmarks.jobs_size import growth
 from benchmarks.jobs_trim import peer_point, peer_system
@@ -162,7 +163,7 @@ def test_a_figure_that_is_not_reached_says_so(ratio: float, target: float | None
     line = report.text([row(ratio, target)]).splitlines()[1]
     assert line.split()[-1] == verdict
     assert "2 µs" in line
-    table = report.markdown(report.data({"a set": [row(ratio, target)]}), with_target=target is not None)
+    table = markdown(report.data({"a set": [row(ratio, target)]}), with_target=target is not None)
     assert table.endswith(f"| {verdict} |")
 
 
@@ -229,12 +230,13 @@ def test_the_peers_stay_out_of_the_lock() -> None:
 
 def complaints_about(readme: str, scaling: str, data: dict) -> list[str]:
     found = []
-    if report.markdown(data, with_target=True) not in readme:
-        found.append("README.md does not show the stored figures: paste `python -m benchmarks.report`")
-    if report.markdown(data, with_target=False) not in scaling:
-        found.append("docs/scaling.md does not show the stored figures: paste `python -m benchmarks.report`")
+    if markdown(data, with_target=True) not in readme:
+        found.append("README.md does not show the stored figures: paste `python -m benchmarks.documents`")
+    parts = (markdown(data, with_target=False), growth_table(data), arithmetic(data))
+    if not all(part in scaling for part in parts):
+        found.append("docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`")
     missed = [figure["job"] for figure in data["figures"] if figure["reached"] == "NO"]
-    return found + [f"docs/scaling.md does not explain {job!r}" for job in missed if job not in scaling]
+    return found + [f"docs/scaling.md does not explain {job!r}" for job in missed if f'"{job}"' not in scaling]
 
 
 def documents() -> tuple[str, str]:
@@ -251,9 +253,34 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
     for figure in changed["figures"]:
         figure["ratio"] *= 1.1
     assert len(complaints_about(*documents(), changed)) == 2
+    dearer = json.loads(json.dumps(report.stored()))
+    for figure in dearer["figures"]:
+        for size in figure["sizes"]:
+            size["seconds"] *= 2.0
+    assert complaints_about(*documents(), dearer) == [
+        "docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`"
+    ]
     lost = json.loads(json.dumps(report.stored()))
     lost["figures"][0] |= {"reached": "NO", "job": "a job that nobody explains"}
     assert any("does not explain" in complaint for complaint in complaints_about(*documents(), lost))
+
+
+def test_the_arithmetic_of_scale() -> None:
+    points = growth("points of a sweep", [Size(10, 1e-5, 99.0, 300.0), Size(1000, 1e-5, 100.0, 250.0)])
+    members = growth("members of 0.1 s", [Size(10, 1e-3, 99.0, 300.0), Size(1000, 1e-3, 100.0, 200.0)])
+    data = report.data({"monte_carlo": [row(2.0, None)], "size": [*points, *members]})
+    data["machine"]["cores"] = "4"
+    data["figures"][0]["ours"] = 0.9
+    said = " ".join(arithmetic(data).split())
+    for words in (
+        "= 10,000 core seconds = 2.8 core hours; on 1000 cores 10.0 s",
+        "1e9 / 100,000 = 10,000, 10 a core; each is 1.00 s of work and 25 MB on disk",
+        "100 MB a process",
+        "= 250 GB",
+        "250 s = 4.2 minutes",
+        "1e6 x 0.9 s x 4 processes = 1000 core hours, 60 minutes on 1000 cores; 1e6 x 200 B = 200 MB",
+    ):
+        assert words in said
 
 
 def test_every_stored_verdict_follows_from_its_figures() -> None:
