@@ -124,12 +124,12 @@ class _Loop(ctypes.Structure):
     ]
 
 
-def c_flight(case: Case, steps: int = STEPS) -> Flight:
-    """The hand-written C loop as a function () -> history."""
+def c_flight(case: Case, steps: int = STEPS, flags: tuple[str, ...] = ("-O3",)) -> Flight:
+    """The hand-written C loop as a function () -> history. The flag -DSAMPLES=0 leaves the stack out."""
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
     source = FOLDER / "flight_loop.c"
-    subprocess.run([_compiler(), "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run([_compiler(), *flags, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
     code = ctypes.CDLL(str(library))
     pointer = ctypes.POINTER(ctypes.c_double)
     arrays = {name: np.ascontiguousarray(value, dtype=float) for name, value in case.data().items()}

@@ -8,17 +8,18 @@ from typing import Any
 from benchmarks.report import FOLDER
 
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
-_REACHED, _MISSED, _PLAIN = "#2a6f97", "#c1440e", "#8d99ae"
+_REACHED, _MISSED = "#2a6f97", "#c1440e"
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Bars of the ratios with a mark at what was to reach; curves of time and memory against size."""
+    """Bars of the ratios that have something to reach, with a mark there; curves of time and memory against size."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
-    bars = [figure for figure in data["figures"] if not figure["sizes"] and figure["unit"] == "s"]
+    speeds = [figure for figure in data["figures"] if not figure["sizes"] and figure["unit"] == "s"]
+    bars = [figure for figure in speeds if figure["to_reach"] is not None]
     curves = [figure for figure in data["figures"] if figure["sizes"]]
     picture = Figure(figsize=(11.0, 0.42 * len(bars) + 4.2), layout="constrained")
     grid = picture.add_gridspec(2, 2, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
@@ -33,19 +34,18 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
         axes.set(xlabel="rows", ylabel=name)
         axes.grid(alpha=0.3)
     if curves:
-        time.legend(fontsize=8)
+        memory.legend(fontsize=8, loc="lower right")
     memory.set_ylim(bottom=0)
     picture.savefig(path, dpi=110, metadata={"Software": None})
     return path
 
 
 def _ratios(axes: Any, bars: list[dict[str, Any]]) -> None:
-    colors = {"yes": _REACHED, "NO": _MISSED, "-": _PLAIN}
+    colors = {"yes": _REACHED, "NO": _MISSED}
     for place, figure in enumerate(reversed(bars)):
         axes.barh(place, figure["ratio"], height=0.6, color=colors[figure["reached"]])
         axes.text(1.04 * figure["ratio"], place, f"{figure['ratio']:.3g}", va="center", fontsize=8)
-        if figure["to_reach"] is not None:
-            axes.plot([figure["to_reach"]] * 2, [place - 0.4, place + 0.4], color="black", linewidth=1.5)
+        axes.plot([figure["to_reach"]] * 2, [place - 0.4, place + 0.4], color="black", linewidth=1.5)
     axes.set_yticks(range(len(bars)), [f"{figure['job']}\nagainst {figure['peer']}" for figure in reversed(bars)])
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")
