@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -15,6 +14,7 @@ from controller.member_draws import Draws, draws_of, turbulence
 from controller.monte_carlo_plan import MonteCarlo
 from hfa_model.bound import BoundFunction
 from hfa_model.generated import machine_code
+from hfa_model.per_thread import cached_per_thread
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 
 _X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)
@@ -88,9 +88,9 @@ class MemberLoop:
         )
 
 
-@lru_cache(maxsize=4)
+@cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> MemberLoop:
-    """The loop of a plan, compiled at the first call in a process."""
+    """The loop of a plan, compiled at the first call in a thread."""
     return MemberLoop(plan)
 
 

@@ -14,7 +14,7 @@ from hfa_model import BadInputError, default_parameters
 from trim import store, stored_sweep, stream
 from trim.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
 from trim.executors import Workers
-from trim.plan import SweepPlan
+from trim.plan import Steps, SweepPlan
 from trim.store import create_store, open_store
 from trim.stored_sweep import SweepJob, status_counts, stream_sweep
 from trim.stream import run_and_write
@@ -59,11 +59,15 @@ def test_a_plan_gives_any_slice_of_the_whole():
         ({"wind": (1.0,)}, 0, "cannot sweep 'wind'"),
         ({"panel_mass": (-1.0, 2.0)}, 0, "must be positive"),
         ({"dihedral": (0.2, 0.1)}, 5, "lowest:highest"),
+        ({"dihedral": (0.1, 0.2)}, 20_000_000, "samples is 20000000; it must lie between 0 and 10,000,000"),
+        ({"dihedral": Steps(0.0, 1e-9, 10**7), "speed": Steps(60.0, 1e-6, 10**7)}, 0, r"1e\+14 points, at most 1,0"),
     ],
 )
 def test_a_wrong_plan_says_what_is_wrong(axes, samples, complaint):
     with pytest.raises(BadInputError, match=complaint):
         SweepPlan(axes, PARAMETERS, "published", samples=samples)
+    with pytest.raises(BadInputError, match="aristotle"):
+        SweepPlan({"dihedral": (0.1, 0.2)}, PARAMETERS, "aristotle")
 
 
 def test_each_point_of_a_chunk_carries_its_status():

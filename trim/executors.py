@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from hfa_model.errors import BadInputError, NoSolutionError
@@ -15,20 +15,33 @@ from hfa_model.errors import BadInputError, NoSolutionError
 _AHEAD = 2
 #: A chunk that takes its worker down this often is not run again.
 _MOST_DEATHS = 3
+#: Seconds without a result after which it is asked whether any worker is left.
+_PATIENCE = 30.0
+_ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
 
 Task = tuple[Any, ...]
 
 
 class Workers:
-    """Runs `function(*task)` for many tasks and yields (key, result) as they finish."""
+    """Runs `function(*task)` for many tasks and yields (key, result) as they finish.
 
-    def __init__(self, make: Callable[[], Executor], count: int) -> None:
-        self._make, self._count = make, count
+    make: new executor. count: tasks that it runs at once. alive: whether any worker is there; asked when nothing has
+    finished for `_PATIENCE` seconds. lost: what a future raises when the executor has given its task up for good.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Executor],
+        count: int,
+        alive: Callable[[], bool] = lambda: True,
+        lost: tuple[type[BaseException], ...] = (),
+    ) -> None:
+        self._make, self._count, self._alive, self._lost = make, count, alive, lost
 
     def run(self, function: Callable[..., Any], tasks: Iterable[tuple[int, Task]]) -> Iterator[tuple[int, Any]]:
         """Results in the order in which they finish. Tasks of a worker that died are run again on new workers.
 
-        NoSolutionError when a chunk kills its worker repeatedly.
+        NoSolutionError when workers die `_MOST_DEATHS` times with nothing finished between, or none is left.
         """
         waiting = iter(tasks)
         left: dict[int, Task] = {}
@@ -36,12 +49,16 @@ class Workers:
         while True:
             executor = self._make()
             try:
-                yield from self._run(executor, function, waiting, left)
+                for key, result in self._run(executor, function, waiting, left):
+                    deaths = 0
+                    yield key, result
                 return
             except BrokenProcessPool as error:
                 deaths += 1
                 if deaths >= _MOST_DEATHS:
-                    raise NoSolutionError(f"workers died {deaths} times; see the system's log, or use fewer") from error
+                    raise NoSolutionError(f"workers died {deaths} times in a row; {_ADVICE}") from error
+            except self._lost as error:
+                raise NoSolutionError(f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}") from error
             finally:
                 executor.shutdown(wait=False)
 
@@ -70,7 +87,7 @@ class Workers:
                     submit(*item)
                 if not futures:
                     return
-                future = finished.get()
+                future = self._next(finished)
                 result = future.result()
                 key = futures.pop(future)
                 del left[key]
@@ -78,6 +95,14 @@ class Workers:
         finally:
             for future in futures:
                 future.cancel()
+
+    def _next(self, finished: SimpleQueue[Future[Any]]) -> Future[Any]:
+        while True:
+            try:
+                return finished.get(timeout=_PATIENCE)
+            except Empty:
+                if not self._alive():
+                    raise NoSolutionError(f"no worker is left; {_ADVICE}") from None
 
 
 class _InThisProcess:
@@ -96,10 +121,15 @@ def workers(count: int = 1, scheduler: str | None = None) -> Iterator[Workers | 
         raise BadInputError(f"the number of workers is {count}; it must be at least 1")
     if scheduler is not None:
         with _dask_client(scheduler) as client:
-            cores = sum(client.nthreads().values())
-            if not cores:
+            threads = sum(client.nthreads().values())
+            if not threads:
                 raise BadInputError(f"the Dask scheduler at {scheduler} has no workers; start some")
-            yield Workers(lambda: client.get_executor(pure=False, retries=_MOST_DEATHS), cores)
+            yield Workers(
+                lambda: client.get_executor(pure=False, retries=_MOST_DEATHS),
+                threads,
+                alive=lambda: bool(client.nthreads()),
+                lost=_dask_losses(),
+            )
     elif count == 1:
         yield _InThisProcess()
     else:
@@ -108,6 +138,17 @@ def workers(count: int = 1, scheduler: str | None = None) -> Iterator[Workers | 
         # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
         context = multiprocessing.get_context("spawn")
         yield Workers(lambda: ProcessPoolExecutor(count, mp_context=context), count)
+
+
+def _dask_losses() -> tuple[type[BaseException], ...]:
+    """What a future raises when its task killed its workers, or the scheduler is gone."""
+    from concurrent.futures import CancelledError
+
+    from distributed.client import FutureCancelledError
+    from distributed.comm import CommClosedError
+    from distributed.scheduler import KilledWorker
+
+    return KilledWorker, CancelledError, FutureCancelledError, CommClosedError
 
 
 @contextmanager

@@ -8,7 +8,6 @@ point carries its residual, and what did not converge goes to `trim.solve`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -17,6 +16,7 @@ from hfa_model.bound import BoundFunction
 from hfa_model.dynamics import rates
 from hfa_model.generated import machine_code
 from hfa_model.parameters import Parameters
+from hfa_model.per_thread import cached_per_thread
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
 from trim.condition import BALANCED, LIMITS
@@ -50,6 +50,11 @@ class LevelFlights:
     B: np.ndarray
     residuals: np.ndarray
     trimmed: np.ndarray
+
+    @property
+    def balanced(self) -> np.ndarray:
+        """(N,) true where every residual is within `BALANCE`, whatever the limits say."""
+        return _balanced(self.residuals)
 
 
 def solve_level_flights(
@@ -114,7 +119,7 @@ def _within_limits(values: np.ndarray) -> np.ndarray:
     return np.asarray(((values >= _LOWEST) & (values <= _HIGHEST)).all(axis=1))
 
 
-@cache
+@cached_per_thread(maxsize=None)
 def _function(variant: Variant, steps: int, chunk: int, use_machine_code: bool) -> BoundFunction:
     function = _point_function(variant, steps)
     if chunk > 1:

@@ -14,11 +14,16 @@ import numpy as np
 
 from hfa_model.errors import BadInputError
 from hfa_model.parameters import FIELDS, Parameters
+from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
 from trim.level_flights import CONDITION
 
 #: What a plan can vary: the condition of a level flight, and any parameter of the aircraft.
 PLANNED = CONDITION + Parameters._fields
+#: Of a grid, which is never made as a whole.
+MOST_POINTS = 1_000_000_000
+#: Of a Latin hypercube, which is: 10 bytes and more a sample and variable.
+MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -39,9 +44,9 @@ class SweepPlan:
     """N points over named variables, for one aircraft.
 
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
-    fastest), or, when `samples` > 0, variable -> (lowest, highest) of a Latin hypercube of that many points
-    under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the aircraft where it is not varied.
-    BadInputError when a name or a range is wrong.
+    fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
+    hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the
+    aircraft where it is not varied. BadInputError when a name or a range is wrong.
     """
 
     axes: Mapping[str, tuple[float, ...] | Steps]
@@ -60,10 +65,15 @@ class SweepPlan:
             lowest = values.start if isinstance(values, Steps) else min(values)
             if name in FIELDS._fields and getattr(FIELDS, name).positive and lowest <= 0:
                 raise BadInputError(f"{name} is {lowest:g} in the sweep; it must be positive")
-            if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] < values[1]):
+            if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
-        if self.samples < 0:
-            raise BadInputError(f"samples is {self.samples}; it must not be negative")
+        if not 0 <= self.samples <= MOST_SAMPLES:
+            raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
+        if self.count > MOST_POINTS:
+            raise BadInputError(
+                f"the sweep has {self.count:.3g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
+            )
+        variant_named(self.dynamics)
 
     @property
     def variables(self) -> tuple[str, ...]:
