@@ -35,8 +35,8 @@ def machine_code(function: ca.Function) -> ca.Function:
     text = _c_text(function, "placeholder")
     key = hashlib.sha256("\n".join([text, compiler, *_FLAGS]).encode()).hexdigest()[:24]
     symbol = f"hfa_{key}"
-    library = cache_folder() / f"{symbol}.so"
     try:
+        library = cache_folder() / f"{symbol}.so"
         if not library.exists():
             _compile(compiler, _c_text(function, symbol), library)
         return ca.external(symbol, str(library))
@@ -47,7 +47,10 @@ def machine_code(function: ca.Function) -> ca.Function:
 
 
 def cache_folder() -> Path:
-    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`."""
+    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`.
+
+    RuntimeError when there is no home folder.
+    """
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
 

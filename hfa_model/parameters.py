@@ -75,6 +75,8 @@ FIELDS = Parameters(
     gravity=Field("ft/s^2", "acceleration of gravity"),
 )
 
+#: A matrix of correlations without a negative eigenvalue may have one of this size after rounding.
+_ROUNDING = 1e-10
 #: Where a value may come from.
 SOURCES = ("identified", "assumed", "print")
 
@@ -213,4 +215,19 @@ def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]
             f"{path}: [covariance] is not finite and symmetric with variances on its diagonal; "
             "remove it or run `hfa identify` again"
         )
+    lowest = _lowest_correlation(covariance)
+    if lowest < -_ROUNDING:
+        raise BadInputError(
+            f"{path}: [covariance] is no covariance: scaled to correlations, its lowest eigenvalue is {lowest:.3g}, "
+            "which must not be negative; remove it or run `hfa identify` again"
+        )
     return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure)
+
+
+def _lowest_correlation(covariance: np.ndarray) -> float:
+    """Lowest eigenvalue of the matrix scaled to ones on its diagonal, so that units do not weigh; -inf on overflow."""
+    deviations = np.sqrt(np.diag(covariance))
+    deviations[deviations == 0.0] = 1.0
+    with np.errstate(over="ignore"):
+        correlations = covariance / deviations[:, None] / deviations
+    return float(np.linalg.eigvalsh(correlations).min()) if np.isfinite(correlations).all() else -np.inf

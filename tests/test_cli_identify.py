@@ -4,30 +4,42 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from cli import Result, hfa, hfa_process
 from documents import ROOT, blocks_of, commands_of, difference
 
+from hfa_cli.commands import identify
 from hfa_model.parameters import default_parameters, load_parameters
+from trim.identification import Identification, run_identification
 
 COMMITTED = ROOT / "hfa_model"
 FILES = ("parameters.toml", "parameters_rival.toml")
 
 
 class Run(NamedTuple):
-    """What one run said, and the folder that it wrote into."""
+    """What one run said, the folder that it wrote into, and what it had found."""
 
     result: Result
     folder: Path
+    found: Identification
 
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("identify")
-    return Run(hfa("identify", "--write", str(folder), "-o", str(folder / "evidence.json")), folder)
+    found = []
+
+    def kept(*arguments: Any) -> Identification:
+        found.append(run_identification(*arguments))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identify, "run_identification", kept)
+        result = hfa("identify", "--write", str(folder), "-o", str(folder / "evidence.json"))
+    return Run(result, folder, found[0])
 
 
 def test_the_run_ends_well_and_leaves_its_three_files_alone(identified: Run) -> None:
@@ -44,6 +56,17 @@ def test_it_writes_the_committed_parameters(identified: Run, name: str) -> None:
     assert found.values._asdict() == pytest.approx(committed.values._asdict(), rel=1e-8)
     assert found.structure == pytest.approx(committed.structure, rel=1e-6)
     assert found.standard_errors == pytest.approx(committed.standard_errors, rel=1e-4)
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".TOML"])
+def test_the_output_may_be_the_parameters(
+    identified: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(identify, "run_identification", lambda *_: identified.found)
+    path = tmp_path / f"mine{suffix}"
+    assert hfa("identify", "-o", str(path)).code == 0
+    written, committed = load_parameters(path), load_parameters(identified.folder / "parameters.toml")
+    assert written.values == committed.values
 
 
 def test_another_value_would_be_noticed() -> None:
@@ -63,6 +86,17 @@ def test_the_json_file_holds_the_same_parameters(identified: Run) -> None:
     assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(data["sum_of_squares"])
     rival = load_parameters(COMMITTED / "parameters_rival.toml")
     assert data["rival"]["structure"] == pytest.approx(rival.structure, rel=1e-6)
+
+
+def test_its_entries_are_those_of_regenerate_under_the_same_names(identified: Run) -> None:
+    ours = json.loads((identified.folder / "evidence.json").read_text(encoding="utf-8"))["entries"]
+    cases = json.loads(hfa("regenerate", "--json").out)["cases"]
+    theirs = [entry for case in cases for entry in case["entries"]]
+    assert len(ours) == len(theirs) == 132
+    for one, other in zip(ours, theirs, strict=True):
+        assert set(other) <= set(one)
+        assert (one["name"], one["printed"]) == (other["name"], other["printed"])
+        assert one["computed"] == pytest.approx(other["computed"], rel=1e-7, abs=1e-12)
 
 
 def test_the_documents_show_what_it_prints(identified: Run) -> None:

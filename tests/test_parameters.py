@@ -68,6 +68,30 @@ def test_round_trip_of_awkward_numbers(tmp_path: Path, parameter_set: ParameterS
     assert_same(load_parameters(path), changed)
 
 
+@pytest.mark.parametrize("units", [1.0, 1e100])
+def test_a_covariance_with_a_negative_eigenvalue_is_refused(
+    tmp_path: Path, parameter_set: ParameterSet, units: float
+) -> None:
+    """Symmetric, variances on the diagonal, but two parameters that vary together by more than they vary."""
+    covariance = np.eye(len(parameter_set.identified)) * 1e-6
+    covariance[0, 1] = covariance[1, 0] = 2e-6
+    covariance[2] *= units
+    covariance[:, 2] *= units
+    path = tmp_path / "indefinite.toml"
+    save_parameters(replace(parameter_set, covariance=covariance), path, "")
+    said = refusal(path)
+    assert "[covariance] is no covariance" in said
+    assert "lowest eigenvalue is -1, " in said
+
+
+def test_parameters_that_vary_as_one_are_accepted(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    """A covariance of rank one: its other eigenvalues are zero but for rounding."""
+    direction = np.random.default_rng(2).normal(size=len(parameter_set.identified))
+    path = tmp_path / "singular.toml"
+    save_parameters(replace(parameter_set, covariance=np.outer(direction, direction)), path, "")
+    np.testing.assert_array_equal(load_parameters(path).covariance, np.outer(direction, direction))
+
+
 def test_notes_survive_quotes_and_backslashes(tmp_path: Path, parameter_set: ParameterSet) -> None:
     changed = replace(parameter_set, notes={"chord": 'a "quoted" \\ note\nof two lines'})
     path = tmp_path / "noted.toml"

@@ -226,6 +226,7 @@ def test_a_warm_start_takes_the_same_point(aircraft: Aircraft, degrees: float) -
         ({"speed": float("inf")}, "speed is inf; give a finite number"),
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
         ({"limits": {"throttle": (1.0, 0.0)}}, "limits of throttle are 1 to 0"),
+        ({"limits": {"alpha": (0.5, 0.1)}}, "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be"),
         ({"limits": {"throttle": (float("nan"), 0.0)}}, "limits of throttle are nan to 0"),
     ],
 )

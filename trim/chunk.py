@@ -7,15 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_model.compiled import Aircraft
-from hfa_model.errors import BadInputError, NoSolutionError
 from hfa_model.parameters import Parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, STATES
-from trim.condition import LIMITS, level_flight
-from trim.level_flights import CONDITION, solve_level_flights
-from trim.linearize import linearize
-from trim.operating_point import BALANCE
-from trim.solve import trim
+from trim.condition import LIMITS
+from trim.level_flights import solve_level_flights
+from trim.sweep import level_conditions, settle
 
 #: What became of a point.
 STATUS = ("trimmed", "beyond limits", "no trim")
@@ -26,7 +23,7 @@ class Chunk(NamedTuple):
     """N points. status: (N,) index into `STATUS`. limiting: (N,) index into STATES + INPUTS of the variable
     farthest beyond its limits, -1 when none. states: (N, 7), inputs: (N, 5): where trimmed, or what balance
     would take where beyond limits. A: (N, 7, 7), B: (N, 7, 5), eigenvalues: (N, 7) of A, fastest first; nan
-    where not trimmed.
+    where not trimmed. Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
     """
 
     status: np.ndarray
@@ -50,23 +47,17 @@ def run_chunk(
     compile_code: see `solve_level_flights`.
     """
     variant = variant_named(dynamics)
-    conditions, constants = _tables(variables, values, parameters)
+    conditions, constants = level_conditions(variables, values), _constants(variables, values, parameters)
     flights = solve_level_flights(variant, constants, conditions, compile_code=compile_code)
     beyond = _excess(flights.states, flights.inputs)
-    balanced = np.abs(flights.residuals).max(axis=1) <= BALANCE
-    status = np.where(flights.trimmed, TRIMMED, np.where(balanced, BEYOND_LIMITS, NO_TRIM)).astype(np.int8)
+    status = np.where(flights.trimmed, TRIMMED, np.where(flights.balanced, BEYOND_LIMITS, NO_TRIM)).astype(np.int8)
     for index in np.flatnonzero(status == NO_TRIM):
         # The batch's Newton did not converge: the robust solver has the last word.
         aircraft = Aircraft(Parameters(*constants[index].tolist()), variant)
-        try:
-            point = trim(aircraft, level_flight(**dict(zip(CONDITION, conditions[index].tolist(), strict=True))))
-        except (BadInputError, NoSolutionError):
+        if settle(aircraft, conditions[index], flights, int(index)):
             flights.states[index], flights.inputs[index] = np.nan, np.nan
-            continue
-        model = linearize(aircraft, point, full=True)
-        flights.states[index], flights.inputs[index] = point.states, point.inputs
-        flights.A[index], flights.B[index] = model.A, model.B
-        status[index] = TRIMMED
+        else:
+            status[index] = TRIMMED
     good = status == TRIMMED
     flights.A[~good], flights.B[~good] = np.nan, np.nan
     eigenvalues = np.full((len(values), len(STATES)), np.nan, dtype=complex)
@@ -83,17 +74,13 @@ def run_chunk(
     )
 
 
-def _tables(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Conditions (N, 5) and parameters (N, 18), or one row of them when no parameter varies."""
-    paper = level_flight(0.0).imposed
-    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+def _constants(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """Parameters (N, 18)."""
     constants = np.tile(np.array(parameters, dtype=float), (len(values), 1))
     for column, name in enumerate(variables):
-        if name in CONDITION:
-            conditions[:, CONDITION.index(name)] = values[:, column]
-        else:
+        if name in Parameters._fields:
             constants[:, Parameters._fields.index(name)] = values[:, column]
-    return conditions, constants
+    return constants
 
 
 def _excess(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:

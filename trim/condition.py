@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
 from hfa_model.errors import BadInputError
 from hfa_model.published import published_data
-from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, Input, State
+from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
 VARIABLES: tuple[str, ...] = tuple("gamma" if name == "pitch" else name for name in STATES) + INPUTS
@@ -35,9 +35,8 @@ STATE_LIMITS = State(
     dihedral=(-math.radians(60), math.radians(60)),
     dihedral_rate=(-math.inf, math.inf),
 )
-LIMITS: dict[str, tuple[float, float]] = (
-    STATE_LIMITS._asdict() | CONTROL_LIMITS._asdict() | {"gamma": STATE_LIMITS.pitch}
-)
+#: Of every state and input. The flight-path angle has none of its own: the pitch angle θ = α + γ limits it.
+LIMITS: dict[str, tuple[float, float]] = STATE_LIMITS._asdict() | CONTROL_LIMITS._asdict()
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class TrimCondition:
 
     imposed: variable -> value. free: the unknowns; together they name every one of `VARIABLES` once.
     rates: state -> imposed value of its rate; the rates of `BALANCED` unless said. A rate that is left out is
-    not balanced. limits: unknown -> (lowest, highest); `LIMITS` for what is not named.
+    not balanced. limits: variable, or pitch -> (lowest, highest); `LIMITS` for what is not named.
     English units and radians. BadInputError when a name is unknown, a value is not finite or lies outside
     its limits, or a variable is named twice or not at all.
     """
@@ -58,9 +57,10 @@ class TrimCondition:
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is solved."""
-        for name in (*self.imposed, *self.free, *self.limits):
-            if name not in VARIABLES:
-                raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(VARIABLES)}")
+        for names, known in (((*self.imposed, *self.free), VARIABLES), (self.limits, (*VARIABLES, "pitch"))):
+            for name in names:
+                if name not in known:
+                    raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(known)}")
         for name in VARIABLES:
             times = (name in self.imposed) + self.free.count(name)
             if times != 1:
@@ -77,20 +77,51 @@ class TrimCondition:
         for name, value in (*self.imposed.items(), *rates.items()):
             if not math.isfinite(value):
                 raise BadInputError(f"{name} is {value}; give a finite number")
-        for name, value in self.imposed.items():
-            lowest, highest = self.limits_of(name)
-            if not lowest <= value <= highest:
-                raise BadInputError(
-                    f"{name} is {describe(name, value)}; it must lie between {describe(name, lowest)} "
-                    f"and {describe(name, highest)}"
-                )
         for name, (lowest, highest) in self.limits.items():
             if not lowest < highest:
-                raise BadInputError(f"limits of {name} are {lowest:g} to {highest:g}; the first must be the lower one")
+                raise BadInputError(
+                    f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}; "
+                    "the first must be the lower one"
+                )
+        for name, value in self.imposed.items():
+            _check(name, value, self._own_limits(name))
+
+    def check_pitch(self) -> None:
+        """BadInputError when pitch = alpha + gamma lies beyond its limits, or they leave no alpha or gamma.
+
+        Not asked of every condition: `release` may yet set free what stands in the way.
+        """
+        if "alpha" in self.imposed and "gamma" in self.imposed:
+            alpha, gamma = self.imposed["alpha"], self.imposed["gamma"]
+            parts = f" (alpha is {describe('alpha', alpha)}, gamma is {describe('gamma', gamma)})"
+            _check("pitch", alpha + gamma, self._own_limits("pitch"), parts)
+        for name in self.free:
+            lowest, highest = self.limits_of(name)
+            if not lowest < highest:
+                raise BadInputError(f"the limits of pitch, alpha and gamma leave no {name}; widen one of them")
 
     def limits_of(self, name: str) -> tuple[float, float]:
-        """Lowest and highest value of a variable."""
-        return self.limits.get(name, LIMITS[name])
+        """Lowest and highest value of a variable; of alpha and gamma what the limits of pitch = alpha + gamma leave."""
+        lowest, highest = self._own_limits(name)
+        if name not in ("alpha", "gamma"):
+            return lowest, highest
+        other = "gamma" if name == "alpha" else "alpha"
+        imposed = self.imposed.get(other)
+        least, most = self._own_limits(other) if imposed is None else (imposed, imposed)
+        pitch = self._own_limits("pitch")
+        return max(lowest, pitch[0] - most), min(highest, pitch[1] - least)
+
+    def _own_limits(self, name: str) -> tuple[float, float]:
+        return self.limits.get(name, LIMITS.get(name, (-math.inf, math.inf)))
+
+
+def _check(name: str, value: float, limits: tuple[float, float], parts: str = "") -> None:
+    lowest, highest = limits
+    if not lowest <= value <= highest:
+        raise BadInputError(
+            f"{name} is {describe(name, value)}{parts}; it must lie between {describe(name, lowest)} "
+            f"and {describe(name, highest)}"
+        )
 
 
 def level_flight(
@@ -140,8 +171,6 @@ def release(
 
 def describe(name: str, value: float) -> str:
     """A value with its unit as an engineer reads it: angles in degrees."""
-    from hfa_model.vectors import UNITS
-
     unit = UNITS[name]
     if unit.startswith("rad"):
         return f"{math.degrees(value):.6g} {unit.replace('rad', 'deg')}"

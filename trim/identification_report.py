@@ -42,7 +42,7 @@ def identification_data(result: Identification) -> dict[str, Any]:
                 "dihedral_deg": angle,
                 "name": entry.name,
                 "printed": entry.printed,
-                "fitted": entry.computed,
+                "computed": entry.computed,
                 "half_units": entry.half_units,
                 "percent": entry.percent,
             }
@@ -61,7 +61,7 @@ def identification_table(result: Identification) -> Table:
         for angle, table in result.tables.items()
         for entry in table
     ]
-    return ("dihedral_deg", "entry", "printed", "fitted", "half_units", "percent"), rows
+    return ("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows
 
 
 def identification_text(result: Identification) -> str:
@@ -108,7 +108,7 @@ def _entries_text(result: Identification) -> str:
         for entry in table
         if not entry.is_zero
     ]
-    return columns(("entry", "printed", "fitted", "half units", "percent"), rows)
+    return columns(("entry", "printed", "computed", "half units", "percent"), rows)
 
 
 def _determination_text(result: Identification) -> str:

@@ -73,6 +73,8 @@ class Fit:
     parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
     sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many of them some
     parameter moves. largest: the largest |difference| / half unit.
+    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
+    the rounding errors, H the projection onto what the parameters can fit (no prior).
     singular_values: of the weighted Jacobian in relative parameters.
     directions: rows are the parameter combinations that belong to them.
     """
@@ -80,15 +82,11 @@ class Fit:
     parameters: ParameterSet
     inputs: tuple[Input, ...]
     sum_of_squares: float
+    expected_sum: float
     entries: int
     largest: float
     singular_values: np.ndarray
     directions: np.ndarray
-
-    @property
-    def expected_sum(self) -> float:
-        """What rounding alone gives on average: uniform errors have a third of a squared half unit."""
-        return (self.entries - len(self.parameters.identified)) / 3
 
 
 def identify(seed: int = 0, starts: int = 8) -> tuple[Fit, list[float]]:
@@ -239,13 +237,15 @@ def _as_input(free: Sequence[Any]) -> Input:
 def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
-    _, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
+    fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
     # A direction has no sign of its own: its largest component is made positive, on every machine alike.
     directions *= np.sign(directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)])[:, None]
     prior_information = np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else np.zeros((len(theta), len(theta)))
     inverse = np.linalg.inv(relative.T @ relative + prior_information)
-    spread = relative.T @ _rounding_covariance(relative) @ relative + prior_information / 3
+    rounding = _rounding_covariance(relative)
+    spread = relative.T @ rounding @ relative + prior_information / 3
     covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
+    moved = _moved(relative)
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta[: len(IDENTIFIED)].tolist(), strict=True))
     parameters = ParameterSet(
@@ -260,7 +260,8 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
         inputs=tuple(_as_input(inputs.tolist()) for inputs in problem.trim_inputs(theta)),
         sum_of_squares=float(printed @ printed),
         # Structural zeros (no parameter moves them) carry no rounding.
-        entries=int(np.count_nonzero(_moved(relative))),
+        expected_sum=float(np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)),
+        entries=int(np.count_nonzero(moved)),
         largest=float(np.abs(printed).max()),
         singular_values=singular_values,
         directions=directions,

@@ -10,7 +10,7 @@ from hfa_model.vectors import entry_unit
 from trim.linearize import LinearModel
 from trim.modes import Mode, modes_of
 from trim.report import warnings
-from trim.text import Table, columns, degrees, in_degrees, matrix_text
+from trim.text import Table, columns, degrees, eigenvalue_text, in_degrees, matrix_text
 from trim.uncertainty import Bands
 
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
@@ -63,12 +63,15 @@ def linear_model_text(model: LinearModel, bands: Bands | None) -> str:
     point = model.point
     parts = [
         f"Linear model at dihedral {math.degrees(point.states.dihedral):.6g} deg, {point.dynamics} dynamics "
-        f"(x' = A x + B u, x = X - X0, u = U - U0)",
+        f"(x' = A x + B u, x = X - X0, u = U - U0)\n"
+        "A and B in rad, ft, s; the offsets X0 and U0 in the units beside them",
         matrix_rows_text(model),
     ]
     if bands is not None:
         size = max(float(bands.A.max()), float(bands.B.max()))
         parts.append(f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)")
+    else:
+        parts.append("No uncertainty bands: they are known for the six printed states of the identified aircraft only")
     parts.append(
         columns(
             ("offset", "value", "unit"),
@@ -102,12 +105,11 @@ def modes_text(modes: Iterable[Mode]) -> str:
     """The mode table."""
     rows = []
     for mode in modes:
-        value = mode.eigenvalue
         shares = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
         rows.append(
             (
                 mode.name,
-                f"{value.real:.4f}" + (f" ± {value.imag:.4f}i" if value.imag else ""),
+                eigenvalue_text(mode.eigenvalue),
                 f"{mode.damping:.4f}",
                 f"{mode.frequency:.4f}",
                 f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",

@@ -7,7 +7,7 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.compiled import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.condition import TrimCondition
 from trim.operating_point import BALANCE, OperatingPoint
 from trim.sweep import PAPER_RANGE
@@ -17,12 +17,18 @@ TRIM_SCHEMA = "hfa.trim/1"
 
 
 def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
-    """Input -> distance to the nearer of its limits, in its own unit; negative beyond the limit."""
+    """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
+
+    The pitch angle is there when alpha or gamma is free. What has no limits has no margin.
+    """
+    values = {**point.inputs._asdict(), **point.states._asdict(), "gamma": point.gamma}
     result = {}
-    for name in INPUTS:
-        value = getattr(point.inputs, name)
+    pitch = ("pitch",) if {"alpha", "gamma"} & set(condition.free) else ()
+    for name in dict.fromkeys((*INPUTS, *condition.free, *pitch)):
         lowest, highest = condition.limits_of(name)
-        result[name] = min(value - lowest, highest - value)
+        margin = min(values[name] - lowest, highest - values[name])
+        if math.isfinite(margin):
+            result[name] = margin
     return result
 
 
@@ -72,23 +78,12 @@ def trim_text(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoin
     """The trim report on a terminal, angles in degrees."""
     loads = aircraft.loads(point.states, point.inputs)
     left = margins(condition, point)
+    # The flight-path angle is no state: it stands among them where it is an unknown.
+    states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
     parts = [
         f"Trim, {point.dynamics} dynamics: {point.status}",
-        columns(
-            ("state", "value", "unit"),
-            [(name, *degrees(getattr(point.states, name), getattr(STATE_UNITS, name))) for name in STATES],
-        ),
-        columns(
-            ("input", "value", "unit", "margin"),
-            [
-                (
-                    name,
-                    *degrees(getattr(point.inputs, name), getattr(INPUT_UNITS, name)),
-                    degrees(left[name], getattr(INPUT_UNITS, name))[0],
-                )
-                for name in INPUTS
-            ],
-        ),
+        _values_text("state", states, left),
+        _values_text("input", point.inputs._asdict(), left),
         columns(
             ("equation", "residual", "unit", "scaled"),
             [
@@ -114,3 +109,13 @@ def trim_text(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoin
         ),
     ]
     return "\n\n".join(parts + [f"Note: {warning}" for warning in warnings(point)])
+
+
+def _values_text(kind: str, values: dict[str, float], left: dict[str, float]) -> str:
+    """Values with their units, and margins where there are any."""
+    rows = [
+        (name, *degrees(value, UNITS[name]), degrees(left[name], UNITS[name])[0] if name in left else "")
+        for name, value in values.items()
+    ]
+    width = 4 if any(name in left for name in values) else 3
+    return columns((kind, "value", "unit", "margin")[:width], [row[:width] for row in rows])

@@ -31,17 +31,29 @@ def trim(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint | N
     """Solve f(X, U) = imposed rates for the free variables, every residual within `BALANCE` of its scale.
 
     As many equations as unknowns: Newton's method with step halving. More unknowns than equations: the point
-    of least control effort Σ (u / scale)². When Newton leaves the limits, or with more equations than
-    unknowns: least squares within the limits.
+    of least control effort Σ (u / scale)², a local minimum near the start. When Newton leaves the limits, or
+    with more equations than unknowns: least squares within the limits.
 
     start: a neighbouring point to begin from (warm start); else an analytic guess. Raises TrimError when the
-    equations cannot be balanced within the limits, BadInputError when the condition is not well posed.
+    equations cannot be balanced within the limits, BadInputError when the condition is not well posed or its
+    numbers, with the aircraft's, overflow.
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
     """
     if not condition.free:
         raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
+    condition.check_pitch()
     problem = _Problem(aircraft, condition)
-    guess = problem.clip(problem.first_guess(start))
+    try:
+        with np.errstate(over="raise"):
+            return _solution(problem, problem.clip(problem.first_guess(start)))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise BadInputError(
+            "the equations overflow or divide by zero at this condition with these parameters; "
+            "take values nearer to an aircraft's"
+        ) from error
+
+
+def _solution(problem: _Problem, guess: np.ndarray) -> OperatingPoint:
     equations, unknowns = problem.count(guess)
     search = _least_effort_search if unknowns > equations else _square_search
     best = problem.clip(search(problem, guess))
@@ -113,7 +125,18 @@ class _Problem:
         lowest, highest = self.limits()
         if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
             return False
+        return self.balanced(unknowns) and self.pitch_is_within_limits(unknowns)
+
+    def balanced(self, unknowns: np.ndarray) -> bool:
         return bool(np.abs(self.residual(unknowns)).max() <= BALANCE)
+
+    def pitch_is_within_limits(self, unknowns: np.ndarray) -> bool:
+        """What the limits of alpha and gamma cannot hold when both are free."""
+        lowest, highest = self.condition.limits_of("pitch")
+        return lowest - 1e-12 <= self.pitch(unknowns) <= highest + 1e-12
+
+    def pitch(self, unknowns: np.ndarray) -> float:
+        return float(self.vectors(unknowns)[0][STATES.index("pitch")])
 
     def first_guess(self, start: OperatingPoint | None) -> np.ndarray:
         """The warm start, or unaccelerated flight of a flat wing: L = W cos γ, T = D + W sin γ, no deflection."""
@@ -134,11 +157,7 @@ class _Problem:
         lift_coefficient = weight * math.cos(guess["gamma"]) / pressure_area
         drag = pressure_area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
         thrust = drag + weight * math.sin(guess["gamma"])
-        return guess | {
-            "alpha": lift_coefficient / p.lift_slope,
-            "throttle": thrust / p.thrust_per_throttle,
-            "gamma": guess["gamma"],
-        }
+        return guess | {"alpha": lift_coefficient / p.lift_slope, "throttle": thrust / p.thrust_per_throttle}
 
     def point(self, unknowns: np.ndarray, status: str) -> OperatingPoint:
         state, control = self.vectors(unknowns)
@@ -150,6 +169,12 @@ class _Problem:
 
     def failure(self, unknowns: np.ndarray) -> str:
         """One line: which equations do not balance, by how much, and which limits bind."""
+        if self.balanced(unknowns):
+            below, above = (describe("pitch", limit) for limit in self.condition.limits_of("pitch"))
+            return (
+                f"no trim within limits: pitch would have to be {describe('pitch', self.pitch(unknowns))}, "
+                f"it must lie between {below} and {above}"
+            )
         scaled = self.residual(unknowns)
         off = [
             f"{name} by {scaled[i] * getattr(RATE_SCALES, name):.3g} {getattr(RATE_UNITS, name)}"
@@ -201,7 +226,6 @@ def _newton(problem: _Problem, unknowns: np.ndarray, moving: np.ndarray | None =
     moving: which unknowns may move; all of them unless said.
     """
     columns = np.arange(len(unknowns)) if moving is None else np.flatnonzero(moving)
-    norm = math.inf
     for _ in range(_MAX_NEWTON_STEPS):
         residual, jacobian = problem.linearization(unknowns)
         norm = float(np.abs(residual).max())

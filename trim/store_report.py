@@ -8,6 +8,7 @@ from typing import Any
 from trim.plan import SweepPlan
 from trim.store import Store
 from trim.stored_sweep import status_counts
+from trim.sweep_report import plan_warnings
 from trim.text import columns
 
 SCHEMA = "hfa.sweep-summary/1"
@@ -23,6 +24,7 @@ def store_data(plan: SweepPlan, store: Store, path: Path) -> dict[str, Any]:
         "variable_units": list(plan.units),
         "points": plan.count,
         "counts": status_counts(store, plan.count),
+        "warnings": plan_warnings(plan),
     }
 
 

@@ -17,6 +17,7 @@ from trim.level_flights import COMPILE_FROM
 from trim.plan import SweepPlan
 from trim.store import Array, Layout, Store
 from trim.stream import stream
+from trim.sweep_report import plan_warnings
 
 SCHEMA = "hfa.sweep-store/1"
 #: Points of a chunk: half a second of work or more, about 90 MB of results.
@@ -55,6 +56,7 @@ class SweepJob:
             "input_units": list(INPUT_UNITS),
             "status": list(STATUS),
             "limiting": list(STATES + INPUTS),
+            "warnings": plan_warnings(plan),
         }
         return Layout(SCHEMA, "sweep", plan.count, CHUNK, plan.to_dict(), plan.identity, arrays, attributes)
 

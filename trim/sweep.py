@@ -15,7 +15,6 @@ from trim.condition import LIMITS, describe, level_flight
 from trim.level_flights import CONDITION, LevelFlights, solve_level_flights
 from trim.linearize import linearize
 from trim.modes import modes_of
-from trim.operating_point import BALANCE
 from trim.solve import trim
 from trim.tracking import track_modes
 
@@ -34,6 +33,7 @@ class Sweep:
     variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
     states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
     mode through the sweep; nan where the trim failed. mode_names: name of each column where the sweep begins.
+    Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
     """
 
     variables: tuple[str, ...]
@@ -101,9 +101,12 @@ def sweep(
     conditions = level_conditions(variables, values)
     flights = solve_level_flights(aircraft.variant, aircraft.parameters, conditions)
     reasons = [""] * total
-    trimmed = flights.trimmed.copy()
+    trimmed, balanced = flights.trimmed.copy(), flights.balanced
     for done, index in enumerate(np.flatnonzero(~flights.trimmed)):
-        reasons[index] = _settle(aircraft, conditions[index], flights, int(index))
+        if balanced[index]:
+            reasons[index] = _beyond_limits(flights.states[index], flights.inputs[index])
+        else:
+            reasons[index] = settle(aircraft, conditions[index], flights, int(index))
         trimmed[index] = reasons[index] == ""
         if progress is not None:
             progress(total - int(np.count_nonzero(~flights.trimmed)) + done + 1, total)
@@ -133,18 +136,23 @@ def sweep(
 
 
 def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Rows in the order of `level_flights.CONDITION`: the given values, else what the paper has; zero dihedral."""
+    """Rows in the order of `level_flights.CONDITION`: the given values, else what the paper has; zero dihedral.
+
+    Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
+    """
     paper = level_flight(0.0).imposed
     conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
     for column, name in enumerate(variables):
-        conditions[:, CONDITION.index(name)] = values[:, column]
+        if name in CONDITION:
+            conditions[:, CONDITION.index(name)] = values[:, column]
     return conditions
 
 
-def _settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
-    """What the batch left open at one point: why it has no trim, or "" when the robust solver finds it."""
-    if np.abs(flights.residuals[index]).max(initial=0.0) <= BALANCE:
-        return _beyond_limits(flights.states[index], flights.inputs[index])
+def settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
+    """The robust solver's word on a point that the batch's Newton could not balance.
+
+    "" and the point with its A and B written into `flights`, or why there is no trim.
+    """
     try:
         point = trim(aircraft, level_flight(**dict(zip(CONDITION, condition.tolist(), strict=True))))
     except (BadInputError, NoSolutionError) as error:
@@ -171,14 +179,12 @@ def _beyond_limits(states: np.ndarray, inputs: np.ndarray) -> str:
 
 def _snake_path(sizes: list[int]) -> np.ndarray:
     """Flat indices of a grid along a path whose neighbours are neighbours: the last axis turns back at its ends."""
-    path = np.arange(int(np.prod(sizes))).reshape(-1, sizes[-1])
-    path[1::2] = path[1::2, ::-1]
+    rows = np.arange(int(np.prod(sizes))).reshape(-1, sizes[-1])
     if len(sizes) > 1:
         # Order the rows the same way, axis by axis.
-        path = path[_snake_path(sizes[:-1])]
-        path = np.sort(path, axis=1)
-        path[1::2] = path[1::2, ::-1]
-    return path.ravel()
+        rows = rows[_snake_path(sizes[:-1])]
+        rows[1::2] = rows[1::2, ::-1]
+    return rows.ravel()
 
 
 def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...]) -> tuple[str, ...]:

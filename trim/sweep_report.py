@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_unit
+from trim.plan import Steps, SweepPlan
 from trim.sweep import PAPER_RANGE, Sweep
-from trim.text import Table, columns
+from trim.text import Table, columns, eigenvalue_text
+
+#: The paper's range of dihedral with room for rounding, rad.
+_LIMIT = PAPER_RANGE * (1 + 1e-12)
 
 
 def sweep_table(result: Sweep) -> Table:
@@ -48,20 +52,24 @@ def sweep_table(result: Sweep) -> Table:
 
 
 def sweep_text(result: Sweep) -> str:
-    """One line a point: the varied values and the eigenvalue of each mode, or why there is no trim."""
-    shown = [i for i, name in enumerate(result.mode_names) if name not in result.mode_names[:i]]
+    """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
+
+    A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it.
+    """
+    names = tuple(dict.fromkeys(result.mode_names))
+    members = [[i for i, each in enumerate(result.mode_names) if each == name] for name in names]
     header = (
         *(f"{name} {_unit(name)}" for name in result.variables),
-        *(f"{result.mode_names[i]} 1/s" for i in shown),
+        *(f"{name} 1/s" for name in names),
     )
     rows, failures = [], []
     for i, reason in enumerate(result.reasons):
         values = tuple(_shown(name, value) for name, value in zip(result.variables, result.values[i], strict=True))
         if reason:
-            rows.append((*values, *("-" for _ in shown)))
+            rows.append((*values, *("-" for _ in names)))
             failures.append(f"{', '.join(values)}: {reason}")
         else:
-            rows.append((*values, *(_eigenvalue(result.eigenvalues[i, k]) for k in shown)))
+            rows.append((*values, *(_mode_text(result.eigenvalues[i, columns_of]) for columns_of in members)))
     text = f"Sweep, {result.dynamics} dynamics: {int(result.trimmed.sum())} of {len(result.reasons)} points trimmed\n\n"
     return text + "\n".join([columns(header, rows), *failures])
 
@@ -70,8 +78,29 @@ def sweep_warnings(result: Sweep) -> list[str]:
     """What a user should know before trusting the sweep."""
     if "dihedral" not in result.variables:
         return []
-    dihedral = result.values[:, result.variables.index("dihedral")]
-    beyond = int(np.count_nonzero(np.abs(dihedral) > PAPER_RANGE * (1 + 1e-12)))
+    return _range_warnings(_beyond(result.values[:, result.variables.index("dihedral")]))
+
+
+def plan_warnings(plan: SweepPlan) -> list[str]:
+    """The same of a sweep of any size, before it runs; a grid is counted without making its points."""
+    if "dihedral" not in plan.axes:
+        return []
+    dihedral = plan.axes["dihedral"]
+    if plan.samples:
+        return _range_warnings(_beyond(plan.values(0, plan.count)[:, plan.variables.index("dihedral")]))
+    if not isinstance(dihedral, Steps):
+        return _range_warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)))
+    # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
+    first = max(math.ceil((-_LIMIT - dihedral.start) / dihedral.step), 0)
+    last = min(math.floor((_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
+    return _range_warnings((dihedral.count - max(last - first + 1, 0)) * (plan.count // dihedral.count))
+
+
+def _beyond(dihedral: np.ndarray) -> int:
+    return int(np.count_nonzero(np.abs(dihedral) > _LIMIT))
+
+
+def _range_warnings(beyond: int) -> list[str]:
     if not beyond:
         return []
     limit = f"{math.degrees(PAPER_RANGE):.0f} deg"
@@ -86,5 +115,8 @@ def _shown(name: str, value: float) -> str:
     return f"{math.degrees(value) if _unit(name) == 'deg' else value:.6g}"
 
 
-def _eigenvalue(value: complex) -> str:
-    return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
+def _mode_text(eigenvalues: np.ndarray) -> str:
+    first = eigenvalues[0]
+    # A pair says both its members at once.
+    others = [value for value in eigenvalues[1:] if not (value.imag and value == first.conjugate())]
+    return ", ".join(eigenvalue_text(value) for value in (first, *others))

@@ -21,6 +21,11 @@ def in_degrees(angle: float) -> float:
     return round(math.degrees(angle), 10)
 
 
+def eigenvalue_text(value: complex) -> str:
+    """An eigenvalue, or a conjugate pair by either of its members: -0.0144 ± 0.7458i."""
+    return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
+
+
 def _four_decimals(value: float) -> str:
     text = f"{value:.4f}"
     return "0.0000" if text == "-0.0000" else text

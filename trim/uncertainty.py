@@ -13,13 +13,16 @@ import numpy as np
 from hfa_model.compiled import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.errors import BadInputError
-from hfa_model.parameters import Parameters, ParameterSet, load_parameters
+from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import Published, Rival, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
 from trim.condition import TrimCondition
 from trim.linearize import linearize
 from trim.operating_point import OperatingPoint
 from trim.solve import trim
+
+#: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
+_SAME = 1e-7
 
 
 @dataclass(frozen=True)
@@ -51,15 +54,28 @@ def rival_parameters() -> ParameterSet:
     return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
 
 
+def bands_known(parameters: ParameterSet) -> bool:
+    """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
+
+    Covariance and rival belong to what the print gives. Beside an edited copy the rival is another aircraft, and
+    the distance to it no uncertainty.
+    """
+    same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
+    return same and not parameters.structure and parameters.covariance.size > 0
+
+
 def uncertainty(parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint) -> Bands:
     """Bands of the six-state linear model at a trimmed point.
 
     rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
     theorem), C the covariance of the identified parameters p, v the free variables of the trim.
-    BadInputError when the parameters carry no covariance.
+    BadInputError when the parameters have no bands (`bands_known`).
     """
-    if not parameters.covariance.size:
-        raise BadInputError("these parameters carry no covariance; use parameters written by `hfa identify`")
+    if not bands_known(parameters):
+        raise BadInputError(
+            "bands are known for the identified parameters with their covariance only; "
+            "use the parameters.toml of `hfa identify`, unchanged"
+        )
     jacobian = _total_derivative(parameters, variant, condition, point)
     rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
     A_rounding, B_rounding = _split(rounding)

@@ -12,7 +12,7 @@ from hfa_model.published import PublishedModel, published_models
 from trim.compare import EntryRow, compare, comparison_text, eigenvalue_errors, regenerate
 from trim.linearize import LinearModel
 from trim.model_report import matrix_rows_text
-from trim.text import Table, columns
+from trim.text import Table, columns, eigenvalue_text
 from verification.checks import Check, at_most
 from verification.checks_text import checks_text
 
@@ -140,7 +140,7 @@ def regeneration_text(pairs: tuple[RegeneratedPair, ...]) -> str:
             columns(
                 ("eigenvalues 1/s", "printed A", "regenerated A"),
                 [
-                    ("", _complex(printed), _complex(computed))
+                    ("", eigenvalue_text(printed), eigenvalue_text(computed))
                     for printed, computed in zip(pair.printed_eigenvalues, pair.eigenvalues, strict=True)
                     if printed.imag >= 0
                 ],
@@ -154,7 +154,3 @@ def regeneration_text(pairs: tuple[RegeneratedPair, ...]) -> str:
 def _spectrum(A: np.ndarray) -> np.ndarray:
     values = np.linalg.eigvals(A)
     return values[np.lexsort((-values.imag, -np.round(np.abs(values), 6)))]
-
-
-def _complex(value: complex) -> str:
-    return f"{value.real:.4f}" + (f" ± {value.imag:.4f}i" if value.imag else "")
