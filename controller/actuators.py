@@ -12,6 +12,9 @@ from controller.policies import Policy
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import INPUTS, Input
 
+#: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators alone.
+LONGEST_STEP = 2.5
+
 
 @dataclass(frozen=True)
 class Actuators:
@@ -37,6 +40,15 @@ class Actuators:
                 raise BadInputError(f"the rate limit of {name} is {rate}; it must be positive (inf for none)")
             if not lowest < highest:
                 raise BadInputError(f"the positions of {name} go from {lowest} to {highest}; give the lower one first")
+
+    def refuse_step(self, step: float) -> None:
+        """BadInputError, naming the actuator, when a lag is too short for the step of the integration, s."""
+        for name, lag in zip(INPUTS, self.lag, strict=True):
+            if step > LONGEST_STEP * lag * (1 + 1e-9):
+                raise BadInputError(
+                    f"the lag of {name} is {lag:g} s; with a step of {step:g} s it must be at least"
+                    f" {step / LONGEST_STEP:g} s: make the lag longer or the step shorter"
+                )
 
 
 @dataclass(frozen=True, eq=False)

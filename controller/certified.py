@@ -15,6 +15,7 @@ from controller.certify import conclude
 from controller.game import Game
 from controller.policy_iteration import Point, iterate, stabilizing_step
 from controller.recorder import Stack
+from controller.refinement import refine
 from controller.result import LearningResult
 from controller.run import Memory, Run
 from controller.scalar_law import after, decay_rate, fraction_to_reach
@@ -56,7 +57,7 @@ class CertifiedSettings:
         settings.inside_unit_interval("eta", self.eta)
         settings.inside_unit_interval("theta", self.theta)
         settings.counting("samples", self.samples)
-        settings.counting("pool_samples", self.pool_samples)
+        settings.counting("pool_samples", self.pool_samples, settings.MOST_SAMPLES)
         if self.tick > self.predefined_time:
             raise BadInputError(
                 f"tick is {self.tick} s; it must not exceed the predefined time {self.predefined_time} s"
@@ -178,8 +179,20 @@ class CertifiedLaw:
             share = (clock - split) / (1.0 - split)
             here = ramp.raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
         if clock == 1.0:
-            here = iterate(self.equations, here, normaliser, to_the_floor=True)[0]
+            here = self._refined(iterate(self.equations, here, normaliser, to_the_floor=True)[0])
         return here
+
+    def _refined(self, here: Point) -> Point:
+        """The quadratic weights with the last digits, which the rounding of single samples hides.
+
+        Where P is large in one direction, a sample shows the other ones as a small difference; the entries of the
+        Riccati equation of the drifts' linear fit show each by itself.
+        """
+        e = self.equations
+        P, solves = refine(e.drift_matrix, e.control, e.disturbance, e.Q, e.basis.matrix(here.weights))
+        beyond = here.weights[e.basis.quadratic_size :]
+        weights = np.concatenate([e.basis.weights(P)[: e.basis.quadratic_size], beyond])
+        return here._replace(weights=weights, solves=here.solves + solves)
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
         """See `run.Process`."""
@@ -188,6 +201,7 @@ class CertifiedLaw:
             "time": self.time(tick),
             "weights": self.equations.unscaled(here.weights),
             "residual_norm": self.equations.relative_cost_residual(here.weights),
+            "settling_residual": self.equations.settling_residual(here.weights),
             "law_residual_norm": self._law_residual(here, normaliser),
             "solves": here.solves,
         }

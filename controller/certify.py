@@ -7,14 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from controller import refinement
 from controller.game import Game
 from controller.result import Certificate, Excitation, LearningResult
-from controller.stack_equations import StackEquations
+from controller.stack_equations import StackEquations, control_root
 
 #: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.
 RESIDUAL_LIMIT = 1e-9
 #: Largest next Newton correction of P over |P|: to first order the relative error of P.
 CORRECTION_LIMIT = 1e-9
+#: Eigenvalues of Q below this fraction of the largest are rounding, and Q is singular.
+SIGNLESS = 1e-12
+#: Least eigenvalue of P over its largest where Q is singular.
+INDEFINITENESS = -1e-10
 #: Largest weight beyond the quadratic ones over the largest quadratic one, in scaled coordinates.
 BEYOND_LIMIT = 1e-9
 
@@ -32,7 +37,8 @@ def conclude(
     """The result of a finished run: P and K of its last weights, with their certificates and status."""
     weights = history["weights"][-1]
     P = equations.basis.matrix(weights)
-    rows = certificates(game, equations, weights, richness)
+    with np.errstate(over="ignore", invalid="ignore"):  # a value that overflows fails its certificates
+        rows = certificates(game, equations, weights, richness)
     failed = [str(row) for row in rows if not row.ok]
     return LearningResult(
         law=law,
@@ -44,7 +50,7 @@ def conclude(
         P=P,
         K=game.gain(P),
         excitation=richness,
-        settling_time=settling_time(history["time"], history["residual_norm"]),
+        settling_time=settling_time(history["time"], history["settling_residual"]),
         certificates=rows,
         status="converged" if not failed else f"failed: {'; '.join(failed)}",
         settings=settings,
@@ -63,19 +69,10 @@ def certificates(
     """
     scales = equations.scales
     P = equations.basis.matrix(weights)
-    scaled = P * np.outer(scales, scales)
-    eigenvalues = np.linalg.eigvalsh(scaled)
-    definite = bool(np.linalg.eigvalsh(game.Q)[0] > 0.0)
     rows = [
         Certificate("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
         Certificate("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
-        Certificate(
-            "smallest eigenvalue of scaled P over the largest",
-            float(eigenvalues[0] / np.abs(eigenvalues).max()) if np.any(scaled) else 0.0,
-            # With Q > 0 the value is positive definite; otherwise states that cost nothing may have value 0.
-            ">" if definite else ">=",
-            0.0 if definite else -1e-10,
-        ),
+        positivity(game, P, scales),
         Certificate("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
         Certificate("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
         Certificate("rank of the stack", float(richness.rank), ">=", float(richness.size)),
@@ -89,6 +86,21 @@ def certificates(
     return tuple(rows)
 
 
+def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> Certificate:
+    """Smallest eigenvalue of P over the largest in coordinates z / scales: P > 0, or P >= 0 where Q is singular.
+
+    With Q > 0 the value is positive definite. Otherwise states that cost nothing may have the value 0, which
+    rounding makes negative. Whether Q is singular must not hang on rounding either.
+    """
+    outer = np.outer(scales, scales)
+    of_Q, of_P = np.linalg.eigvalsh(game.Q * outer), np.linalg.eigvalsh(P * outer)
+    smallest = float(of_P[0] / np.abs(of_P).max()) if np.any(P) else 0.0
+    name = "smallest eigenvalue of scaled P over the largest"
+    if of_Q[0] > SIGNLESS * of_Q[-1]:
+        return Certificate(name, smallest, ">", 0.0)
+    return Certificate(name, smallest, ">=", INDEFINITENESS)
+
+
 def abscissa(matrix: np.ndarray) -> float:
     """Largest real part of the eigenvalues, 1/s."""
     return float(np.linalg.eigvals(matrix).real.max())
@@ -99,28 +111,31 @@ def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     outer = np.outer(scales, scales)
     terms = (2.0 * game.A.T @ P, game.Q, P @ game.S @ P)
     total = sum(float(np.linalg.norm(term * outer)) for term in terms)
-    return float(np.linalg.norm(game.residual(P) * outer)) / total
+    return float(np.linalg.norm(refinement.riccati_residual(*_scaled(game, scales), P * outer))) / total
 
 
 def newton_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
-    """|N| / |P| with (A - S P)'N + N (A - S P) = -(A'P + PA + Q - PSP), Frobenius norms; inf when singular.
+    """|N| / |P| with (A - S P)'N + N (A - S P) = A'P + PA + Q - PSP, Frobenius norms; inf when singular.
 
-    Solved as n² linear equations in coordinates z / scales.
+    Solved in coordinates z / scales.
     """
     outer = np.outer(scales, scales)
-    closed = (game.A - game.S @ P) * scales[None, :] / scales[:, None]
-    eye = np.eye(len(P))
-    operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
     try:
-        correction = np.linalg.solve(operator, -(game.residual(P) * outer).reshape(-1)).reshape(P.shape) / outer
+        correction = refinement.newton_correction(*_scaled(game, scales), P * outer) / outer
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.linalg.norm(correction) / np.linalg.norm(P)) if np.any(P) else np.inf
 
 
-def settling_time(times: np.ndarray, residual_norm: np.ndarray) -> float:
-    """The first time from which residual_norm stays at or below RESIDUAL_LIMIT, s; inf when it does not."""
-    above = np.flatnonzero(~(residual_norm <= RESIDUAL_LIMIT))
+def _scaled(game: Game, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, the roots of both parts of S, and Q in coordinates z / scales."""
+    rows = scales[:, None]
+    return game.A * scales / rows, control_root(game) / rows, game.E / game.delta / rows, game.Q * rows * scales
+
+
+def settling_time(times: np.ndarray, residual: np.ndarray) -> float:
+    """The first time from which the residual stays at or below RESIDUAL_LIMIT, s; inf when it does not."""
+    above = np.flatnonzero(~(residual <= RESIDUAL_LIMIT))
     if len(above) == 0:
         return float(times[0])
     return float(times[above[-1] + 1]) if above[-1] + 1 < len(times) else np.inf

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from controller.basis import basis
+from controller.certify import abscissa, positivity
 from controller.game import Game
 from controller.learn import learn
 from controller.policies import gain_constants
+from controller.recorder import natural_spread
 from controller.result import LearningResult
 from controller.run import Progress
 from hfa_model.errors import NoSolutionError
@@ -84,23 +86,22 @@ def frozen_plan(law: str, learned: LearningResult) -> GainPlan:
 def online_plan(game: Game, law: str, learned: LearningResult, tick: float) -> GainPlan:
     """Learning in flight: in each tick of `tick` seconds the last gain that was certified by then.
 
-    A value counts when A - S P and A - B K are Hurwitz and P is positive definite; until there is one, the
-    baseline flies. What has been learned at t is known at t: nothing of the later run is used.
+    A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`); until there is
+    one, the baseline flies. What has been learned at t is known at t: nothing of the later run is used.
     """
     functions = basis(learned.basis, len(game.A))
-    current, first = baseline_gain(game), np.inf
+    current, first, scales = baseline_gain(game), np.inf, natural_spread(game)
     gains, row = [], 0
     for index in range(int(np.ceil(learned.times[-1] / tick - 1e-9)) + 1):
         while row < len(learned.times) and learned.times[row] <= index * tick + 1e-9:
             P = functions.matrix(learned.weights[row])
-            if _stabilizing(game, P):
+            if _is_value(game, P, scales):
                 current, first = game.gain(P), min(first, index * tick)
             row += 1
         gains.append(current)
     return GainPlan(law, np.array(gains), first, learned)
 
 
-def _stabilizing(game: Game, P: np.ndarray) -> bool:
-    definite = bool(np.linalg.eigvalsh(P)[0] > 0.0)
+def _is_value(game: Game, P: np.ndarray, scales: np.ndarray) -> bool:
     loops = (game.A - game.S @ P, game.A - game.B @ game.gain(P))
-    return definite and all(float(np.linalg.eigvals(loop).real.max()) < 0.0 for loop in loops)
+    return positivity(game, P, scales).ok and all(abscissa(loop) < 0.0 for loop in loops)

@@ -49,6 +49,10 @@ class Game:
         _check_definite("R", self.R, strictly=True)
         if not (isinstance(self.delta, (int, float, np.floating)) and self.delta > 0):
             raise BadInputError(f"delta is {self.delta}; it must be a positive number")
+        if self.delta != np.inf and self.delta > LARGEST**0.5:
+            raise BadInputError(
+                f"delta is {self.delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
+            )
         if self.delta**2 < 1.0 / LARGEST:
             raise BadInputError(f"delta is {self.delta}; 1/delta^2 must not exceed {LARGEST:g}")
         object.__setattr__(self, "delta", float(self.delta))
@@ -130,14 +134,29 @@ def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if strictly and smallest < 1.0 / LARGEST:
+    if strictly and not _is_definite(matrix):
+        rounding = " but for rounding" if smallest > 0.0 else ""
         raise BadInputError(
-            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}); make every eigenvalue positive"
+            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every eigenvalue "
+            "positive"
         )
     if not strictly and smallest < -1e-12 * scale:
         raise BadInputError(
             f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
         )
+
+
+def _is_definite(matrix: np.ndarray) -> bool:
+    """Whether a symmetric matrix is positive definite by more than rounding.
+
+    Judged in units in which its diagonal is 1: weights of very different size alone do not make it singular.
+    """
+    diagonal = np.diag(matrix)
+    if diagonal.min() < 1.0 / LARGEST:
+        return False
+    scales = np.sqrt(diagonal)
+    smallest = np.linalg.eigvalsh(matrix / scales / scales[:, None])[0]
+    return bool(smallest > 10 * len(matrix) * np.finfo(float).eps)
 
 
 def _shape(matrix: np.ndarray) -> str:

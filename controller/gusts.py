@@ -11,6 +11,10 @@ import numpy as np
 
 from hfa_model.errors import BadInputError
 
+#: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
+#: the air as it was to rounding.
+SHORTEST, LONGEST = 1.0, 1e6
+
 
 class Gust(Protocol):
     """w(t): vertical velocity of the air, ft/s, positive up; with states of its own where it has a filter.
@@ -97,7 +101,8 @@ class Dryden:
 
     intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft above 2000 ft.
     speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of the start.
-    Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a number is not positive.
+    Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a number is not positive or τ does
+    not lie between `SHORTEST` and `LONGEST` ticks.
     """
 
     intensity: float
@@ -112,6 +117,12 @@ class Dryden:
         _check_positive(
             intensity=self.intensity, scale=self.scale, speed=self.speed, interval=self.interval, ticks=self.ticks
         )
+        low, high = (ticks * self.interval * self.speed for ticks in (SHORTEST, LONGEST))
+        if not low <= self.scale <= high:
+            raise BadInputError(
+                f"the gust's scale is {self.scale:g} ft; at {self.speed:g} ft/s and ticks of {self.interval:g} s it"
+                f" must lie between {low:.4g} and {high:.4g} ft"
+            )
         if self.seed < 0:
             raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
 
@@ -127,7 +138,7 @@ class Dryden:
 
     def updraft(self, t: Any, memory: Any, p: Any) -> Any:
         """sigma/sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
-        return self._output[0] * memory[0] + self._output[1] * memory[1]
+        return self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
 
     def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ: the filter in controllable form, n scaled to make w ft/s."""
@@ -153,8 +164,9 @@ class Dryden:
 
     @property
     def _output(self) -> np.ndarray:
+        """w / sigma from the filter states."""
         tau = self._tau
-        return np.array([1.0, np.sqrt(3.0) * tau]) * self.intensity * np.sqrt(tau)
+        return np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
 
     @cached_property
     def _draws(self) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +177,7 @@ class Dryden:
         held = expm(np.block([[A, b[:, None]], [np.zeros((1, 3))]]) * self.interval)
         Phi, Gamma = held[:2, :2], held[:2, 2:]
         unit = solve_discrete_lyapunov(Phi, Gamma @ Gamma.T)
-        variance = self.intensity**2 / float(self._output @ unit @ self._output)
+        variance = 1.0 / float(self._output @ unit @ self._output)
         rng = np.random.default_rng(self.seed)
         start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)

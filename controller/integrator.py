@@ -18,6 +18,18 @@ from hfa_model.generated import machine_code
 COMPILE_FROM_STEPS = 50_000
 
 
+#: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
+MOST_STEPS = 10_000_000
+
+
+def refuse_long(duration: float, step: float) -> None:
+    """Raise BadInputError when a flight of `duration` has more than `MOST_STEPS` steps, both in s."""
+    if duration > MOST_STEPS * step * (1 + 1e-9):
+        raise BadInputError(
+            f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"
+        )
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """times: (N + 1,), s. states: (N + 1, n), y at each step, the first row being the start."""

@@ -22,6 +22,10 @@ from hfa_model.errors import BadInputError, NoSolutionError
 
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10
+#: Most intervals; each has NODES samples of the flight, and a few times M are enough.
+MOST_INTERVALS = 10_000
+#: A flight beyond this overflows when its states are multiplied.
+LARGEST_STATE = 1e100
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class IrlSettings:
         """Refuse what cannot run, naming the setting."""
         settings.positive("interval", self.interval)
         settings.positive("probe", self.probe)
-        settings.counting("intervals", self.intervals)
+        settings.counting("intervals", self.intervals, MOST_INTERVALS)
         settings.counting("iterations", self.iterations)
         settings.one_of("form", self.form, ("game", "lqr"))
         if not self.disturbance >= 0.0:
@@ -92,7 +96,7 @@ class IntegralLearning:
 
     @cached_property
     def record(self) -> Record:
-        """The flight and its integrals."""
+        """The flight and its integrals. Raises BadInputError when the flight leaves all bounds."""
         s = self.settings
         flight = ProbingFlight.design(
             self.game,
@@ -105,7 +109,14 @@ class IntegralLearning:
         within = s.interval * np.concatenate([0.5 * (1.0 + nodes), [1.0]])
         begins = s.interval * np.arange(s.intervals)
         times = np.concatenate([[0.0], (begins[:, None] + within).reshape(-1)])
-        z, u, d = flight.at(times)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below
+            z, u, d = flight.at(times)
+            largest = max(float(np.abs(part).max(initial=0.0)) for part in (z, u, d))
+        if not largest <= LARGEST_STATE:
+            raise BadInputError(
+                f"the probing flight of {times[-1]:g} s grows beyond {LARGEST_STATE:g};"
+                " make interval, intervals, probe or disturbance smaller"
+            )
         if not s.disturbance_measured:
             d = np.zeros_like(d)
         ends = z[:: NODES + 1]
@@ -186,6 +197,7 @@ class IntegralLearning:
             "time": (s.intervals + tick) * s.interval,
             "weights": self.equations.unscaled(memory["weights"]),
             "residual_norm": self.equations.relative_cost_residual(memory["weights"]),
+            "settling_residual": self.equations.settling_residual(memory["weights"]),
             "law_residual_norm": float(memory["misfit"]),
         }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from hfa_model.published import published_data
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50
-CRITIC_KEYS: tuple[Literal["W", "P", "K"], ...] = ("W", "P", "K")
 
 
 class StoredCritic(NamedTuple):
-    """What a file says about a controller: weights W (M,), or a value matrix P (n, n), or a gain K (m, n)."""
+    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m, n); not all None."""
 
-    kind: Literal["W", "P", "K"]
-    values: np.ndarray
+    W: np.ndarray | None
+    P: np.ndarray | None
+    K: np.ndarray | None
 
 
 def load_game(
@@ -64,28 +64,29 @@ def load_game(
 
 
 def load_critic(path: str | Path) -> StoredCritic:
-    """The critic in a file: its W if it holds one, else its P, else its K.
-
-    The order follows what determines what: W gives P, and P gives K. Raises BadInputError, one line.
-    """
+    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line."""
     stored = _read(Path(path))
-    for key in CRITIC_KEYS:
-        if key in stored:
-            values = _numbers(path, key, stored[key])
-            if key == "W":
-                if max(values.shape, default=1) != values.size:
-                    raise BadInputError(f"{path}: W has shape {values.shape}; weights are one row or one column")
-                values = values.reshape(-1)
-            elif values.ndim != 2:
-                raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
-            if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
-                raise BadInputError(
-                    f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed "
-                    f"{LARGEST_CRITIC_ENTRY:g}"
-                )
-            values.setflags(write=False)
-            return StoredCritic(key, values)
-    raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
+    if not any(key in stored for key in StoredCritic._fields):
+        raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
+    return StoredCritic(
+        **{key: _part(path, key, stored[key]) if key in stored else None for key in StoredCritic._fields}
+    )
+
+
+def _part(path: str | Path, key: str, value: Any) -> np.ndarray:
+    values = _numbers(path, key, value)
+    if key == "W":
+        if max(values.shape, default=1) != values.size:
+            raise BadInputError(f"{path}: W has shape {values.shape}; weights are one row or one column")
+        values = values.reshape(-1)
+    elif values.ndim != 2:
+        raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
+    if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
+        raise BadInputError(
+            f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed {LARGEST_CRITIC_ENTRY:g}"
+        )
+    values.setflags(write=False)
+    return values
 
 
 def parse_diagonal(name: str, text: str) -> np.ndarray:

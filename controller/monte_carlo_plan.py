@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from controller.critic_policy import CriticPolicy
+from controller.gusts import Dryden
+from controller.integrator import refuse_long
 from controller.policies import GainPolicy, Policy, gain_constants
 from controller.signals import Signal, zero
 from controller.uncertain_plants import UncertainPlant, uncertain_plant
@@ -59,7 +61,7 @@ class Course:
 
     duration, step, tick: s; noise and turbulence change once a tick, which holds a whole number of steps. initial:
     (7,), deviation from trim. reference, disturbance: (6,). lowest, highest: (7,), absolute states; a member's flight
-    ends at the first step outside. BadInputError when the times do not fit each other.
+    ends at the first step outside. BadInputError when the times do not fit each other or are too long.
     """
 
     lowest: np.ndarray
@@ -80,6 +82,7 @@ class Course:
                 raise BadInputError(
                     f"{long} is {whole:g} s and {short} is {part:g} s; make the {long} a whole number of {short}s"
                 )
+        refuse_long(self.duration, self.step)
 
     @property
     def steps_per_tick(self) -> int:
@@ -166,6 +169,8 @@ class MonteCarlo:
         for name in self.uncertainty.errors:
             if getattr(self.parameters, name) == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
+        if self.uncertainty.turbulence is not None:  # refused here rather than in a worker
+            Dryden(*self.uncertainty.turbulence, self.point.states.speed, self.course.tick, self.course.ticks, 0)
         uncertain_plant(self.plant, variant_named(self.dynamics), self.point)
 
     @property

@@ -108,10 +108,18 @@ def theorem_gains(
     """
     count = len(regressors)
     lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
-    c1 = (2.0 * gamma * lambda_0) ** (1.0 - eta / 2.0)
-    c2 = count ** (-eta / 2.0) * (2.0 * gamma * lambda_0) ** (1.0 + eta / 2.0)
+    c1 = _power(2.0 * gamma * lambda_0, 1.0 - eta / 2.0)
+    c2 = count ** (-eta / 2.0) * _power(2.0 * gamma * lambda_0, 1.0 + eta / 2.0)
     rate = math.pi / (theta * 0.5 * predefined_time * eta)
     return TheoremGains(lambda_0, c1, c2, *(rate / c if c > 0.0 else math.inf for c in (c1, c2)))
+
+
+def _power(base: float, exponent: float) -> float:
+    """base^exponent, inf where it overflows, as everywhere in NumPy."""
+    try:
+        return math.pow(base, exponent)
+    except OverflowError:
+        return math.inf
 
 
 def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: float) -> np.ndarray:

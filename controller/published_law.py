@@ -71,7 +71,7 @@ class PublishedSettings:
         settings.inside_unit_interval("eta", self.eta)
         settings.inside_unit_interval("theta", self.theta)
         settings.counting("samples", self.samples)
-        settings.counting("pool_samples", self.pool_samples)
+        settings.counting("pool_samples", self.pool_samples, settings.MOST_SAMPLES)
         settings.one_of("normalisation", self.normalisation, ("root", "squared"))
         settings.one_of("stack_policies", self.stack_policies, ("frozen", "reevaluated"))
         settings.one_of("integrator", self.integrator, ("explicit", "proximal"))
@@ -248,6 +248,7 @@ class PublishedLaw:
             "time": min(self.steps_done(tick) * self.settings.step, self.settings.predefined_time),
             "weights": self.equations.unscaled(weights),
             "residual_norm": self.equations.relative_cost_residual(weights),
+            "settling_residual": self.equations.settling_residual(weights),
             "law_residual_norm": float(np.linalg.norm(self.history.at(weights).residuals)),
         }
 

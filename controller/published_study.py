@@ -72,21 +72,6 @@ class StudyRow:
         values = [float(getattr(one, field)) for one in runs]
         return (min(values), max(values)) if values else (np.nan, np.nan)
 
-    def __str__(self) -> str:
-        """`name: counts, ranges; cause`, one line."""
-        text = f"{self.name}: {len(self.runs) - len(self.finished)} of {len(self.runs)} overflow"
-        text += f", {sum(one.certified for one in self.runs)} certified"
-        text += f"; lambda_0 {_range(self.span('lambda_0'))}, alpha1 {_range(self.span('alpha1'))}"
-        text += (
-            f", alpha2 {_range(self.span('alpha2'))}, explicit step below {_range(self.span('explicit_step_limit'))} s"
-        )
-        if self.finished:
-            text += f"; eP {_range(self.span('P_error'))}, eK {_range(self.span('K_error'))}"
-            text += f", settled at {_range(self.span('settled'))} s"
-            text += f", lambda_0 at the end {_range(self.span('last_lambda_0'))}"
-            text += f", {sum(one.stabilizing for one in self.finished)} of {len(self.finished)} stabilizing"
-        return f"{text}. {self.cause}"
-
 
 def published_study(
     rows: tuple[str, ...] | None = None,
@@ -209,10 +194,6 @@ def _run(dihedral: float, reference: _Reference, case: Case) -> StudyRun:
 
 def _error(learned: np.ndarray, exact: np.ndarray) -> float:
     return float(np.linalg.norm(learned - exact) / np.linalg.norm(exact))
-
-
-def _range(span: tuple[float, float]) -> str:
-    return f"{span[0]:.2g}..{span[1]:.2g}"
 
 
 class Case(NamedTuple):

@@ -65,9 +65,9 @@ class LearningResult:
     times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm: (N,), Bellman
     residual of the game over the stack, |e| / |z'Qz|. law_residual_norm: (N,), the residual that the law
     itself drives to zero at that time (in the law's own normalisation and stage). P: (n, n), K: (m, n),
-    learned at the last time. settling_time: first time from which residual_norm stays below
-    `certificate.RESIDUAL_LIMIT`, s; inf when it does not. status: "converged" or "failed: reason".
-    diagnostics: further numbers of the law by name.
+    learned at the last time. settling_time: first time from which |e| stays below
+    `certify.RESIDUAL_LIMIT` of the size of the terms that cancel in it, s; inf when it does not. status: "converged" or
+    "failed: reason". diagnostics: further numbers of the law by name.
     """
 
     law: str

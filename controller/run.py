@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -45,6 +45,17 @@ class Process(Protocol):
         """The row of history after `tick` ticks (0 .. ticks); holds "time" and "law_residual_norm"."""
 
 
+class _Whole(NamedTuple):
+    """A run after `tick` whole ticks: its memory, and how many rows of history belong to it.
+
+    It is replaced as one value, so that an interrupt between two statements finds either the old or the new one.
+    """
+
+    tick: int
+    memory: Memory
+    rows: int
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """memory: at the last tick. history: rows by name, (rows, ...)."""
@@ -68,43 +79,50 @@ def run(
     BadInputError when the file is of another game, settings or version of the toolchain.
     """
     mark = _digest(process.fingerprint())
-    tick, memory, rows = _load(resume, mark) if resume is not None else (0, process.start(), {})
+    if resume is not None:
+        here, rows = _load(resume, mark)
+    else:
+        memory = process.start()
+        here, rows = _Whole(0, memory, 1), [_row(process, 0, memory)]
     every = -(-process.ticks // (MOST_ROWS - 1))
     report_every = max(1, process.ticks // REPORTS)
-    if not rows:
-        _append(rows, process.observe(0, memory))
     saved = False
     try:
-        while tick < process.ticks:
-            memory = process.advance(tick, memory)
-            tick += 1
+        while here.tick < process.ticks:
+            tick, memory = here.tick + 1, process.advance(here.tick, here.memory)
             last = tick == process.ticks
             if tick % every == 0 or last:
-                _append(rows, process.observe(tick, memory))
+                rows.append(_row(process, tick, memory))
+            here = _Whole(tick, memory, len(rows))
             if tick % report_every == 0 or last:
                 if save_state is not None:
-                    _save(save_state, mark, tick, memory, rows)
+                    _save(save_state, mark, here, rows)
                     saved = True
                 if progress is not None:
-                    progress(tick / process.ticks, _line(rows))
+                    progress(tick / process.ticks, _line(rows[-1]))
     except KeyboardInterrupt:
         if save_state is not None:
-            _save(save_state, mark, tick, memory, rows)
+            _save(save_state, mark, here, rows)
         raise
     except NoSolutionError:
         if save_state is not None and saved:
             Path(save_state).unlink()
         raise
-    return Run(memory, {name: np.array(values) for name, values in rows.items()})
+    return Run(here.memory, _columns(rows))
 
 
-def _line(rows: dict[str, list[Any]]) -> str:
-    return f"t = {rows['time'][-1]:.3g} s, residual of the law {rows['law_residual_norm'][-1]:.3g}"
+def _row(process: Process, tick: int, memory: Memory) -> Mapping[str, Any]:
+    """A row of history; a residual that overflows is inf in it, and the law itself says when it cannot go on."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return process.observe(tick, memory)
 
 
-def _append(rows: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
-    for name, value in row.items():
-        rows.setdefault(name, []).append(value)
+def _line(row: Mapping[str, Any]) -> str:
+    return f"t = {row['time']:.3g} s, residual of the law {row['law_residual_norm']:.3g}"
+
+
+def _columns(rows: list[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def _digest(fingerprint: Mapping[str, Any]) -> str:
@@ -116,18 +134,21 @@ def _digest(fingerprint: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def _save(path: str | Path, mark: str, tick: int, memory: Memory, rows: dict[str, list[Any]]) -> None:
-    arrays = {f"memory.{name}": np.asarray(value) for name, value in memory.items()}
-    arrays |= {f"history.{name}": np.array(values) for name, values in rows.items()}
-    save_npz(path, arrays | {"tick": np.array(tick), "mark": np.array(mark)})
+def _save(path: str | Path, mark: str, here: _Whole, rows: list[Mapping[str, Any]]) -> None:
+    arrays = {f"memory.{name}": np.asarray(value) for name, value in here.memory.items()}
+    arrays |= {f"history.{name}": values for name, values in _columns(rows[: here.rows]).items()}
+    save_npz(path, arrays | {"tick": np.array(here.tick), "mark": np.array(mark)})
 
 
-def _load(path: str | Path, mark: str) -> tuple[int, Memory, dict[str, list[Any]]]:
+def _load(path: str | Path, mark: str) -> tuple[_Whole, list[Mapping[str, Any]]]:
     data = load_npz(path)
     if "mark" not in data or "tick" not in data:
         raise BadInputError(f"{path} is not a state file of a learning run")
     if str(data["mark"]) != mark:
         raise BadInputError(f"{path} is of a run with another game, stack, law, settings or version; start anew")
     memory = {name.removeprefix("memory."): value for name, value in data.items() if name.startswith("memory.")}
-    rows = {name.removeprefix("history."): list(value) for name, value in data.items() if name.startswith("history.")}
-    return int(data["tick"]), memory, rows
+    columns = {name.removeprefix("history."): value for name, value in data.items() if name.startswith("history.")}
+    rows: list[Mapping[str, Any]] = [
+        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
+    ]
+    return _Whole(int(data["tick"]), memory, len(rows)), rows

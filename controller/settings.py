@@ -14,6 +14,8 @@ from hfa_model.errors import BadInputError
 
 #: Weights beyond this overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60
+#: More recorded samples than this fill the memory, and add nothing.
+MOST_SAMPLES = 100_000
 
 
 def positive(name: str, value: float) -> None:
@@ -22,10 +24,12 @@ def positive(name: str, value: float) -> None:
         raise BadInputError(f"{name} is {value}; it must be a positive number")
 
 
-def counting(name: str, value: int) -> None:
-    """Raise BadInputError unless the setting is a whole number of at least 1."""
+def counting(name: str, value: int, most: int | None = None) -> None:
+    """Raise BadInputError unless the setting is a whole number of at least 1, and of at most `most`."""
     if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 1):
         raise BadInputError(f"{name} is {value}; it must be a whole number of at least 1")
+    if most is not None and value > most:
+        raise BadInputError(f"{name} is {value}; it must not exceed {most}")
 
 
 def inside_unit_interval(name: str, value: float) -> None:

@@ -45,8 +45,10 @@ class StackEquations:
     this is the paper's residual (Eq. 32-34) with policies re-evaluated at the stored states, and ∂e_j/∂W = σ_j.
     With the discount, F_j - β z_j is the drift of A - βI, and β = 0, s = 1 is the game itself.
 
-    All matrices are in the coordinates y = z / scales. drift_matrix: least-squares fit of F = A z to the stack,
-    used only to test whether a policy stabilizes.
+    All matrices are in the coordinates y = z / scales. control (n, m) and disturbance (n, k): roots of S_u and S_d/δ²,
+    S_u = G G'. Where few inputs hold a large P in check, P S_u P is a small difference of large numbers and
+    |G'P z|² is not. drift_matrix: least-squares fit of F = A z to the stack, used only to test whether a policy
+    stabilizes.
     """
 
     basis: Basis
@@ -56,6 +58,8 @@ class StackEquations:
     gradient: np.ndarray
     S_control: np.ndarray
     S_disturbance: np.ndarray
+    control: np.ndarray
+    disturbance: np.ndarray
     Q: np.ndarray
     drift_matrix: np.ndarray
 
@@ -72,13 +76,16 @@ class StackEquations:
             gradient=basis.gradient(states),
             S_control=game.S_control / outer,
             S_disturbance=game.S_disturbance / game.delta**2 / outer,
+            control=control_root(game) / scales[:, None],
+            disturbance=game.E / game.delta / scales[:, None],
             Q=game.Q * outer,
             drift_matrix=Stack(states, drifts).drift_fit(),
         )
 
     def excitation(self, weights: np.ndarray) -> Excitation:
         """Richness of the stack at scaled weights (M,), with the policies of the game."""
-        return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
+        with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
+            return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
     def S(self, problem: Problem) -> np.ndarray:
         """S_s = S_u - s S_d/δ², (n, n)."""
@@ -86,13 +93,17 @@ class StackEquations:
 
     def at(self, weights: np.ndarray, problem: Problem) -> Residuals:
         """Regressors and residuals of all samples at scaled weights (M,)."""
-        half_gradient = self.states @ self.basis.matrix(weights)
-        pushed = half_gradient @ self.S(problem)
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
         regressors = self.along(self.drifts - problem.discount * self.states - pushed)
         cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
-        policy_cost = np.einsum("ji,ji->j", pushed, half_gradient)
         change = regressors @ weights
         return Residuals(regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost))
+
+    def _policies(self, half_gradient: np.ndarray, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+        """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
+        inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
+        pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
+        return pushed, np.sum(inputs**2, axis=1) - problem.share * np.sum(gusts**2, axis=1)
 
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: Problem
@@ -101,10 +112,9 @@ class StackEquations:
 
         For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j).
         """
-        half_gradient = self.states @ self.basis.matrix(step)
-        pushed = half_gradient @ self.S(problem)
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(step), problem)
         linear = -found.regressors @ step
-        quadratic = -np.einsum("ji,ji->j", pushed, half_gradient)
+        quadratic = -policy_cost
         beyond = slice(self.basis.quadratic_size, None)
         if self.basis.size > self.basis.quadratic_size:
             change = self.along(pushed)[:, beyond]
@@ -119,8 +129,8 @@ class StackEquations:
 
     def closed_loop_eigenvalues(self, weights: np.ndarray, problem: Problem) -> np.ndarray:
         """Eigenvalues of A - βI - S_s P with A from the stack, (n,), 1/s."""
-        closed = self.drift_matrix - self.S(problem) @ self.basis.matrix(weights)
-        return np.linalg.eigvals(closed) - problem.discount
+        pushed, _ = self._policies(self.basis.matrix(weights), problem)
+        return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
     def margin(self, weights: np.ndarray, problem: Problem) -> float:
         """Distance of the closed-loop eigenvalues from the imaginary axis, 1/s; positive when stable."""
@@ -137,17 +147,33 @@ class StackEquations:
     def relative_cost_residual(self, weights: np.ndarray) -> float:
         """|e| / |z'Qz| over the stack at the game itself: the residual norm that all laws report."""
         cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
-        return float(np.linalg.norm(self.game_residual(weights)) / np.linalg.norm(cost))
+        return float(np.linalg.norm(self.game_residuals(weights)[0]) / np.linalg.norm(cost))
 
-    def game_residual(self, weights: np.ndarray) -> np.ndarray:
-        """Residual of the game's Hamilton-Jacobi-Isaacs equation with all of ∇V = ∂ψ'W, (N_h,).
+    def settling_residual(self, weights: np.ndarray) -> float:
+        """|e| over the size of the terms that cancel in it, in [0, 1]: what tells a settled critic.
 
-        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in).
+        Against z'Qz alone, rounding would never count as settled where Q is small beside the value.
+        """
+        residuals, size = self.game_residuals(weights)
+        return float(np.linalg.norm(residuals) / np.linalg.norm(size))
+
+    def game_residuals(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual of the game's Hamilton-Jacobi-Isaacs equation with all of ∇V = ∂ψ'W, and its size, (N_h,) each.
+
+        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in). Size: the sum of the
+        magnitudes of its terms.
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
+        change = gradient * self.drifts
         cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
-        S = self.S(GAME)
-        return np.einsum("ji,ji->j", gradient, self.drifts - 0.25 * gradient @ S) + cost
+        _, policy_cost = self._policies(0.5 * gradient, GAME)
+        return change.sum(axis=1) + cost - policy_cost, np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
+
+
+def control_root(game: Game) -> np.ndarray:
+    """G with G G' = B R⁻¹B', (n, m)."""
+    root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
+    return root
 
 
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 import numpy as np
 
 from controller.actuators import Actuators
 from controller.game import Game, published_game
 from controller.gusts import Dryden, Gust, OneMinusCosine
-from controller.model_file import parse_diagonal
 from controller.signals import Harmonic, Signal
-from hfa_cli.values import number, quantity, split_assignments, whole
+from hfa_cli import games
+from hfa_cli.values import number, quantity, span, split_assignments, whole
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.condition import CONTROL_LIMITS
@@ -63,22 +62,12 @@ def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -
         "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
     )
     parser.add_argument("--seed", metavar="N", help="seed of the recorded data and of the turbulence; default 0")
-    parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight; default: the paper's 200")
-    parser.add_argument("--Q", metavar="a,b,...", help="diagonal of Q; default: the paper's")
-    parser.add_argument("--R", metavar="a,b,...", help="diagonal of R; default: the paper's")
-
-
-def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Changes of the published game that the options name."""
-    changes: dict[str, Any] = {
-        name: parse_diagonal(name, getattr(arguments, name)) for name in ("Q", "R") if getattr(arguments, name)
-    }
-    return changes if arguments.delta is None else changes | {"delta": number(arguments.delta, "delta")}
+    games.add_weights(parser)
 
 
 def game_on(model: LinearModel, arguments: argparse.Namespace) -> Game:
     """The published game on a model, with the weights that the options name."""
-    return published_game(model.A, model.B, **weights_of(arguments))
+    return published_game(model.A, model.B, **games.weights_of(arguments))
 
 
 def law_of(arguments: argparse.Namespace, laws: tuple[str, ...] = LAWS) -> str:
@@ -117,12 +106,7 @@ def envelope_changes(words: list[str] | None) -> dict[str, tuple[float, float]]:
     changes = {}
     for name, text in split_assignments(words).items():
         _known("--envelope", name, STATES)
-        low, colon, high = text.partition(":")
-        if not colon:
-            raise BadInputError(f"--envelope {name} is {text!r}; give NAME=LOW:HIGH")
-        changes[name] = quantity(name, low), quantity(name, high)
-        if not changes[name][0] < changes[name][1]:
-            raise BadInputError(f"--envelope {name} is {text}; the first limit must be the lower one")
+        changes[name] = span(name, text)
     return changes
 
 
@@ -154,7 +138,10 @@ def signal_of(option: str, words: list[str] | None) -> Signal:
         if len(parts) == 3:
             sine = np.zeros(len(LINEAR_STATES))
             sine[index] = quantity(name, parts[1])
-            harmonics.append(Harmonic(number(parts[2], f"{option} {name} frequency"), sine, np.zeros(len(sine))))
+            frequency = number(parts[2], f"{option} {name} frequency")
+            if frequency <= 0:
+                raise BadInputError(f"{option} {name} frequency is {frequency:g} rad/s; it must be positive")
+            harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
     return Signal(constant, np.zeros(len(LINEAR_STATES)), tuple(harmonics))
 
 
@@ -164,6 +151,8 @@ def _actuators(arguments: argparse.Namespace) -> Actuators | None:
             raise BadInputError("--engine belongs to --actuators; give both")
         return None
     lag, degrees_per_second = numbers("--actuators", arguments.actuators, "LAG:RATE", (2,))
+    if degrees_per_second <= 0:
+        raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
     rate = quantity("dihedral", str(degrees_per_second))  # degrees to radians as everywhere else
     engine_lag, engine_rate = lag, np.inf
     if arguments.engine is not None:
@@ -178,6 +167,8 @@ def _gust(arguments: argparse.Namespace, speed: float, scenario: Scenario) -> Gu
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     if arguments.gust is not None:
         length, peak, *begin = numbers("--gust", arguments.gust, "LENGTH:PEAK[:BEGIN]", (2, 3))
+        if begin and not 0 <= begin[0] < scenario.duration:
+            raise BadInputError(f"--gust begins at {begin[0]:g} s; the flight lasts from 0 to {scenario.duration:g} s")
         return OneMinusCosine(length, peak, speed, *begin)
     if arguments.turbulence is not None:
         intensity, scale = numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))

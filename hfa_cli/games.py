@@ -10,9 +10,10 @@ from typing import Any
 from controller.game import Game, published_game
 from controller.model_file import load_game, parse_diagonal
 from hfa_cli import options
-from hfa_cli.values import number
+from hfa_cli.values import disturbance_weight
 from hfa_model.errors import BadInputError
 from trim.linearize import linearize
+from trim.report import warnings
 from trim.solve import trim
 
 
@@ -26,47 +27,57 @@ class NamedGame:
     state_units: tuple[str, ...]
     input_units: tuple[str, ...]
     origin: str
+    warnings: tuple[str, ...] = ()
 
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""
         named = {name: list(getattr(self, name)) for name in ("states", "inputs", "state_units", "input_units")}
-        return {"plant": self.origin, **named, "delta": self.game.delta if math.isfinite(self.game.delta) else None}
+        delta = self.game.delta if math.isfinite(self.game.delta) else None
+        return {"plant": self.origin, **named, "delta": delta, "warnings": list(self.warnings)}
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
-    """--dihedral or --model, and --delta, --Q, --R."""
+    """--dihedral or --model, and the weights."""
     options.add_condition(parser, dihedral_required=False)
     options.add_aircraft(parser)
     parser.add_argument(
         "--model", metavar="FILE", help="a plant of your own: A, B, optionally E, Q, R (.mat .npz .json)"
     )
+    add_weights(parser)
+
+
+def add_weights(parser: argparse.ArgumentParser) -> None:
+    """--delta, --Q, --R."""
     parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight, inf for none; default: the paper's 200")
     parser.add_argument("--Q", metavar="a,b,...", help="diagonal of Q; default: the paper's")
     parser.add_argument("--R", metavar="a,b,...", help="diagonal of R; default: the paper's")
+
+
+def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Changes of the published game that the options name."""
+    given = {name: text for name in ("Q", "R") if (text := getattr(arguments, name)) is not None}
+    changes: dict[str, Any] = {name: parse_diagonal(name, text) for name, text in given.items()}
+    return changes if arguments.delta is None else changes | {"delta": disturbance_weight(arguments.delta)}
 
 
 def game_of(arguments: argparse.Namespace) -> NamedGame:
     """The game that the options name."""
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    given = {name: parse_diagonal(name, text) for name in ("Q", "R") if (text := getattr(arguments, name)) is not None}
-    delta = None if arguments.delta is None else _delta(arguments.delta)
+    changes = weights_of(arguments)
     if arguments.model is not None:
         _refuse_options_of_the_aircraft(arguments)
-        game = load_game(arguments.model, **given, delta=delta)
+        game = load_game(arguments.model, **changes)
         n, m = game.B.shape
         states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
         return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model))
     aircraft = options.aircraft_of(arguments)
-    model = linearize(aircraft, trim(aircraft, options.condition_of(arguments)))
-    changes = given if delta is None else given | {"delta": delta}
+    point = trim(aircraft, options.condition_of(arguments))
+    model = linearize(aircraft, point)
     origin = f"the aircraft at dihedral {float(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
     game = published_game(model.A, model.B, **changes)
-    return NamedGame(game, model.states, model.inputs, model.state_units, model.input_units, origin)
-
-
-def _delta(text: str) -> float:
-    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text, "delta")
+    units = model.state_units, model.input_units
+    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(warnings(point)))
 
 
 def _refuse_options_of_the_aircraft(arguments: argparse.Namespace) -> None:

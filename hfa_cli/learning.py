@@ -31,9 +31,11 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     """Run the law that the options name, with progress on a terminal."""
     check_target(arguments.save, (".npz",))
+    if arguments.save is not None and arguments.save == arguments.output:
+        raise BadInputError(f"--save and --output are both {arguments.save}; give two names")
     return learn(
         game,
-        arguments.law or DEFAULT_LAW,
+        _law(arguments),
         whole("--seed", arguments.seed, 0, lowest=0),
         progress=show_learning if sys.stderr.isatty() else None,
         save_state=arguments.save,
@@ -44,7 +46,7 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
 
 def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
-    law = arguments.law or DEFAULT_LAW
+    law = _law(arguments)
     if law not in LAWS:
         raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
     defaults = {field.name: field.default for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
@@ -54,6 +56,10 @@ def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
             raise BadInputError(f"law {law!r} has no setting {name!r}; choose from: {', '.join(defaults)}")
         result[name] = _converted(name, text, defaults[name])
     return result
+
+
+def _law(arguments: argparse.Namespace) -> str:
+    return DEFAULT_LAW if arguments.law is None else str(arguments.law)
 
 
 def _converted(name: str, text: str, default: Any) -> Any:

@@ -35,8 +35,24 @@ COMMANDS = {
 }
 
 
+class _Once(argparse.Action):
+    """Store the word of an option; an option that comes twice is an error, and not the last one wins."""
+
+    _given: Any = None
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        if self._given is not None:
+            raise argparse.ArgumentError(self, f"given twice, as {self._given!r} and as {values!r}; give it once")
+        self._given = values
+        setattr(namespace, self.dest, values)
+
+
 class _Parser(argparse.ArgumentParser):
-    """An argument parser whose complaints are one line."""
+    """An argument parser whose complaints are one line, and whose options are given once."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.register("action", None, _Once)
 
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{message} (see `{self.prog} --help`)")
@@ -64,6 +80,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _drop_output()  # the reader of our output left (`hfa ... | head`): nothing more to say
         return code
+    except MemoryError:
+        return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
     except OSError as error:
         _drop_output()
         return _complain(f"{error.filename or 'cannot write the output'}: {error.strerror}", BAD_INPUT)

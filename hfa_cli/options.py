@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hfa_cli.values import limits, quantity
 from hfa_model.compiled import Aircraft
+from hfa_model.errors import BadInputError
 from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
 from trim.condition import TrimCondition, level_flight
 
@@ -42,14 +43,34 @@ def add_output(parser: argparse.ArgumentParser, also: str = "") -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help=f"also write .json, .npz, .mat, .csv{also}")
 
 
+def given(arguments: argparse.Namespace, name: str) -> bool:
+    """Whether an option was given; an empty word counts, so that it is refused and not passed over."""
+    value = getattr(arguments, name)
+    return value is not None and value is not False
+
+
 def parameters_of(arguments: argparse.Namespace) -> ParameterSet:
-    """The parameters that the options name."""
-    return default_parameters() if arguments.parameters is None else load_parameters(Path(arguments.parameters))
+    """The parameters that the options name; BadInputError when they belong to equations that no option names."""
+    if arguments.parameters is None:
+        return default_parameters()
+    parameters = load_parameters(Path(arguments.parameters))
+    if parameters.structure:
+        raise BadInputError(
+            f"{arguments.parameters}: its [structure] {', '.join(parameters.structure)} belongs to equations that no "
+            "command flies; give the parameters.toml that `hfa identify --write` puts beside it"
+        )
+    return parameters
 
 
 def aircraft_of(arguments: argparse.Namespace) -> Aircraft:
     """The aircraft that the options name."""
     return Aircraft(parameters_of(arguments).values, arguments.dynamics)
+
+
+def one_place(arguments: argparse.Namespace) -> None:
+    """BadInputError when both --workers and --scheduler say where the work is done."""
+    if arguments.workers is not None and arguments.scheduler is not None:
+        raise BadInputError("--workers are processes here, --scheduler has its own; give one of them")
 
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:

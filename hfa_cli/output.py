@@ -6,7 +6,7 @@ import io
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,14 @@ def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
         raise BadInputError(f"cannot write {path}: it is a folder; name a file")
     return target
+
+
+def check_folder(path: str) -> Path:
+    """A folder that exists or can be made; made only when there is something to put in."""
+    folder = Path(path)
+    if not path or (not folder.is_dir() and (folder.exists() or not folder.parent.is_dir())):
+        raise BadInputError(f"cannot make the folder {path or repr(path)}: choose another, in a folder that exists")
+    return folder
 
 
 def deliver(
@@ -61,8 +69,16 @@ def write(target: Path, data: dict[str, Any], table: Callable[[], Table]) -> Non
     elif suffix == ".mat":
         with written_whole(target) as stream:
             stream.write(_mat(data))
-    else:
+    elif suffix == ".csv":
         write_text(target, f"# schema: {data['schema']}\n" + _csv(*table()))
+    else:
+        raise ValueError(f"no format for {target}: check_target let it through")
+
+
+def say_notes(warnings: Iterable[str]) -> None:
+    """What a user should know before trusting a result, on standard error, a line each."""
+    for warning in warnings:
+        print(f"hfa: note: {warning}", file=sys.stderr)
 
 
 def jsonable(value: Any) -> Any:

@@ -28,6 +28,11 @@ def quantity(name: str, text: str) -> float:
     return math.radians(value) if _is_angle(name) else value
 
 
+def disturbance_weight(text: str) -> float:
+    """delta of a game, positive or "inf" for no disturbance."""
+    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text, "delta")
+
+
 def grid(name: str, text: str, most: int) -> np.ndarray:
     """The values of `axis` as one array."""
     values = axis(name, text, most)
@@ -35,7 +40,7 @@ def grid(name: str, text: str, most: int) -> np.ndarray:
 
 
 def axis(name: str, text: str, most: int) -> tuple[float, ...] | Steps:
-    """`start:stop:step`, `a,b,c` or one number, in internal units; both ends belong to the range.
+    """`start:stop:step`, `a,b,c` or one number, in internal units; a range ends with the last value at or before stop.
 
     BadInputError when the range runs backwards, its step is not positive or it has more than `most` points.
     """
@@ -61,11 +66,14 @@ def axis(name: str, text: str, most: int) -> tuple[float, ...] | Steps:
 
 
 def span(name: str, text: str) -> tuple[float, float]:
-    """`lowest:highest` in internal units."""
+    """`LOW:HIGH` in internal units; BadInputError unless low < high."""
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
-        raise BadInputError(f"{name} is {text!r}; give lowest:highest")
-    return quantity(name, low), quantity(name, high)
+        raise BadInputError(f"{name} is {text!r}; give LOW:HIGH")
+    lowest, highest = quantity(name, low), quantity(name, high)
+    if not lowest < highest:
+        raise BadInputError(f"{name} is {text!r}; the first limit must be the lower one")
+    return lowest, highest
 
 
 def whole(option: str, text: str | None, default: int, *, lowest: int) -> int:
@@ -73,18 +81,22 @@ def whole(option: str, text: str | None, default: int, *, lowest: int) -> int:
     if text is None:
         return default
     value = number(text, option)
-    if value != int(value) or value < lowest:
+    # From the digits where there are only digits: a float would round the large ones.
+    result = int(text) if text.strip().isdigit() else int(value)
+    if value != int(value) or result < lowest:
         raise BadInputError(f"{option} is {text}; give a whole number from {lowest}")
-    return int(value)
+    return result
 
 
 def split_assignments(words: list[str] | None) -> dict[str, str]:
-    """`NAME=TEXT` words, unconverted."""
-    result = {}
+    """`NAME=TEXT` words, unconverted; BadInputError when a name comes twice."""
+    result: dict[str, str] = {}
     for word in words or []:
         name, separator, text = word.partition("=")
         if not separator:
             raise BadInputError(f"{word!r} is not NAME=VALUE")
+        if name in result:
+            raise BadInputError(f"{name} is given twice, as {result[name]!r} and as {text!r}; give it once")
         result[name] = text
     return result
 

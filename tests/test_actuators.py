@@ -13,6 +13,7 @@ from controller.signals import Signal, zero
 from hfa_model.errors import BadInputError
 from hfa_model.published import published_models
 from hfa_model.vectors import INPUTS, Input
+from verification.nonlinear.flight import Scenario
 
 N, M = 6, len(INPUTS)
 NO_GAIN = np.zeros((M, N))
@@ -94,6 +95,18 @@ def test_actuators_that_cannot_move_are_refused(change: dict[str, Input], said: 
     values = {"lag": LIMITED.lag, "lowest": LIMITED.lowest, "highest": LIMITED.highest, "rate": LIMITED.rate}
     with pytest.raises(BadInputError, match=said):
         Actuators(**(values | change))
+
+
+def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
+    lag = Input(0.5, *[0.0003] * (M - 1))
+    fast = Actuators(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
+    fast.refuse_step(0.00075)
+    said = rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least 0\.0004 s"
+    with pytest.raises(BadInputError, match=said):
+        fast.refuse_step(0.001)
+    with pytest.raises(BadInputError, match=said):
+        Scenario(actuators=fast)
+    assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
 def test_a_trim_that_the_actuators_cannot_hold_is_refused() -> None:

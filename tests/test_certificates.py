@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
 from controller.basis import basis
-from controller.certify import certificates, newton_correction, relative_residual, settling_time
+from controller.certify import certificates, newton_correction, positivity, relative_residual, settling_time
 from controller.game import Game
+from controller.learn import learn
 from controller.recorder import choose, random_pool, record
 from controller.result import Certificate, Excitation
 from controller.stack_equations import StackEquations
@@ -110,6 +113,51 @@ def test_settling_time_is_the_last_entry_below_the_limit() -> None:
     assert settling_time(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1.0])) == np.inf
     assert settling_time(times, np.full(5, 1e-12)) == 0.0
     assert settling_time(times, np.array([1.0, 1e-12, np.nan, 1e-12, 1e-12])) == 3.0
+
+
+def test_singular_weights_are_told_from_definite_ones_beyond_rounding() -> None:
+    """Q = C'C that is not diagonal: its smallest eigenvalue is rounding of either sign, and so is that of P."""
+    rng = np.random.default_rng(18)
+    signs = set()
+    for _ in range(40):
+        T = rng.standard_normal((3, 3))
+        A, C = T @ np.diag([-1.0, -2.0, 0.5]) @ np.linalg.inv(T), np.linalg.inv(T)[1:]
+        Q = C.T @ C
+        game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf)
+        result = learn(game, tick=0.1)
+        assert result.converged, result.status
+        row = positivity(game, result.P, np.ones(3))
+        assert (row.relation, row.limit) == (">=", -1e-10)
+        signs.add(row.value > 0.0)
+    assert signs == {True, False}
+    definite = replace(game, Q=np.diag([1.0, 1e-9, 1.0]))
+    assert positivity(definite, np.eye(3), np.ones(3)).relation == ">"
+    assert not positivity(definite, np.diag([1.0, 1.0, 0.0]), np.ones(3)).ok
+    assert not positivity(game, np.diag([1.0, 1.0, -1e-9]), np.ones(3)).ok
+
+
+@pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
+def test_a_right_critic_settles_whatever_the_size_of_the_costs(Q: float, R: float) -> None:
+    game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
+    result = learn(game, tick=0.1)
+    s = 1.0 / R - 1.0 / game.delta**2
+    assert result.P[0, 0] == pytest.approx((1.0 + np.sqrt(1.0 + Q * s)) / s, rel=1e-14)
+    assert result.converged
+    assert result.settling_time <= 9.5
+
+
+def test_the_settling_residual_is_relative_to_its_terms() -> None:
+    game, exact = published(PUBLISHED[0])
+    stack = random_pool(game, 30, 3)
+    equations = StackEquations.build(game, QUADRATIC, stack, stack.channel_scales())
+    at = {
+        factor: equations.settling_residual(equations.scaled(QUADRATIC.weights(factor * exact.P)))
+        for factor in (0.0, 1.0, 1.001, 1e9)
+    }
+    assert at[0.0] == 1.0
+    assert at[1.0] < 1e-14
+    assert 1e-6 < at[1.001] < 1e-3
+    assert 0.5 < at[1e9] <= 1.0
 
 
 def test_reported_residual_is_that_of_the_game() -> None:

@@ -124,6 +124,7 @@ def test_linearize_text(angle: str) -> None:
         assert re.search(rf"^{mode}.* -?\d+\.\d{{4}}", said, re.M)
     assert ("half units" in said) == (angle != "10")
     assert "Largest uncertainty band of an entry: " in said
+    assert "\nA and B in rad, ft, s; the offsets X0 and U0 in the units beside them\n" in said
 
 
 def test_linearize_json_keeps_the_contract() -> None:
@@ -261,7 +262,7 @@ def test_without_covariance_there_are_no_bands(tmp_path: Path) -> None:
     path = tmp_path / "bare.toml"
     save_parameters(ParameterSet(shipped.values, dict.fromkeys(shipped.sources, "assumed")), path, "")
     words = ("linearize", "--dihedral", "10", "--parameters", str(path))
-    assert "band" not in text(*words)
+    assert "No uncertainty bands: they are known for the six printed states" in text(*words)
     data, with_bands = answer(*words), answer("linearize", "--dihedral", "10")
     assert "A_band" not in data
     np.testing.assert_array_equal(data["A"], with_bands["A"])

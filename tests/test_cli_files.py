@@ -14,7 +14,9 @@ from cli import hfa
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
+from hfa_cli.output import write
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.store import open_store
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
@@ -204,6 +206,18 @@ def test_a_suffix_in_capitals_is_the_same_format(tmp_path: Path) -> None:
     )
 
 
+def test_a_store_in_capitals_is_a_store(tmp_path: Path) -> None:
+    path = tmp_path / "a.ZARR"
+    assert hfa("sweep", "--dihedral", "0:5:1", "-o", str(path)).code == DONE
+    assert (path.is_dir(), open_store(path).missing()) == (True, [])
+
+
+def test_no_format_is_written_for_want_of_another(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no format"):
+        write(tmp_path / "a.zarr", {"schema": "hfa.sweep/1"}, lambda: (("a",), [(1.0,)]))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
@@ -240,6 +254,15 @@ def test_report_folder(tmp_path: Path) -> None:
     data = json.loads((folders[0] / "numbers.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
     assert data["ok"] is True
     assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"])) == (2, 41)
+
+
+def test_report_prints_its_numbers_as_json_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    result = hfa("report", "--folder", str(folder), "--json")
+    assert (result.code, result.err) == (DONE, "")
+    assert json.loads(result.out) == json.loads((folder / "numbers.json").read_text(encoding="utf-8"))
+    alone = hfa("report", "--json")
+    assert (alone.code, alone.out, list(tmp_path.iterdir())) == (DONE, result.out, [folder])
 
 
 def test_report_page_is_self_contained_and_tells_the_verdict(tmp_path: Path) -> None:

@@ -41,7 +41,8 @@ def gain(game: Game) -> np.ndarray:
 
 # The command.
 
-BASE = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--duration", "0.1")
+NAMED = ("monte-carlo", "--dihedral", "15", "--law", "exact")
+BASE = (*NAMED, "--duration", "0.1")
 
 
 def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
@@ -69,7 +70,7 @@ def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) 
     assert "held their envelope: 0 of 2" in away.out
     assert "left it, by the state that left first: " in away.out
     np.savez(file, P=np.eye(6))
-    assert_refused(hfa("monte-carlo", "--dihedral", "15", "--gain", str(file)), 2, "holds P")
+    assert_refused(hfa("monte-carlo", "--dihedral", "15", "--gain", str(file)), 2, "there is no K")
 
 
 def test_the_printed_critic_is_lost_at_once_and_the_helped_one_holds() -> None:
@@ -93,10 +94,10 @@ def test_the_printed_critic_is_lost_at_once_and_the_helped_one_holds() -> None:
         (("--plant", "rigid"), ("unknown plant 'rigid'", "nonlinear, linear")),
         (("--step", "0.03"), ("tick", "whole number")),
         (("--duration", "-1"), ("duration",)),
+        (("--turbulence", "1:0.01"), ("scale is 0.01 ft",)),
         (("--step", "0"), ("step",)),
         (("--initial", "speed=-60"), ("begins with speed",)),
         (("--resume",), ("-o FILE.zarr",)),
-        (("--law", "magic"), ("unknown law 'magic'", "published-helped")),
         (("--set", "predefined_time=2"), ("--set", "exact")),
         (("--gain", "missing.npz"), ("--gain",)),
         (("-o", "members.csv"), (".zarr",)),
@@ -105,4 +106,14 @@ def test_the_printed_critic_is_lost_at_once_and_the_helped_one_holds() -> None:
     ids=lambda value: " ".join(value),
 )
 def test_bad_input_is_one_line(words: tuple[str, ...], named: tuple[str, ...]) -> None:
-    assert_refused(hfa(*BASE, *words), 2, *named)
+    assert_refused(hfa(*NAMED, *words), 2, *named)
+
+
+def test_a_flight_that_fills_the_memory_is_refused() -> None:
+    words = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "2", "--duration", "1e8")
+    assert_refused(hfa(*words), 2, "duration is 1e+08 s", "must not exceed 10000 s")
+
+
+def test_an_unknown_law_is_refused_with_the_known_ones() -> None:
+    words = ("monte-carlo", "--dihedral", "15", "--law", "magic")
+    assert_refused(hfa(*words), 2, "unknown law 'magic'", "published-helped")

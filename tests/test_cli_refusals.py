@@ -67,7 +67,7 @@ def untouched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
         ("--dihedral 15 --limit throttle", "throttle"),
         ("--dihedral 15 --limit throttle=1", "throttle"),
         ("--dihedral 15 --limit rudder=0:1", "rudder"),
-        ("--dihedral 15 --limit throttle=5:1", "limits of throttle are 5 to 1"),
+        ("--dihedral 15 --limit throttle=5:1", "throttle is '5:1'; the first limit must be the lower one"),
         ("--dihedral 15 --limit throttle=a:b", "throttle is 'a'"),
         ("--dihedral 15 --limit throttle=nan:1", "throttle is nan"),
         ("--dihedral 15 --limit dihedral=0:10", "dihedral is 15 deg"),

@@ -48,7 +48,7 @@ def test_verify_prints_a_table_of_checks() -> None:
     assert said.startswith("Critic on plant.json, against the exact game solution: agrees\n")
     assert "\ncheck " in said
     assert "FAIL" not in said
-    assert said.count(" pass\n") == 14
+    assert said.count(" pass\n") == 16
     assert "\nP(x1, x2) " in said
 
 

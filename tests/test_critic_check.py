@@ -1,17 +1,19 @@
 """The judge of critics: the exact one passes, every planted mistake is refused with its own reason."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from controller.basis import BASES, basis
-from controller.game import published_game
+from controller.game import Game, published_game
 from controller.result import Excitation, LearningResult
 from hfa_model import BadInputError, NoSolutionError
 from hfa_model.published import published_models
 from verification.candidate import from_gain, from_value, from_weights
-from verification.critic_check import check_critic
+from verification.critic_check import check_critic, settling_time
+from verification.diagnosis import diagnose
 from verification.gare import solve_game
 
 QUADRATIC = basis("quadratic", 6)
@@ -138,7 +140,7 @@ def _result(game, weights, rank):
         law="certified",
         basis="quadratic",
         times=np.array([0.0, 1.0]),
-        weights=np.array([weights, weights]),
+        weights=np.array([1.1 * weights, weights]),
         residual_norm=np.array([1.0, 1e-12]),
         law_residual_norm=np.array([1.0, 1e-12]),
         P=P,
@@ -169,6 +171,27 @@ def test_a_run_is_also_judged_by_its_time(game):
     assert check_critic(game, candidate, QUADRATIC, run=run, predefined_time=2.0).ok
     late = check_critic(game, candidate, QUADRATIC, run=run, predefined_time=0.5)
     assert _failed(late) == {"settling_time"}
+    assert late.diagnosis == ""  # the critic is the game's: no mistake of its numbers explains the delay
+
+
+def test_the_settling_time_is_the_judges_own(game):
+    weights = QUADRATIC.weights(solve_game(game).P)
+    run = replace(_result(game, weights, 21), settling_time=math.inf, residual_norm=np.ones(2))
+    assert settling_time(game, run, QUADRATIC) == 1.0
+    boasting = replace(run, weights=np.array([weights, (1.0 + 1e-6) * weights]), settling_time=0.0)
+    assert settling_time(game, boasting, QUADRATIC) == math.inf
+    assert settling_time(game, replace(run, weights=np.array([weights, weights])), QUADRATIC) == 0.0
+    assert settling_time(game, replace(run, weights=np.array([weights, np.nan * weights])), QUADRATIC) == math.inf
+
+
+def test_a_residual_of_rounding_size_has_no_diagnosis():
+    """Policy evaluation leaves signs in the residual; so does rounding, on a critic that is right."""
+    game = Game(*([[1.0]], [[1.0]], [[1.0]], [[1e-8]], [[1.0]]), delta=2.0)
+    exact = solve_game(game)
+    off = from_value(game, exact.P * (1.0 + 1e-12))
+    assert check_critic(game, off, basis("quadratic", 1)).ok
+    assert diagnose(game, exact, off, basis("quadratic", 1), 1e-6) == ""
+    assert diagnose(game, exact, from_value(game, exact.P * 1.2), basis("quadratic", 1), 1e-6) != ""
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from experiment_readings import changed, text_of_reading
+from experiment_readings import SHORT, changed, reading_file, text_of_reading
 
 from hfa_model.errors import BadInputError
+from verification.experiments.flights import FlightPlan, fly
+from verification.experiments.laws import HELPED
 from verification.experiments.reading import default_reading, load_reading
 from verification.experiments.setting import make_setting
 
@@ -51,7 +53,13 @@ def test_the_reading_says_what_the_paper_prints() -> None:
         ("samples = 50", "samples = 50.5", "whole number"),
         ("alpha1 = 100.0", "alpha1 = -1.0", "must not be negative"),
         ("late = [10.0, 20.0]", "late = [10.0, 21.0]", "within the flight"),
-        ("duration = 20.0", "duration = 5.0", "between the tick and the duration"),
+        ("late = [10.0, 20.0]", "late = [20.0, 10.0]", "at least a tick"),
+        ("late = [10.0, 20.0]", "late = [0.5001, 0.5002]", "at least a tick"),
+        ("duration = 20.0", "duration = 5.0", "predefined_time of 5.1 is 10 s; it must lie between 10 ticks"),
+        ("duration = 20.0", "duration = 10.0", "less one tick"),
+        ("predefined_time = [10.0, 5.0, 5.0, 5.0]", "predefined_time = [0.01, 5.0, 5.0, 5.0]", "of 5.1 is 0.01 s"),
+        ("predefined_time = [10.0, 5.0, 5.0, 5.0]", "predefined_time = [10.0, 5.0, 5.0, 0.05]", "of 5.4 is 0.05 s"),
+        ("short_adjustment = 5.0", "short_adjustment = 20.0", "short_adjustment is 20 s"),
         ("[noise]", "[din]", "noise is missing"),
         ("[flight]", "flight = 3\n[other]", "flight is 3"),
     ],
@@ -65,6 +73,38 @@ def test_a_bad_reading_is_refused(tmp_path: Path, line: str, planted: str, compl
         load_reading(path)
     assert "mine.toml" in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def test_a_brief_flight_must_have_a_brief_adjustment(tmp_path: Path) -> None:
+    """An adjustment that outlasts the flight leaves nothing to compare with."""
+    brief = {
+        "duration = 20.0": "duration = 4.0",
+        "late = [10.0, 20.0]": "late = [2.0, 4.0]",
+        "predefined_time = [10.0, 5.0, 5.0, 5.0]": "predefined_time = [2.0, 1.0, 1.0, 1.0]",
+    }
+    with pytest.raises(BadInputError, match="short_adjustment is 5 s; it must end a tick or more before"):
+        load_reading(reading_file(tmp_path, brief))
+    load_reading(reading_file(tmp_path, brief | {"short_adjustment = 5.0": "short_adjustment = 2.0"}))
+
+
+@pytest.mark.parametrize(
+    ("learning_time", "late", "adjustment"), [(0.1, (0.0, 0.01), 0.001), (0.99, (0.99, 1.0), 0.99)]
+)
+def test_the_narrowest_reading_accepted_has_all_its_numbers(
+    tmp_path: Path, learning_time: float, late: tuple[float, float], adjustment: float
+) -> None:
+    """What the rules let through is measured: no window is empty."""
+    changes = SHORT | {
+        "predefined_time = [10.0, 5.0, 5.0, 5.0]": f"predefined_time = {[learning_time] * 4}",
+        "late = [10.0, 20.0]": f"late = {list(late)}",
+        "short_adjustment = 5.0": f"short_adjustment = {adjustment}",
+    }
+    setting = make_setting(load_reading(reading_file(tmp_path, changes)))
+    record = fly(setting, FlightPlan(5.0, HELPED), "5.1")
+    assert record.held
+    numbers = [record.metrics["learning"][name] for name in ("late_update", "end_update", "path_share")]
+    numbers += [*record.metrics["rms_error"].values(), *record.metrics["growth"].values()]
+    assert np.isfinite(numbers).all()
 
 
 def test_a_reading_that_is_not_there_is_refused(tmp_path: Path) -> None:

@@ -44,17 +44,31 @@ SMALL: dict[str, Any] = {
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
         ({"R": [[0.0]]}, "R is not positive definite"),
         ({"R": [[-1.0]]}, "R is not positive definite"),
+        ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
+        ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
         ({"delta": 0.0}, "delta is 0.0; it must be a positive number"),
         ({"delta": -1.0}, "delta is -1.0; it must be a positive number"),
         ({"delta": math.nan}, "delta is nan; it must be a positive number"),
         ({"delta": "200"}, "delta is 200; it must be a positive number"),
         ({"delta": 1e-60}, r"1/delta\^2 must not exceed"),
+        ({"delta": 1e300}, r"delta is 1e\+300; it must not exceed 1e\+50; give inf"),
+        ({"delta": 10**400}, "it must not exceed 1e.50; give inf"),
     ],
 )
 def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInputError, match=message) as refusal:
         Game(**(SMALL | change))
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]])
+def test_weights_of_very_different_size_are_definite(R: Any) -> None:
+    assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
+
+
+def test_the_largest_delta_is_nearly_none() -> None:
+    most, none = (Game(**(SMALL | {"delta": delta})).S for delta in (1e50, math.inf))
+    np.testing.assert_allclose(most, none, rtol=1e-15, atol=1e-99)
 
 
 def test_policies_follow_from_the_value() -> None:

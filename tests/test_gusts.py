@@ -203,6 +203,17 @@ def test_turbulence_is_its_seed() -> None:
     assert not np.array_equal(one, other)
 
 
+@pytest.mark.parametrize("intensity", [1e-300, 1e-160, 1e200])
+@pytest.mark.parametrize("scale", [0.69, 1750.0, 6.7e5])
+def test_turbulence_is_proportional_to_its_intensity(intensity: float, scale: float) -> None:
+    weak, unit = (Dryden(sigma, scale, 68.0, 0.01, 20, 3) for sigma in (intensity, 1.0))
+    assert np.array_equal(weak.start(), unit.start())
+    assert np.array_equal(weak.constants(4), unit.constants(4))
+    assert weak.updraft(0.0, weak.start(), None) == pytest.approx(
+        intensity * unit.updraft(0.0, unit.start(), None), rel=1e-12, abs=0.0
+    )
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -212,6 +223,9 @@ def test_turbulence_is_its_seed() -> None:
         (lambda: Dryden(0.0, 1750.0, 68.0, 0.01, 10, 0), "intensity is 0"),
         (lambda: Dryden(1.0, np.inf, 68.0, 0.01, 10, 0), "scale is inf"),
         (lambda: Dryden(1.0, 1750.0, 68.0, 0.01, 10, -1), "seed is -1"),
+        (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
+        (lambda: Dryden(1.0, 0.67, 68.0, 0.01, 10, 0), r"scale is 0\.67 ft"),
+        (lambda: Dryden(1.0, 1e12, 68.0, 0.01, 10, 0), r"scale is 1e\+12 ft"),
     ],
 )
 def test_what_is_no_gust_is_refused(make: Any, said: str) -> None:

@@ -145,11 +145,19 @@ def test_a_policy_without_value_breaks_down() -> None:
         ({"probe": -1.0}, "probe is -1.0"),
         ({"form": "nash"}, "form is 'nash'; choose one of: game, lqr"),
         ({"disturbance": -0.1}, "disturbance is -0.1"),
+        ({"intervals": 10_001}, "intervals is 10001; it must not exceed 10000"),
+        ({"probe": 1e200}, r"the probing flight of 8 s grows beyond 1e\+100"),
+        ({"disturbance": 1e150}, r"the probing flight of 8 s grows beyond 1e\+100"),
     ],
 )
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInputError, match=message):
         learn(stable_game(), "irl", **options)
+
+
+def test_a_flight_that_leaves_all_bounds_is_refused() -> None:
+    with pytest.raises(BadInputError, match=r"flight of 40000 s grows beyond 1e\+100; make interval"):
+        learn(published("15 deg")[0], "irl", interval=1000.0)
 
 
 def test_recorded_pools_are_refused() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 
@@ -10,6 +11,8 @@ from import_graph import LAYERS, imports_of, project_sources, reachable
 
 #: What the exact solution may share with the learner: values and files, no algorithm.
 SHARED_WITH_THE_LEARNER = {"controller.game", "controller.model_file", "controller.result", "controller.basis"}
+#: What the judge of critics may share besides: how a result is written to a file.
+SHARED_WITH_THE_JUDGE = SHARED_WITH_THE_LEARNER | {"controller.files"}
 
 
 def upward_imports(sources: Mapping[str, str]) -> list[str]:
@@ -23,15 +26,15 @@ def upward_imports(sources: Mapping[str, str]) -> list[str]:
     ]
 
 
-def learner_code_in_the_exact_solution(sources: Mapping[str, str]) -> list[str]:
-    """Modules of the controller that the exact solution reaches and must not."""
-    roots = [module for module in sources if module.startswith("verification.gare")]
-    assert roots, "the exact solution has moved: correct this test"
+def learner_code_in(start: str, shared: set[str], sources: Mapping[str, str]) -> list[str]:
+    """Modules of the controller that the modules whose names begin with `start` reach and must not."""
+    roots = [module for module in sources if module.startswith(start)]
+    assert roots, f"{start} has moved: correct this test"
     return [
         f"{root} reaches {name}"
         for root in roots
         for name in sorted(reachable(root, sources))
-        if name.startswith("controller") and name not in SHARED_WITH_THE_LEARNER
+        if name.startswith("controller") and name not in shared
     ]
 
 
@@ -66,7 +69,21 @@ def test_only_the_command_imports_the_judge() -> None:
 
 
 def test_the_exact_solution_shares_no_code_with_the_learner() -> None:
-    assert learner_code_in_the_exact_solution(project_sources()) == []
+    assert learner_code_in("verification.gare", SHARED_WITH_THE_LEARNER, project_sources()) == []
+
+
+def test_the_judge_of_critics_shares_values_and_files_with_the_learner() -> None:
+    assert learner_code_in("verification.critic_check", SHARED_WITH_THE_JUDGE, project_sources()) == []
+
+
+def test_the_judge_asks_a_run_for_its_weights_and_the_rank_of_its_data_alone() -> None:
+    tree = ast.parse(project_sources()["verification.critic_check"])
+    asked = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "run"
+    }
+    assert asked == {"law", "times", "weights", "excitation"}
 
 
 def test_no_module_needs_itself_to_be_imported() -> None:
@@ -99,9 +116,11 @@ def test_a_planted_use_of_the_learner_is_seen() -> None:
         "controller.ramp": "",
         "controller.game": "",
     }
-    assert learner_code_in_the_exact_solution(sources) == ["verification.gare reaches controller.ramp"]
+    assert learner_code_in("verification.gare", SHARED_WITH_THE_LEARNER, sources) == [
+        "verification.gare reaches controller.ramp"
+    ]
     innocent = sources | {"verification.helper": "from controller.game import Game"}
-    assert learner_code_in_the_exact_solution(innocent) == []
+    assert learner_code_in("verification.gare", SHARED_WITH_THE_LEARNER, innocent) == []
 
 
 def test_a_planted_cycle_is_seen() -> None:

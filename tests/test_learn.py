@@ -12,8 +12,11 @@ from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
 from controller import files, run
+from controller.certified import CertifiedLaw
 from controller.files import load_npz, save_npz
+from controller.irl import IntegralLearning
 from controller.learn import LAWS, learn
+from controller.published_law import PublishedLaw
 from controller.recorder import random_pool
 from controller.result import LearningResult
 from hfa_model.errors import BadInputError
@@ -88,8 +91,6 @@ def test_interrupted_twice_still_gives_the_same_bits(tmp_path: Path) -> None:
 
 def test_interruption_between_reports_is_kept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C inside a tick: the state is that of the last whole tick."""
-    from controller.certified import CertifiedLaw
-
     whole, advance = short_run("certified"), CertifiedLaw.advance
 
     def interrupted(self: CertifiedLaw, tick: int, memory: Any) -> Any:
@@ -104,6 +105,34 @@ def test_interruption_between_reports_is_kept_too(tmp_path: Path, monkeypatch: p
     monkeypatch.undo()
     assert int(load_npz(state)["tick"]) == 33
     assert_same_bits(short_run("certified", resume=state), whole)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("part", ["advance", "observe"])
+def test_an_interrupt_anywhere_in_a_tick_loses_that_tick_alone(
+    law: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C before and after a step or a row is made, at several ticks of one run, resumed each time."""
+    whole, state = short_run(law), tmp_path / "state.npz"
+    process = {"certified": CertifiedLaw, "published": PublishedLaw, "irl": IntegralLearning}[law]
+    made = getattr(process, part)
+    for number, at in enumerate((1, 2, 17, 28)):
+        kept: dict[str, Any] = {"resume": state} if number else {}
+
+        def interrupted(self: Any, tick: int, memory: Any, at: int = at, late: bool = number % 2 == 1) -> Any:
+            value = made(self, tick, memory) if tick != at or late else None
+            if tick == at:
+                raise KeyboardInterrupt
+            return value
+
+        monkeypatch.setattr(process, part, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            short_run(law, save_state=state, **kept)
+        saved = load_npz(state)
+        assert int(saved["tick"]) == (at if part == "advance" else at - 1)
+        assert {len(saved[name]) for name in saved if name.startswith("history.")} == {int(saved["tick"]) + 1}
+    monkeypatch.undo()
+    assert_same_bits(short_run(law, resume=state), whole)
 
 
 def test_state_of_a_finished_run_gives_its_result_again(tmp_path: Path) -> None:

@@ -179,6 +179,20 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
         learn(game, "published", stack_policies=policies)
 
 
+def test_numbers_without_measure_overflow_in_one_line() -> None:
+    """Neither a traceback of `theorem_gains` nor a warning, which the tests take for an error."""
+    with pytest.raises(NoSolutionError, match="overflowed at step"):
+        learn(stable_game(), "published", basis="quadratic", gamma=1e300)
+
+
+def test_weights_that_stay_finite_and_whose_residual_does_not_are_not_certified() -> None:
+    options = {"basis": "quadratic", "stack_policies": "reevaluated", "normalisation": "squared"}
+    result = learn(published("15 deg")[0], "published", initial_weights=1e60, step=0.1, **options)
+    assert result.residual_norm[-1] == np.inf
+    assert result.settling_time == np.inf
+    assert result.status.startswith("failed: ")
+
+
 def test_defaults_are_those_of_the_paper() -> None:
     printed, chosen = published_data()["critic"], PublishedSettings()
     assert chosen.predefined_time == printed["T_w_s"]
@@ -306,8 +320,6 @@ def test_study_rows_that_take_seconds() -> None:
     assert len(frozen.finished) == len(frozen.runs) == 4
     assert all(0.2 < run.P_error < 0.4 and not run.certified for run in frozen.runs)
     assert all(run.settled <= 0.9 * 10.0 / 2.0 for run in frozen.runs)
-    assert str(explicit).startswith("theorem gains, explicit: 48 of 48 overflow, 0 certified; lambda_0 ")
-    assert "eP 0.25..0.31" in str(frozen)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
 
@@ -340,5 +352,3 @@ def test_study_rows_say_what_they_hold() -> None:
     empty = StudyRow("x", "why", (StudyRun(15.0, PublishedSettings(), 1e-9, 1.0, 2.0, 1e-5, overflow="lost"),))
     assert np.isnan(empty.span("P_error")[0])
     assert empty.span("alpha2") == (2.0, 2.0)
-    text = "x: 1 of 1 overflow, 0 certified; lambda_0 1e-09..1e-09, alpha1 1..1, alpha2 2..2,"
-    assert str(empty) == f"{text} explicit step below 1e-05..1e-05 s. why"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from controller.basis import Basis
 from controller.game import Game
 from controller.model_file import StoredCritic
 from hfa_model.errors import BadInputError
+
+#: W and P of one file may differ by this part, which is what printing six digits leaves.
+TOGETHER = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,29 @@ def from_gain(game: Game, K: np.ndarray) -> Candidate:
 
 
 def from_stored(game: Game, stored: StoredCritic, basis: Basis) -> Candidate:
-    """The candidate of a file."""
-    if stored.kind == "W":
-        return from_weights(game, stored.values, basis)
-    return from_value(game, stored.values) if stored.kind == "P" else from_gain(game, stored.values)
+    """The candidate of a file, each matrix as it is stored: W gives what is missing of P and K, or else P does.
+
+    The policy is that of W, or else of K. BadInputError for a wrong shape, and when W and P are not of one value.
+    """
+    of_P = None if stored.P is None else from_value(game, stored.P)
+    if stored.W is not None:
+        found = from_weights(game, stored.W, basis)
+        if of_P is not None and not _are_one_value(of_P.P, found.P):
+            raise BadInputError("W and P are of different values; leave one of them out")
+    elif of_P is not None:
+        found = of_P
+    else:
+        assert stored.K is not None
+        return from_gain(game, stored.K)
+    if stored.K is None:
+        return found
+    alone = from_gain(game, stored.K)
+    return replace(found, K=alone.K, policy=found.policy if stored.W is not None else alone.policy)
+
+
+def _are_one_value(P: np.ndarray | None, other: np.ndarray | None) -> bool:
+    """|P - P2|_ij <= `TOGETHER` sqrt(|P_ii P_jj|), whatever the units of the states."""
+    assert P is not None
+    assert other is not None
+    sizes = np.sqrt(np.abs(np.diag(P)))
+    return bool(np.all(np.abs(P - other) <= TOGETHER * np.outer(sizes, sizes)))

@@ -13,7 +13,7 @@ from verification.candidate import Candidate
 from verification.certificate import relative_residual
 from verification.gare import GameSolution, solve_game
 from verification.spectrum import spectrum
-from verification.units import balanced_units
+from verification.units import balanced_units, in_units
 
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
@@ -35,37 +35,51 @@ def diagnose(game: Game, exact: GameSolution, candidate: Candidate, basis: Basis
     """One sentence that names the known mistake which this critic makes, or "" when none is recognized.
 
     Recognized: a gain of the wrong sign, two weights in each other's place, a P that is not symmetric, the LQR solution
-    in place of the game's, another root of the Riccati equation, the value of another policy than its own.
+    in place of the game's, a K and a P that do not belong together, another root of the Riccati equation, the value of
+    another policy than its own.
     """
-    if relative_error(-candidate.K, exact.K) <= limit:
+    units = balanced_units(game)
+    squared, balanced = np.outer(units, units), in_units(game, units)
+    K = candidate.K * units
+    if relative_error(-K, exact.K * units) <= limit:
         return "the gain has the wrong sign: the policy is u = -K z"
     if candidate.weights is not None:
-        swapped = _swapped(candidate.weights, basis.weights(exact.P), limit)
+        swapped = _swapped(candidate.weights, basis.weights(exact.P), basis.scaling(units), limit)
         if swapped:
             return swapped
     if candidate.P is None:
-        return _gain_of_lqr(game, candidate.K, limit)
-    if relative_error(candidate.P, candidate.P.T) > limit:
+        return _gain_of_lqr(balanced, K, limit)
+    P = candidate.P * squared
+    if relative_error(K, balanced.gain(P)) > limit:
+        return "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
+    if relative_error(P, P.T) > limit:
         return "P is not symmetric: the value z'Pz knows (P + P')/2 alone"
-    if relative_error(candidate.P, _lqr(game)) <= limit:
+    if relative_error(P, _lqr(balanced)) <= limit:
         return f"this is the LQR solution (delta = inf), not the game's at delta = {game.delta:.6g}"
-    residual = relative_residual(game, candidate.P)
-    abscissa = spectrum(game.A - game.S @ candidate.P).abscissa
-    if residual <= _ROOT and abscissa >= 0.0:
-        return (
-            f"this is another root of the Riccati equation: its residual is {residual:.2g}, but A - S P is not Hurwitz "
-            f"(abscissa {abscissa:+.3g} 1/s)"
-        )
-    return _policy_evaluation(game, candidate.P, abscissa)
+    return _residual_of_another(balanced, P)
 
 
-def _swapped(weights: np.ndarray, exact: np.ndarray, limit: float) -> str:
-    size = np.abs(exact).max()
-    wrong = np.flatnonzero(np.abs(weights - exact) > limit * size)
+def _residual_of_another(game: Game, P: np.ndarray) -> str:
+    """game, P: in balanced units."""
+    residual, abscissa = relative_residual(game, P), spectrum(game.A - game.S @ P).abscissa
+    if residual > _ROOT:
+        return _policy_evaluation(game, P, abscissa)
+    if abscissa < 0.0:
+        return ""  # the root of the game: what is left of its residual is rounding, whose signs say nothing
+    return (
+        f"this is another root of the Riccati equation: its residual is {residual:.2g}, but A - S P is not Hurwitz "
+        f"(abscissa {abscissa:+.3g} 1/s)"
+    )
+
+
+def _swapped(weights: np.ndarray, exact: np.ndarray, scaling: np.ndarray, limit: float) -> str:
+    """scaling: of the weights to balanced units, in which it is told which two are wrong."""
+    scaled = scaling * exact
+    wrong = np.flatnonzero(np.abs(scaling * weights - scaled) > limit * np.abs(scaled).max())
     if len(wrong) == 2:
-        i, j = wrong.tolist()
-        if abs(weights[i] - exact[j]) <= limit * size and abs(weights[j] - exact[i]) <= limit * size:
-            return f"weights {i + 1} and {j + 1} stand in each other's place"
+        crossed = np.abs(weights[wrong] - exact[wrong[::-1]])
+        if crossed.max() <= limit * np.abs(exact[wrong]).max():
+            return f"weights {wrong[0] + 1} and {wrong[1] + 1} stand in each other's place"
     return ""
 
 
@@ -86,10 +100,7 @@ def _gain_of_lqr(game: Game, K: np.ndarray, limit: float) -> str:
 def _policy_evaluation(game: Game, P: np.ndarray, abscissa: float) -> str:
     """The value P of a policy with gain R⁻¹B'P0 leaves the residual -(P - P0) S (P - P0), which has the signs of -S
     (Sylvester's law of inertia), or one less where P and P0 agree."""
-    units = balanced_units(game)
-    residual = game.residual(P) * np.outer(units, units)
-    S = game.S / np.outer(units, units)
-    missing = np.subtract(_signs(-S), _signs(residual))
+    missing = np.subtract(_signs(-game.S), _signs(game.residual(P)))
     if abscissa < 0.0 and missing.min() >= 0 and missing.sum() <= 1:
         return (
             "the Riccati residual has the signs that policy evaluation leaves: this may be the value of a recorded "

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from controller.basis import basis
 from controller.game import published_game
 from controller.learn import learn
@@ -14,7 +16,7 @@ from trim.text import in_degrees
 from verification.candidate import from_weights
 from verification.check_figure import check_figure
 from verification.check_report import check_text
-from verification.critic_check import CriticCheck, check_critic
+from verification.critic_check import ORDINARY_DEVIATIONS, CriticCheck, check_critic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +37,8 @@ def judged_critic(model: LinearModel) -> JudgedCritic:
     run = learn(game)
     functions = basis(run.basis, len(model.A))
     candidate = from_weights(game, run.weights[-1], functions)
-    check = check_critic(game, candidate, functions, run=run, predefined_time=run.settings["predefined_time"])
+    time = run.settings["predefined_time"]
+    check = check_critic(game, candidate, functions, box=np.array(ORDINARY_DEVIATIONS), run=run, predefined_time=time)
     return JudgedCritic(model, run, check)
 
 

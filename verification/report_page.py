@@ -14,7 +14,7 @@ from hfa_model.compiled import Aircraft
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
 from hfa_model.variants import variant_named
 from trim.sweep import Sweep, sweep
-from trim.sweep_report import sweep_text
+from trim.sweep_report import sweep_text, sweep_warnings
 from trim.text import columns, in_degrees
 from verification.checks_text import checks_text
 from verification.figures import png_bytes, regeneration_figure, root_locus_figure
@@ -72,7 +72,7 @@ def report_data(report: Report) -> dict[str, Any]:
         "schema": SCHEMA,
         "ok": report.regenerated and report.learned,
         "regeneration": regeneration_data(report.pairs),
-        "sweep": report.sweep.to_dict(),
+        "sweep": report.sweep.to_dict() | {"warnings": sweep_warnings(report.sweep)},
         "critics": [
             {"dihedral_deg": in_degrees(critic.model.point.states.dihedral), **critic.check.to_dict()}
             for critic in report.critics

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_cli import options
+from hfa_cli import games, options
 from hfa_cli.flights import (
     add_scenario,
     add_weights,
@@ -22,21 +22,22 @@ from hfa_cli.flights import (
     law_of,
     scenario_of,
     seed_of,
-    weights_of,
 )
 from hfa_cli.learning import law_settings, show_learning
-from hfa_cli.output import Progress, check_target, jsonable, write
+from hfa_cli.output import Progress, check_target, jsonable, say_notes, write
 from hfa_cli.values import grid, number, quantity, whole
 from hfa_model.errors import BadInputError
 from trim.condition import level_flight
 from trim.linearize import LinearModel, linearize
+from trim.report import warnings
 from trim.solve import trim
 from trim.text import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from controller.gain_plan import GainPlan
+    from trim.operating_point import OperatingPoint
     from verification.checks import Check
     from verification.nonlinear.flight import NonlinearFlight
 
@@ -78,8 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     picture = check_target(arguments.picture, _PICTURES)
     law = law_of(arguments)
     for name in ("online", "set"):
-        if law == "exact" and getattr(arguments, name):
+        if law == "exact" and options.given(arguments, name):
             raise BadInputError(f"--{name} belongs to a learning law; with --law exact there is nothing to learn")
+    if law == "exact" and arguments.seed is not None and arguments.turbulence is None:
+        raise BadInputError("--seed belongs to a learning law or to --turbulence; here nothing is random")
     if arguments.map is not None:
         return _map(arguments, target)
     for name in _RANGES:
@@ -116,19 +119,23 @@ def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path
     from verification.nonlinear.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 
     for name in ("online", "check", "reference", "speed", "altitude", "alpha", "gamma", "limit"):
-        if getattr(arguments, name):
+        if options.given(arguments, name):
             raise BadInputError(f"--{name} does not go with --to, which flies the paper's level trims")
     aircraft = options.aircraft_of(arguments)
     start, end = quantity("dihedral", arguments.dihedral), quantity("dihedral", arguments.to)
     over = 60.0 if arguments.over is None else number(arguments.over, "--over")
     change = change_over(start, end, over)
     scenario = scenario_of(arguments, trim(aircraft, level_flight(start)), LEAD + over + REST)
+    if scenario.duration < LEAD + over:
+        raise BadInputError(
+            f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; fly longer"
+        )
     certified = certified_schedule(
         aircraft,
         grid_of(change, whole("--points", arguments.points, 11, lowest=2)),
         law=arguments.law,
         seed=seed_of(arguments),
-        game=weights_of(arguments),
+        game=games.weights_of(arguments),
         settings={} if arguments.law == "exact" else law_settings(arguments),
         progress=Progress("certify"),
     )
@@ -145,6 +152,7 @@ def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path
         title,
         more={"schedule": schedule_data(certified, arguments.law)},
         more_text=schedule_text(certified, arguments.law),
+        points=[certified.at(start).point, certified.at(end).point],
     )
 
 
@@ -161,10 +169,12 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
     assert path is not None
     scenario = ("duration", "step", "initial", "reference", "disturbance", "noise", "error", "actuators", "engine")
     for name in (*scenario, "gust", "turbulence", "online", "check", "to", "over", "points", "picture"):
-        if getattr(arguments, name):
+        if options.given(arguments, name):
             raise BadInputError(f"--{name} does not go with --map, which flies from many starts and nothing else")
+    if arguments.dynamics != options.DEFAULT_DYNAMICS:
+        raise BadInputError("--dynamics does not go with --map, which flies both sets of equations")
     speeds, dihedrals, commands = (
-        grid(variable, getattr(arguments, name) or default, _MOST_POINTS)
+        grid(variable, default if getattr(arguments, name) is None else getattr(arguments, name), _MOST_POINTS)
         for name, (variable, default) in _RANGES.items()
     )
     found = []
@@ -187,7 +197,14 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
     maps = tuple(found)
     title = f"How far u = -K z holds, dihedral {float(arguments.dihedral):g} deg, law {arguments.law}"
     save(map_figure(maps, title), path)
-    return _say(arguments, target, map_data(maps), lambda: map_text(maps, title), lambda: map_table(maps))
+    return _say(
+        arguments,
+        target,
+        map_data(maps),
+        lambda: map_text(maps, title),
+        lambda: map_table(maps),
+        [each.point for each in maps],
+    )
 
 
 def _plan(arguments: argparse.Namespace, model: LinearModel, tick: float) -> GainPlan:
@@ -213,6 +230,7 @@ def _deliver(
     title: str,
     more: dict[str, Any] | None = None,
     more_text: str | None = None,
+    points: Sequence[OperatingPoint] | None = None,
 ) -> int:
     from verification.nonlinear.flight_report import flight_data, flight_table, flight_text, with_history
 
@@ -229,8 +247,9 @@ def _deliver(
         data,
         lambda: text if more_text is None else f"{text}\n\n{more_text}",
         lambda: flight_table(result),
+        [result.point] if points is None else points,
         # Files hold the whole flight; on a terminal it would drown the outcome.
-        stored=with_history(data, result),
+        history=with_history({}, result),
     )
     return 0 if result.departure is None and all(check.ok for check in checks) else 1
 
@@ -241,12 +260,15 @@ def _say(
     data: dict[str, Any],
     text: Callable[[], str],
     table: Callable[[], Table],
-    stored: dict[str, Any] | None = None,
+    points: Sequence[OperatingPoint],
+    history: dict[str, Any] | None = None,
 ) -> int:
+    data = data | {"warnings": list(dict.fromkeys(warning for point in points for warning in warnings(point)))}
     if target is not None:
-        write(target, data if stored is None else stored, table)
+        write(target, data | (history or {}), table)
     print(json.dumps(jsonable(data), indent=2, allow_nan=False) if arguments.json else text())
     sys.stdout.flush()
+    say_notes(data["warnings"])
     return 0
 
 

@@ -30,12 +30,12 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output, (*SUFFIXES, PARAMETERS))
     seed = whole("--seed", arguments.seed, 0, lowest=0)
     folder = None if arguments.write is None else Path(arguments.write)
-    if folder is not None and not folder.is_dir():
-        raise BadInputError(f"the folder {folder} does not exist; create it first")
+    if folder is not None and not (arguments.write and folder.is_dir()):
+        raise BadInputError(f"the folder {arguments.write or repr(arguments.write)} does not exist; create it first")
     result = run_identification(seed, Progress("identify"))
     if folder is not None:
         save_identification(result, folder)
-    if target is not None and target.suffix == PARAMETERS:
+    if target is not None and target.suffix.lower() == PARAMETERS:
         save_fit(result.fit, target)
         target = None
     deliver(

@@ -8,7 +8,7 @@ from controller.learning_report import learning_data, learning_table, learning_t
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import check_target, deliver, write
+from hfa_cli.output import check_target, deliver, say_notes, write
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,4 +33,5 @@ def run(arguments: argparse.Namespace) -> int:
         as_json=arguments.json,
         target=None,
     )
+    say_notes(named.warnings)
     return 0 if result.converged else 1

@@ -10,7 +10,7 @@ from trim.compare import comparison_text, printed_at
 from trim.linearize import linearize
 from trim.model_report import linear_model_data, linear_model_table, linear_model_text
 from trim.solve import trim
-from trim.uncertainty import uncertainty
+from trim.uncertainty import bands_known, uncertainty
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     condition = options.condition_of(arguments)
     point = trim(aircraft, condition)
     model = linearize(aircraft, point, full=arguments.full)
-    # The bands are of the six printed states; parameters without covariance have none.
-    known = parameters.covariance.size > 0 and not arguments.full
+    # The bands are of the six printed states.
+    known = bands_known(parameters) and not arguments.full
     bands = uncertainty(parameters, aircraft.variant, condition, point) if known else None
     printed = printed_at(point) if not arguments.full else None
     data = linear_model_data(model, bands)

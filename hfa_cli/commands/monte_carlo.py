@@ -32,10 +32,11 @@ from hfa_cli.flights import (
     signal_of,
 )
 from hfa_cli.learning import law_settings
-from hfa_cli.output import Progress, check_target, jsonable
+from hfa_cli.output import Progress, check_target, jsonable, say_notes
 from hfa_cli.values import number, quantity, split_assignments, whole
 from hfa_model.errors import BadInputError
 from trim.linearize import LinearModel, linearize
+from trim.report import warnings
 from trim.solve import trim
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
+    options.one_place(arguments)
     workers = whole("--workers", arguments.workers, 1, lowest=1)
     plan = _plan(arguments)
     with tempfile.TemporaryDirectory() as folder:
@@ -98,9 +100,10 @@ def run(arguments: argparse.Namespace) -> int:
             resume=arguments.resume,
             progress=Progress("fly"),
         )
-        data = monte_carlo_data(plan, store) | {"store": arguments.output}
+        data = monte_carlo_data(plan, store) | {"store": arguments.output, "warnings": warnings(plan.point)}
     where = "members not kept" if target is None else f"members in {target}"
     print(json.dumps(jsonable(data), indent=2, allow_nan=False) if arguments.json else monte_carlo_text(data, where))
+    say_notes(data["warnings"])
     return 0 if data["held"] else 1
 
 
@@ -155,6 +158,9 @@ def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -
     if arguments.gain is not None:
         if law != "certified" or arguments.set:
             raise BadInputError("--gain takes the place of a law; leave out --law and --set")
+        for name in ("delta", "Q", "R"):
+            if options.given(arguments, name):
+                raise BadInputError(f"--{name} belongs to the game of a law; leave it out with --gain")
         return gain_law(f"gain of {arguments.gain}", _stored_gain(arguments.gain))
     if arguments.set and law not in ("certified", "irl"):
         raise BadInputError(f"--set belongs to a law that learns before the flight; law {law!r} does not")
@@ -189,7 +195,7 @@ def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> Flow
 def _stored_gain(path: str) -> np.ndarray:
     from controller.model_file import load_critic
 
-    stored = load_critic(path)
-    if stored.kind != "K":
-        raise BadInputError(f"{path}: holds {stored.kind}; --gain needs a file with K alone")
-    return stored.values
+    K = load_critic(path).K
+    if K is None:
+        raise BadInputError(f"{path}: there is no K; --gain flies a gain, so give a file that holds one")
+    return K

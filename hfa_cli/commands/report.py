@@ -6,12 +6,13 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 from hfa_cli import options
-from hfa_cli.output import check_target, jsonable
+from hfa_cli.output import check_folder, check_target, jsonable
 from hfa_model.errors import BadInputError
 from hfa_model.files import write_text, written_whole
-from verification.report_page import make_report, report_data, report_html, report_pictures
+from verification.report_page import Report, make_report, report_data, report_html, report_pictures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,36 +22,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--folder", metavar="FOLDER", help="write the page, its pictures and its numbers (JSON) into this folder"
     )
+    parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compute, write, say where; exit 1 when the print was not regenerated."""
-    if (arguments.output is None) == (arguments.folder is None):
+    """Compute, write, say where; exit 1 when the print was not regenerated or a learned critic is wrong."""
+    places = sum(place is not None for place in (arguments.output, arguments.folder))
+    if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
     target = check_target(arguments.output, (".html",))
-    folder = None if arguments.folder is None else _possible(arguments.folder)
+    folder = None if arguments.folder is None else check_folder(arguments.folder)
     report = make_report(options.parameters_of(arguments), arguments.dynamics)
+    data = jsonable(report_data(report))
+    lines = [f"wrote {name}" for name in _written(report, data, target, folder)]
+    lines.append(f"Both printed pairs regenerated: {'yes' if report.regenerated else 'NO'}")
+    lines.append(f"Learned critics agree with the exact game solution: {'yes' if report.learned else 'NO'}")
+    print(json.dumps(data, indent=2, allow_nan=False) if arguments.json else "\n".join(lines))
+    return 0 if data["ok"] else 1
+
+
+def _written(report: Report, data: dict[str, Any], target: Path | None, folder: Path | None) -> list[str]:
+    """Write the page to the file or into the folder; what was written."""
+    if target is None and folder is None:
+        return []  # the numbers alone
     pictures = report_pictures(report)
     page = report_html(report, pictures)
     if target is not None:
         write_text(target, page)
-        print(f"wrote {target}")
-    if folder is not None:
-        folder.mkdir(exist_ok=True)
-        for name, data in pictures.items():
-            with written_whole(folder / name) as stream:
-                stream.write(data)
-        write_text(folder / "numbers.json", json.dumps(jsonable(report_data(report)), allow_nan=False) + "\n")
-        write_text(folder / "report.html", page)
-        print(f"wrote {folder / 'report.html'}, numbers.json, {', '.join(pictures)}")
-    print(f"Both printed pairs regenerated: {'yes' if report.regenerated else 'NO'}")
-    print(f"Learned critics agree with the exact game solution: {'yes' if report.learned else 'NO'}")
-    return 0 if report.regenerated and report.learned else 1
-
-
-def _possible(name: str) -> Path:
-    """A folder that exists or can be made; made only when there is something to put in."""
-    folder = Path(name)
-    if not folder.is_dir() and (folder.exists() or not folder.parent.is_dir()):
-        raise BadInputError(f"cannot make the folder {folder}: choose another, in a folder that exists")
-    return folder
+        return [str(target)]
+    assert folder is not None
+    folder.mkdir(exist_ok=True)
+    for name, picture in pictures.items():
+        with written_whole(folder / name) as stream:
+            stream.write(picture)
+    write_text(folder / "numbers.json", json.dumps(data, allow_nan=False) + "\n")
+    write_text(folder / "report.html", page)
+    return [f"{folder / 'report.html'}, numbers.json, {', '.join(pictures)}"]

@@ -8,10 +8,8 @@ project lost a flight or was not certified, or a game has no solution.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from hfa_cli.output import Progress
-from hfa_model.errors import BadInputError
+from hfa_cli.output import Progress, check_folder
 from hfa_model.files import write_text
 
 
@@ -41,7 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = experiments(arguments.experiment)
     reading = default_reading() if arguments.reading is None else load_reading(arguments.reading)
     setting = make_setting(reading, arguments.matrices)
-    folder = _folder(arguments.output)
+    folder = check_folder(arguments.output)
+    folder.mkdir(exist_ok=True)
     counters: dict[str, Progress] = {}
 
     def show(section: str, done: int, total: int) -> None:
@@ -52,12 +51,3 @@ def run(arguments: argparse.Namespace) -> int:
     write_text(folder / "claims.md", claims_markdown(table))
     print(json_text(table) if arguments.json else claims_text(table), end="" if arguments.json else "\n")
     return 1 if table["own_failures"] else 0
-
-
-def _folder(name: str) -> Path:
-    """The folder, made when its parent exists."""
-    folder = Path(name)
-    if not folder.is_dir() and (folder.exists() or not folder.parent.is_dir()):
-        raise BadInputError(f"cannot make the folder {folder}: choose another, in a folder that exists")
-    folder.mkdir(exist_ok=True)
-    return folder

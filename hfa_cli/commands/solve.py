@@ -6,7 +6,7 @@ import argparse
 
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import check_target, deliver, say_notes
 from verification.solution_report import solution_data, solution_report, solution_table, solution_text
 
 
@@ -28,4 +28,5 @@ def run(arguments: argparse.Namespace) -> int:
         as_json=arguments.json,
         target=target,
     )
+    say_notes(named.warnings)
     return 0

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _names(words: list[str] | None) -> tuple[str, ...]:
     for word in words or []:
-        if not any(word in name for name in STUDY):
+        if not word or not any(word in name for name in STUDY):
             raise BadInputError(f"no row's name contains {word!r}; there are: {'; '.join(STUDY)}")
     return tuple(name for name in STUDY if words is None or any(word in name for word in words))
 

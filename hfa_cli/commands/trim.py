@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     condition = release(
         options.condition_of(arguments), free=tuple(arguments.free or ()), hold=assignments(arguments.hold)
     )
-    start = load_operating_point(Path(arguments.start)) if arguments.start else None
+    start = None if arguments.start is None else load_operating_point(Path(arguments.start))
     point = trim(aircraft, condition, start)
     deliver(
         trim_data(aircraft, condition, point),

@@ -12,18 +12,17 @@ import numpy as np
 
 from controller.basis import Basis, basis
 from controller.model_file import load_critic
-from controller.published_study import FLIGHT_BOX
 from controller.result import LearningResult
 from hfa_cli import options
 from hfa_cli.games import NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import check_target, deliver, say_notes
 from hfa_cli.values import number
 from hfa_model.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.candidate import Candidate, from_stored, from_weights
 from verification.check_report import check_table, check_text
-from verification.critic_check import LIMIT, CriticCheck, check_critic
+from verification.critic_check import LIMIT, ORDINARY_DEVIATIONS, CriticCheck, check_critic
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,13 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
         as_json=arguments.json,
         target=target,
     )
+    say_notes(named.warnings)
     return 0 if check.ok else 1
 
 
 def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, Candidate, LearningResult | None]:
     n = len(named.game.A)
     if arguments.weights is not None:
-        functions = basis(arguments.basis or "quadratic", n)
+        functions = basis("quadratic" if arguments.basis is None else arguments.basis, n)
         stored = load_critic(arguments.weights)
         try:
             return functions, from_stored(named.game, stored, functions), None
@@ -81,10 +81,9 @@ def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Basis, 
     return functions, from_weights(named.game, result.weights[-1], functions), result
 
 
-def _box(named: NamedGame) -> np.ndarray:
-    """Half widths of the box in which policies are compared: ordinary deviations of the aircraft, else 1."""
-    ordinary = dict(zip(LINEAR_STATES, FLIGHT_BOX, strict=True))
-    return np.array([ordinary.get(name, 1.0) for name in named.states])
+def _box(named: NamedGame) -> np.ndarray | None:
+    """Half widths of the box in which policies are compared: ordinary deviations of the aircraft, else the judge's."""
+    return np.array(ORDINARY_DEVIATIONS) if named.states == LINEAR_STATES else None
 
 
 def _draw(

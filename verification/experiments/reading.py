@@ -41,6 +41,10 @@ _NOT_NEGATIVE = {
     "criteria.late",
     "critic.seed",
 }
+#: A learning time has at least this many ticks, so that its last tenth has one.
+_LEAST_TICKS = 10
+#: Times are compared with this slack, s: a quotient of decimals is not exact.
+_SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +173,28 @@ def _possible(reading: Reading) -> None:
             )
         if not all(frequency > 0 for frequency in reading[name]["frequencies"]):
             raise BadInputError(f"{name}.frequencies holds a number that is not positive, rad/s")
+    _long_enough(reading)
+
+
+def _long_enough(reading: Reading) -> None:
+    """Every window that something is measured in holds samples: the learning time and what follows, and late."""
+    flight, criteria = reading["flight"], reading["criteria"]
+    tick, duration = flight["tick"], flight["duration"]
     for section in SECTIONS:
-        if not flight["tick"] <= reading.predefined_time(section) < flight["duration"]:
+        T_w = reading.predefined_time(section)
+        if not _LEAST_TICKS * tick - _SLACK <= T_w <= duration - tick + _SLACK:
             raise BadInputError(
-                f"learning.predefined_time of {section} is {reading.predefined_time(section):g} s; "
-                "it must lie between the tick and the duration of the flight"
+                f"learning.predefined_time of {section} is {T_w:g} s; it must lie between {_LEAST_TICKS} ticks "
+                f"({_LEAST_TICKS * tick:g} s) and the duration of the flight less one tick ({duration - tick:g} s)"
             )
-    begin, end = reading["criteria"]["late"]
-    if not begin < end <= flight["duration"]:
-        raise BadInputError(f"criteria.late is {begin:g} to {end:g} s; it must lie within the flight and not be empty")
+    begin, end = criteria["late"]
+    if not (begin + tick <= end + _SLACK and end <= duration + _SLACK):
+        raise BadInputError(
+            f"criteria.late is {begin:g} to {end:g} s; it must lie within the flight ({duration:g} s) and be at least "
+            f"a tick ({tick:g} s) long"
+        )
+    if not criteria["short_adjustment"] <= duration - tick + _SLACK:
+        raise BadInputError(
+            f"criteria.short_adjustment is {criteria['short_adjustment']:g} s; it must end a tick or more before the "
+            f"flight does ({duration:g} s)"
+        )

@@ -13,6 +13,7 @@ from controller.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.policies import GainPolicy
 from controller.signals import zero
 from hfa_model.compiled import Aircraft
+from hfa_model.errors import NoSolutionError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
 from trim.operating_point import OperatingPoint
 from verification.checks import Check, at_least, at_most
@@ -25,6 +26,8 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 LOWEST_SLOPE, HIGHEST_SLOPE = 1.9, 2.1
 #: Largest difference from the adaptive integrator, in parts of the largest deviation of that state.
 INTEGRATION = 1e-6
+#: A deviation below this part of `STATE_SCALES` counts as that large: a flight at rest leaves rounding, some 1e-11.
+AT_REST = 1e-3
 ADAPTIVE_TOLERANCE = 1e-10
 
 
@@ -103,7 +106,7 @@ def adaptive_states(
     """The plant's states at the ends of the ticks, the start first, by DOP853 at rtol 1e-10; (ticks + 1, n).
 
     constants: of the policy. The integrator is started anew where they, or a gust's noise, jump: a jump inside its
-    step would cost it its order.
+    step would cost it its order. Raises NoSolutionError when it stops on the way.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in SciPy.
     """
     from scipy.integrate import solve_ivp
@@ -129,7 +132,8 @@ def adaptive_states(
             atol=1e-14,
         )
         if not found.success:
-            raise RuntimeError(f"the adaptive integrator stopped at t = {found.t[-1]:.6g} s: {found.message}")
+            reached = found.t[-1] if len(found.t) else times[0]
+            raise NoSolutionError(f"the adaptive integrator stopped after {reached:.6g} s: {found.message}")
         rows += list(found.y[:n].T)
         y, begin = found.y[:, -1], end
     return np.array(rows)
@@ -152,12 +156,15 @@ def _every(constants: Callable[[int], np.ndarray], loop: CompiledLoop, tick: int
 
 
 def integration_checks(fixed: np.ndarray, adaptive: np.ndarray) -> tuple[Check, ...]:
-    """max |fixed - adaptive| / max |adaptive| of each state's deviation from trim, (N, 7) each, at most 1e-6."""
+    """max |fixed - adaptive| / max |adaptive| of each state's deviation from trim, (N, 7) each, at most 1e-6.
+
+    The divisor is at least `AT_REST` of the state's scale.
+    """
     found = []
     for index, name in enumerate(STATES):
-        size = float(np.abs(adaptive[:, index]).max())
+        size = max(float(np.abs(adaptive[:, index]).max()), AT_REST * STATE_SCALES[index])
         difference = float(np.abs(fixed[:, index] - adaptive[:, index]).max())
-        relative = difference / size if size > 0.0 else difference
+        relative = difference / size
         reason = f"the fixed step and the adaptive integrator differ by {relative:.2g}; take a shorter step"
         found.append(at_most(f"integration_{name}", relative, INTEGRATION, reason))
     return tuple(found)

@@ -11,9 +11,10 @@ import numpy as np
 
 from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
-from hfa_model.vectors import STATES, State
+from hfa_model.vectors import STATE_UNITS, STATES, State
 from trim.condition import STATE_LIMITS
 from trim.operating_point import OperatingPoint
+from trim.text import degrees
 
 #: Altitude that a flight may gain or lose, ft.
 ALTITUDE_BAND = 1000.0
@@ -40,6 +41,18 @@ class Envelope:
     def inside(self, states: np.ndarray) -> np.ndarray:
         """Which rows of (N, 7) absolute states are within all limits; a number that is not finite is not."""
         return np.asarray(((states >= np.array(self.lowest)) & (states <= np.array(self.highest))).all(axis=-1))
+
+    def refuse_start(self, states: np.ndarray) -> None:
+        """BadInputError when a flight from these absolute states, (7,), begins outside."""
+        found = self.departure(np.zeros(1), states[None])
+        if found is not None:
+            (value, unit), (limit, _) = (
+                degrees(x, getattr(STATE_UNITS, found.state)) for x in (found.value, found.limit)
+            )
+            raise BadInputError(
+                f"the flight begins with {found.state} {float(value):.6g}, beyond the limit of {float(limit):.6g} "
+                f"{unit}; begin inside the envelope, or widen it"
+            )
 
     def departure(self, times: np.ndarray, states: np.ndarray) -> Departure | None:
         """The first row of (N, 7) absolute states outside, and its state with the largest excess in half-widths."""

@@ -11,6 +11,7 @@ from controller.actuators import ActuatedPolicy, Actuators
 from controller.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.gain_plan import GainPlan
 from controller.gusts import Gust
+from controller.integrator import refuse_long
 from controller.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.policies import GainPolicy, Policy
 from controller.signals import TimeVector, zero
@@ -32,7 +33,7 @@ class Scenario:
     duration, step, tick: s; gains and turbulence change once a tick, which holds a whole number of steps.
     initial: (7,), deviation from trim. reference, disturbance, noise: (6,) each. errors: parameter -> factor on
     the flown aircraft, which the design does not know. actuators, gust: stages of the loop. BadInputError when the
-    times do not fit each other or an error names no parameter.
+    times do not fit each other or the actuators, are too long, or an error names no parameter.
     """
 
     duration: float = 20.0
@@ -59,6 +60,9 @@ class Scenario:
                     f"{long} is {getattr(self, long):g} s and {short} is {getattr(self, short):g} s; "
                     f"make the {long} a whole number of {short}s"
                 )
+        refuse_long(self.duration, self.step)
+        if self.actuators is not None:
+            self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
             if name not in Parameters._fields:
                 raise BadInputError(f"unknown parameter {name!r}; choose from {', '.join(Parameters._fields)}")
@@ -162,8 +166,12 @@ def fly_policy(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> NonlinearFlight:
-    """The nonlinear aircraft under any policy, without a prediction. constants: tick -> p of the policy."""
+    """The nonlinear aircraft under any policy, without a prediction. constants: tick -> p of the policy.
+
+    BadInputError when it does not begin inside the envelope.
+    """
     offsets = np.array(plant.point.states)
+    envelope.refuse_start(scenario.initial + offsets)
     flight = _loop(plant, policy, scenario, plant.point).fly(
         scenario.initial,
         constants,
