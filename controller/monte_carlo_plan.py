@@ -21,6 +21,7 @@ from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from trim.condition import describe
 from trim.operating_point import OperatingPoint
 
 _N = len(LINEAR_STATES)
@@ -165,7 +166,8 @@ class MonteCarlo:
         start = np.array(self.point.states) + self.course.initial
         for name, value, low, high in zip(STATES, start, self.course.lowest, self.course.highest, strict=True):
             if not low <= value <= high:
-                raise BadInputError(f"the flight begins with {name} {value:.6g}, outside {low:.6g} to {high:.6g}")
+                found, begin, end = (describe(name, number) for number in (value, low, high))
+                raise BadInputError(f"the flight begins with {name} {found}, outside {begin} to {end}")
         for name in self.uncertainty.errors:
             if getattr(self.parameters, name) == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")

@@ -234,7 +234,7 @@ def test_the_envelope_can_be_changed_and_must_hold_the_trim(newton: Case) -> Non
     assert narrow.highest.alpha == newton.envelope.highest.alpha
     with pytest.raises(BadInputError, match="no state 'roll'"):
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
-    with pytest.raises(BadInputError, match=r"outside the envelope's 0 to 0\.1"):
+    with pytest.raises(BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import STATE_UNITS, STATES, State
-from trim.condition import STATE_LIMITS
+from trim.condition import STATE_LIMITS, describe
 from trim.operating_point import OperatingPoint
 from trim.text import degrees
 
@@ -94,7 +94,6 @@ def flight_envelope(
         pairs[name] = pair
     for name, (lowest, highest) in pairs.items():
         if not lowest <= getattr(at, name) <= highest:
-            raise BadInputError(
-                f"the trim has {name} {getattr(at, name):.6g}, outside the envelope's {lowest:.6g} to {highest:.6g}"
-            )
+            found, low, high = (describe(name, value) for value in (getattr(at, name), lowest, highest))
+            raise BadInputError(f"the trim has {name} {found}, outside the envelope's {low} to {high}")
     return Envelope(*(State(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1)))
