@@ -22,8 +22,22 @@ COMPILE_FROM_STEPS = 50_000
 MOST_STEPS = 10_000_000
 
 
-def refuse_long(duration: float, step: float) -> None:
-    """Raise BadInputError when a flight of `duration` has more than `MOST_STEPS` steps, both in s."""
+def check_times(duration: float, step: float, tick: float) -> None:
+    """The times of a flight, s: positive, a tick of whole steps, a flight of whole ticks and of `MOST_STEPS` at most.
+
+    Raises BadInputError otherwise, naming the time.
+    """
+    times = {"duration": duration, "step": step, "tick": tick}
+    for name, value in times.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise BadInputError(f"{name} is {value} s; it must be a positive number")
+    for long, short in (("tick", "step"), ("duration", "tick")):
+        count = times[long] / times[short]
+        if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+            raise BadInputError(
+                f"{long} is {times[long]:g} s and {short} is {times[short]:g} s; "
+                f"make the {long} a whole number of {short}s"
+            )
     if duration > MOST_STEPS * step * (1 + 1e-9):
         raise BadInputError(
             f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.critic_policy import CriticPolicy
 from controller.gusts import Dryden
-from controller.integrator import refuse_long
+from controller.integrator import check_times
 from controller.policies import GainPolicy, Policy, gain_constants
 from controller.signals import Signal, zero
 from controller.uncertain_plants import UncertainPlant, uncertain_plant
@@ -76,14 +76,7 @@ class Course:
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit."""
-        for long, short in (("tick", "step"), ("duration", "tick")):
-            whole, part = getattr(self, long), getattr(self, short)
-            times = whole / part if part > 0 else 0.0
-            if not (np.isfinite(times) and round(times) >= 1 and abs(times - round(times)) <= 1e-6 * times):
-                raise BadInputError(
-                    f"{long} is {whole:g} s and {short} is {part:g} s; make the {long} a whole number of {short}s"
-                )
-        refuse_long(self.duration, self.step)
+        check_times(self.duration, self.step, self.tick)
 
     @property
     def steps_per_tick(self) -> int:

@@ -11,7 +11,7 @@ from controller.actuators import ActuatedPolicy, Actuators
 from controller.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.gain_plan import GainPlan
 from controller.gusts import Gust
-from controller.integrator import refuse_long
+from controller.integrator import check_times
 from controller.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.policies import GainPolicy, Policy
 from controller.signals import TimeVector, zero
@@ -49,18 +49,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
-        for name in ("duration", "step", "tick"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise BadInputError(f"{name} is {value} s; it must be a positive number")
-        for long, short in (("tick", "step"), ("duration", "tick")):
-            times = getattr(self, long) / getattr(self, short)
-            if round(times) < 1 or abs(times - round(times)) > 1e-6 * times:
-                raise BadInputError(
-                    f"{long} is {getattr(self, long):g} s and {short} is {getattr(self, short):g} s; "
-                    f"make the {long} a whole number of {short}s"
-                )
-        refuse_long(self.duration, self.step)
+        check_times(self.duration, self.step, self.tick)
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
