@@ -15,6 +15,8 @@ from hfa_model.errors import BadInputError
 #: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding of 1e-16
 #: in a sample reaches the weights divided by this fraction, so a stack that passes leaves eight digits.
 RANK_TOLERANCE = 1e-8
+#: By how much the row that begins a choice is longer than the others, far above rounding and far below any difference.
+_AHEAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +126,9 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     """The `samples` most different rows of a pool: pivoted QR on the unit basis vectors ψ(z_j)/|ψ(z_j)|.
 
     Each sample is the one with the largest part that the samples before it do not span; after M samples the
-    next M are chosen in the same way from the rest, and so on. Source: Golub & Van Loan, Matrix Computations,
-    section 5.4.2.
+    next M are chosen in the same way from the rest, and so on. All rows have the length 1: the first one left begins,
+    lest rounding, which differs from processor to processor, decides. Source: Golub & Van Loan, Matrix
+    Computations, section 5.4.2.
 
     Raises BadInputError when samples < M, when the pool is smaller, or when even the chosen rows have not rank M.
     """
@@ -139,7 +142,9 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     chosen: list[int] = []
     left = np.arange(pool.samples)
     while len(chosen) < samples:
-        _, order = qr(rows[left].T, mode="r", pivoting=True)
+        first = np.ones(len(left))
+        first[0] += _AHEAD
+        _, order = qr((rows[left] * first[:, None]).T, mode="r", pivoting=True)
         block = left[order[: min(basis.size, samples - len(chosen))]]
         chosen.extend(int(index) for index in block)
         left = np.setdiff1d(left, block)

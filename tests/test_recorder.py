@@ -114,6 +114,18 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
     assert worst_condition(chosen) < 0.8 * worst_condition(first)
 
 
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("functions", ["quadratic", "paper"])
+def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
+    """Another processor rounds otherwise: the same seed must give the same samples there."""
+    game, _ = published(name)
+    pool, rng = random_pool(game, 500, seed=0), np.random.default_rng(1)
+    chosen = choose(pool, basis(functions, 6), 50)
+    for _ in range(5):
+        rounded = Stack(pool.states * (1.0 + 1e-15 * rng.normal(size=pool.states.shape)), pool.drifts)
+        assert choose(rounded, basis(functions, 6), 50).states == pytest.approx(chosen.states, rel=1e-12)
+
+
 def unprobed_flight(game: Game) -> Stack:
     """20 s of free response, 100 samples a second."""
     flight = ProbingFlight.design(

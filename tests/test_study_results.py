@@ -101,15 +101,12 @@ def test_the_causes_that_the_document_gives_stand_in_the_runs(committed: dict[st
     assert all(run.explicit_step_limit < 1e-12 * run.settings.step for run in explicit.runs)
     assert not any(run.overflow or run.stabilizing for run in implicit.runs)
     reevaluated = [run for run in implicit.runs if run.settings.stack_policies == "reevaluated"]
-    assert (sum(math.isfinite(run.settled) for run in reevaluated), len(reevaluated)) == (15, 16)
+    assert (sum(math.isfinite(run.settled) for run in reevaluated), len(reevaluated)) == (11, 16)
     for row in (raw, scaled):
         assert all(run.overflow for run in row.runs if run.dihedral_deg == 5.0)
     assert all(
         run.settings.gains == (100.0, 100.0) and run.settings.step < run.explicit_step_limit for run in helped.runs
     )
     assert all(run.settled <= 0.9 * 10.0 / 2.0 for run in frozen.runs)
-    (late,) = [run for run in rich.runs if not run.certified]
-    assert late.settings.normalisation == "squared"
-    assert math.isinf(late.settled)
-    assert late.P_error < 1e-5
+    assert all(run.certified for run in rich.runs)
     assert all(run.last_lambda_0 < 0.01 * run.lambda_0 for run in poor.runs)
