@@ -18,32 +18,6 @@ from hfa_model.generated import machine_code
 COMPILE_FROM_STEPS = 50_000
 
 
-#: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
-MOST_STEPS = 10_000_000
-
-
-def check_times(duration: float, step: float, tick: float) -> None:
-    """The times of a flight, s: positive, a tick of whole steps, a flight of whole ticks and of `MOST_STEPS` at most.
-
-    Raises BadInputError otherwise, naming the time.
-    """
-    times = {"duration": duration, "step": step, "tick": tick}
-    for name, value in times.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise BadInputError(f"{name} is {value} s; it must be a positive number")
-    for long, short in (("tick", "step"), ("duration", "tick")):
-        count = times[long] / times[short]
-        if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
-            raise BadInputError(
-                f"{long} is {times[long]:g} s and {short} is {times[short]:g} s; "
-                f"make the {long} a whole number of {short}s"
-            )
-    if duration > MOST_STEPS * step * (1 + 1e-9):
-        raise BadInputError(
-            f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"
-        )
-
-
 @dataclass(frozen=True)
 class Trajectory:
     """times: (N + 1,), s. states: (N + 1, n), y at each step, the first row being the start."""

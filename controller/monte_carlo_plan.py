@@ -13,9 +13,9 @@ import numpy as np
 
 from controller.critic_policy import CriticPolicy
 from controller.gusts import Dryden
-from controller.integrator import check_times
 from controller.policies import GainPolicy, Policy, gain_constants
 from controller.signals import Signal, zero
+from controller.times import Timed
 from controller.uncertain_plants import UncertainPlant, uncertain_plant
 from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
@@ -57,7 +57,7 @@ def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Course(Timed):
     """The flight that all members share.
 
     duration, step, tick: s; noise and turbulence change once a tick, which holds a whole number of steps. initial:
@@ -76,17 +76,7 @@ class Course:
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit."""
-        check_times(self.duration, self.step, self.tick)
-
-    @property
-    def steps_per_tick(self) -> int:
-        """Steps in a tick."""
-        return round(self.tick / self.step)
-
-    @property
-    def ticks(self) -> int:
-        """Ticks in the flight."""
-        return round(self.duration / self.tick)
+        self.check_times()
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data that decides the flight."""

@@ -12,6 +12,7 @@ from typing import Any
 from controller.published_law import PublishedSettings
 from controller.published_study import StudyRow, StudyRun
 from hfa_model.errors import BadInputError
+from hfa_model.jsonable import jsonable
 from trim.text import Table, columns
 
 SCHEMA = "hfa.published-study/1"
@@ -29,8 +30,8 @@ def study_data(rows: tuple[StudyRow, ...]) -> dict[str, Any]:
                 "name": row.name,
                 "cause": row.cause,
                 **_counts(row),
-                "ranges": {name: [_plain(value) for value in row.span(name)] for name in _RANGES},
-                "runs": [_plain(asdict(run)) for run in row.runs],
+                "ranges": {name: jsonable(row.span(name)) for name in _RANGES},
+                "runs": [jsonable(asdict(run)) for run in row.runs],
             }
             for row in rows
         ],
@@ -104,14 +105,6 @@ def _range(span: tuple[float, float], infinite: str = "inf") -> str:
     if math.isnan(span[0]):
         return "-"
     return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in span))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, tuple):
-        return list(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _run(stored: Mapping[str, Any]) -> StudyRun:

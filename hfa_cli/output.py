@@ -14,6 +14,7 @@ import numpy as np
 
 from hfa_model.errors import BadInputError
 from hfa_model.files import write_text, written_whole
+from hfa_model.jsonable import jsonable
 from trim.text import Table
 
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
@@ -79,21 +80,6 @@ def say_notes(warnings: Iterable[str]) -> None:
     """What a user should know before trusting a result, on standard error, a line each."""
     for warning in warnings:
         print(f"hfa: note: {warning}", file=sys.stderr)
-
-
-def jsonable(value: Any) -> Any:
-    """Arrays become lists; a number that is not finite becomes null."""
-    if isinstance(value, dict):
-        return {key: jsonable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [jsonable(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, np.generic):
-        return jsonable(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 class Progress:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import os
 
 # Matrices of six rows gain nothing from threads; must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import numpy as np
 import pytest
 
+from controller.game import Game, published_game
 from hfa_model.compiled import Aircraft
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.variants import VARIANTS
+from trim.condition import level_flight
+from trim.linearize import linearize
+from trim.operating_point import OperatingPoint
+from trim.solve import trim
+from verification.gare import solve_game
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +41,20 @@ def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Aircraft
 @pytest.fixture(scope="session")
 def published_aircraft(parameters: Parameters) -> Aircraft:
     return Aircraft(parameters, "published")
+
+
+@pytest.fixture(scope="session")
+def point(published_aircraft: Aircraft) -> OperatingPoint:
+    """What `--dihedral 15` stands for: the trim, and below its game and the exact gain."""
+    return trim(published_aircraft, level_flight(math.radians(15.0)))
+
+
+@pytest.fixture(scope="session")
+def game(published_aircraft: Aircraft, point: OperatingPoint) -> Game:
+    model = linearize(published_aircraft, point)
+    return published_game(model.A, model.B)
+
+
+@pytest.fixture(scope="session")
+def gain(game: Game) -> np.ndarray:
+    return solve_game(game).K

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import Result, Terminal, hfa
-from game_answers import AT_15, HISTORY, LABELS, QUICK, answer, game_at_15
+from game_answers import AT_15, HISTORY, LABELS, QUICK, answer
 from game_files import SMALL, small, stored
 from scipy.io import loadmat
 
@@ -29,11 +29,6 @@ from verification.gare import solve_game
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(scope="module")
-def game() -> Game:
-    return game_at_15()
 
 
 # Solve.

@@ -9,34 +9,11 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from controller.game import Game, published_game
-from hfa_model.compiled import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import LINEAR_STATES
-from trim.condition import level_flight
-from trim.linearize import linearize
-from trim.operating_point import OperatingPoint
-from trim.solve import trim
 from trim.store import open_store
-from verification.gare import solve_game
 
 PARAMETERS = default_parameters().values
-
-
-@pytest.fixture(scope="module")
-def point() -> OperatingPoint:
-    return trim(Aircraft(PARAMETERS), level_flight(float(np.radians(15.0))))
-
-
-@pytest.fixture(scope="module")
-def game(point: OperatingPoint) -> Game:
-    model = linearize(Aircraft(PARAMETERS), point)
-    return published_game(model.A, model.B)
-
-
-@pytest.fixture(scope="module")
-def gain(game: Game) -> np.ndarray:
-    return solve_game(game).K
 
 
 # The command.

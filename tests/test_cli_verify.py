@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import Terminal, hfa
-from game_answers import AT_15, LABELS, QUICK, answer, checks_of, game_at_15
+from game_answers import AT_15, LABELS, QUICK, answer, checks_of
 from game_files import small, stored
 from scipy.io import loadmat
 
@@ -23,11 +23,6 @@ from verification.gare import solve_game
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(scope="module")
-def game() -> Game:
-    return game_at_15()
 
 
 # Verify.

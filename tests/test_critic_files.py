@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 from cli import hfa
-from game_answers import AT_15, answer, game_at_15
+from game_answers import AT_15, answer
 from game_files import stored
 
 from controller.basis import basis
+from controller.game import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from verification.gare import solve_game
 
@@ -22,9 +23,9 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def parts() -> dict[str, Any]:
+def parts(game: Game) -> dict[str, Any]:
     """W, P and K of the exact solution at 15 degrees."""
-    exact = solve_game(game_at_15())
+    exact = solve_game(game)
     return {"W": basis("quadratic", 6).weights(exact.P), "P": exact.P, "K": exact.K}
 
 

@@ -14,7 +14,7 @@ import pytest
 from controller import member_draws, member_flight, monte_carlo
 from controller.closed_loop import ClosedLoop, CompiledLoop
 from controller.critic_policy import CriticPolicy, forcing
-from controller.game import Game, published_game
+from controller.game import Game
 from controller.member_draws import Draws, draws_of
 from controller.member_flight import fly_member
 from controller.monte_carlo import MonteCarloJob, fly_members, stream_monte_carlo
@@ -31,12 +31,8 @@ from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import LINEAR_STATES, STATES, Input, State
-from trim.condition import level_flight
-from trim.linearize import linearize
 from trim.operating_point import OperatingPoint
-from trim.solve import trim
 from trim.store import Store, open_store
-from verification.gare import solve_game
 from verification.nonlinear.envelope import flight_envelope
 
 PARAMETERS = default_parameters().values
@@ -46,22 +42,6 @@ EVERYTHING = Uncertainty(
     noise={"alpha": 0.002, "pitch_rate": 0.004},
     turbulence=(3.0, 1750.0),
 )
-
-
-@pytest.fixture(scope="module")
-def point() -> OperatingPoint:
-    return trim(Aircraft(PARAMETERS), level_flight(float(np.radians(15.0))))
-
-
-@pytest.fixture(scope="module")
-def game(point: OperatingPoint) -> Game:
-    model = linearize(Aircraft(PARAMETERS), point)
-    return published_game(model.A, model.B)
-
-
-@pytest.fixture(scope="module")
-def gain(game: Game) -> np.ndarray:
-    return solve_game(game).K
 
 
 @pytest.fixture

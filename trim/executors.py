@@ -144,11 +144,10 @@ def _dask_losses() -> tuple[type[BaseException], ...]:
     """What a future raises when its task killed its workers, or the scheduler is gone."""
     from concurrent.futures import CancelledError
 
-    from distributed.client import FutureCancelledError
     from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 
-    return KilledWorker, CancelledError, FutureCancelledError, CommClosedError
+    return KilledWorker, CancelledError, CommClosedError
 
 
 @contextmanager

@@ -24,9 +24,10 @@ from hfa_cli.flights import (
     seed_of,
 )
 from hfa_cli.learning import law_settings, show_learning
-from hfa_cli.output import Progress, check_target, jsonable, say_notes, write
+from hfa_cli.output import Progress, check_target, say_notes, write
 from hfa_cli.values import grid, number, quantity, whole
 from hfa_model.errors import BadInputError
+from hfa_model.jsonable import jsonable
 from trim.condition import level_flight
 from trim.linearize import LinearModel, linearize
 from trim.report import warnings

@@ -32,9 +32,10 @@ from hfa_cli.flights import (
     signal_of,
 )
 from hfa_cli.learning import law_settings
-from hfa_cli.output import Progress, check_target, jsonable, say_notes
+from hfa_cli.output import Progress, check_target, say_notes
 from hfa_cli.values import number, quantity, split_assignments, whole
 from hfa_model.errors import BadInputError
+from hfa_model.jsonable import jsonable
 from trim.linearize import LinearModel, linearize
 from trim.report import warnings
 from trim.solve import trim

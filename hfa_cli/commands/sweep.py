@@ -20,8 +20,6 @@ from hfa_model.errors import BadInputError
 from trim.sweep import MOST_POINTS, SWEPT, sweep
 from trim.sweep_report import sweep_table, sweep_text, sweep_warnings
 
-_MOST_STORED = 1_000_000_000
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa sweep`."""
@@ -81,6 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
+    from trim.plan import MOST_POINTS as MOST_STORED
     from trim.plan import SweepPlan
     from trim.store_report import store_data, store_text
     from trim.stored_sweep import stream_sweep
@@ -94,7 +93,7 @@ def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
     if arguments.seed is not None and not samples:
         raise BadInputError("--seed belongs to --samples; a grid has nothing random")
     options.one_place(arguments)
-    axes = _ranges(words) if samples else {name: axis(name, text, _MOST_STORED) for name, text in words.items()}
+    axes = _ranges(words) if samples else {name: axis(name, text, MOST_STORED) for name, text in words.items()}
     seed = whole("--seed", arguments.seed, 0, lowest=0)
     plan = SweepPlan(axes, options.parameters_of(arguments).values, arguments.dynamics, samples, seed)
     store = stream_sweep(

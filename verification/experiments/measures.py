@@ -88,10 +88,7 @@ def residual_growth(select: Select) -> Measure:
     """Largest Bellman residual at the flown error after T_w over the largest before."""
 
     def measure(evidence: Evidence, law: str) -> float:
-        values = [
-            record.metrics["learning"]["flown_residual"] for record in evidence.records(*select(evidence.setting, law))
-        ]
-        return max(over(after, before) for _, before, after in values)
+        return max(over(after, before) for _, before, after in _flown_residuals(evidence, select, law))
 
     return measure
 
@@ -100,12 +97,14 @@ def residual_drop(select: Select) -> Measure:
     """Largest Bellman residual at the flown error after T_w over the one at the start."""
 
     def measure(evidence: Evidence, law: str) -> float:
-        values = [
-            record.metrics["learning"]["flown_residual"] for record in evidence.records(*select(evidence.setting, law))
-        ]
-        return max(over(after, start) for start, _, after in values)
+        return max(over(after, start) for start, _, after in _flown_residuals(evidence, select, law))
 
     return measure
+
+
+def _flown_residuals(evidence: Evidence, select: Select, law: str) -> list[Any]:
+    """Largest Bellman residual at the start, before T_w and after it, of each flight."""
+    return [record.metrics["learning"]["flown_residual"] for record in evidence.records(*select(evidence.setting, law))]
 
 
 def gain_error(select: Select, *, at_end_of_flight: bool = False) -> Measure:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from controller.signals import Harmonic, Signal
+from controller.times import check_whole
 from hfa_model.errors import BadInputError
 
 SECTIONS = ("5.1", "5.2", "5.3", "5.4")
@@ -157,14 +158,7 @@ def _compare_values(given: Any, form: Any, where: str) -> None:
 
 def _possible(reading: Reading) -> None:
     """What the numbers must be to each other."""
-    flight = reading["flight"]
-    for long, short in (("duration", "tick"), ("tick", "step")):
-        times = flight[long] / flight[short]
-        if round(times) < 1 or abs(times - round(times)) > 1e-6 * times:
-            raise BadInputError(
-                f"flight.{long} is {flight[long]:g} s and flight.{short} is {flight[short]:g} s; "
-                f"make the {long} a whole number of {short}s"
-            )
+    check_whole(reading["flight"], "flight.")
     for name in _SIGNALS:
         counts = {len(reading[name][part]) for part in ("frequencies", "sine", "cosine")}
         if len(counts) > 1:

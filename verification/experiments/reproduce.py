@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from hfa_model.errors import BadInputError
+from hfa_model.jsonable import jsonable
 from verification.experiments import comparison, noise, trim_points, uncertainty
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED, Evidence, judge
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flights import fly
 from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
 from verification.experiments.setting import Setting
-from verification.experiments.store import finished, plain, write_outcome
+from verification.experiments.store import finished, write_outcome
 
 SCHEMA = "hfa.claims/1"
 EXPERIMENTS = {module.EXPERIMENT.section: module.EXPERIMENT for module in (trim_points, comparison, uncertainty, noise)}
@@ -84,7 +85,7 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
             {key: result[key] for key in ("section", "title", "identity", "flights", "pictures")} for result in results
         ],
     }
-    whole: dict[str, Any] = plain(table)
+    whole: dict[str, Any] = jsonable(table)
     return whole
 
 

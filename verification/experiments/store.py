@@ -10,11 +10,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from controller.files import save_npz
 from hfa_model.errors import BadInputError
 from hfa_model.files import write_text
+from hfa_model.jsonable import jsonable
 from hfa_model.version import toolchain_version
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.laws import LAWS
@@ -41,7 +40,7 @@ def identity(experiment: Experiment, setting: Setting) -> str:
 def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
     """What is kept of an experiment beside its pictures, as JSON has it."""
     experiment, setting = outcome.experiment, outcome.setting
-    result: dict[str, Any] = plain(
+    result: dict[str, Any] = jsonable(
         {
             "schema": SCHEMA,
             "toolchain": toolchain_version(),
@@ -102,22 +101,7 @@ def finished(experiment: Experiment, setting: Setting, folder: Path) -> dict[str
 
 def json_text(data: Mapping[str, Any]) -> str:
     """JSON with a line an entry; a number that is not finite becomes null."""
-    return json.dumps(plain(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """Mappings, lists, texts and numbers as JSON has them."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    return json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _replace(unfinished: Path, target: Path) -> None:

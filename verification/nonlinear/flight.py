@@ -11,10 +11,10 @@ from controller.actuators import ActuatedPolicy, Actuators
 from controller.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.gain_plan import GainPlan
 from controller.gusts import Gust
-from controller.integrator import check_times
 from controller.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.policies import GainPolicy, Policy
 from controller.signals import TimeVector, zero
+from controller.times import Timed
 from hfa_model.compiled import Aircraft
 from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
@@ -27,7 +27,7 @@ _N = len(LINEAR_STATES)
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
+class Scenario(Timed):
     """What happens in a flight. Everything is off unless given.
 
     duration, step, tick: s; gains and turbulence change once a tick, which holds a whole number of steps.
@@ -49,7 +49,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
-        check_times(self.duration, self.step, self.tick)
+        self.check_times()
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
@@ -61,16 +61,6 @@ class Scenario:
     def with_gust(self, gust: Gust | None) -> Scenario:
         """The same with a gust, which may need the ticks of the flight to be made."""
         return replace(self, gust=gust)
-
-    @property
-    def steps_per_tick(self) -> int:
-        """Steps in a tick."""
-        return round(self.tick / self.step)
-
-    @property
-    def ticks(self) -> int:
-        """Ticks in the flight."""
-        return round(self.duration / self.tick)
 
 
 @dataclass(frozen=True, eq=False)
