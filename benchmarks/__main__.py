@@ -17,8 +17,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """All sets of jobs, or those named."""
     words = sys.argv[1:] if words is None else words
     quick = "--quick" in words
+    names = [word for word in words if word != "--quick"]
+    unknown = [name for name in names if name not in SETS]
+    if unknown:
+        print(f"benchmarks: no set {unknown[0]!r}; choose from {', '.join(SETS)}, or --quick", file=sys.stderr)
+        return 2
     rows = {}
-    for name in [word for word in words if word != "--quick"] or SETS:
+    for name in names or SETS:
         print(f"{name} ...", file=sys.stderr, flush=True)
         rows[name] = rows_of(name, quick)
     print(report.text([row for some in rows.values() for row in some]))

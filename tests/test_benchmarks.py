@@ -207,6 +207,16 @@ def test_quick_jobs_run_and_store_nothing(capsys: pytest.CaptureFixture, monkeyp
         assert words in said
 
 
+def test_an_unknown_set_is_one_line(capsys: pytest.CaptureFixture) -> None:
+    assert bench.main(["trim", "speed"]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "benchmarks: no set 'speed'; choose from startup, trim, gare, flight, no_compiler, monte_carlo, dask, size, "
+        "or --quick\n"
+    )
+
+
 @pytest.mark.slow
 def test_every_job_runs(capsys: pytest.CaptureFixture) -> None:
     assert bench.main(["--quick"]) == 0

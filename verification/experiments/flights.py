@@ -77,7 +77,7 @@ def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     loop = _loop(setting, plan, flown, reference)
     start = reading.initial if plan.commanded else np.zeros(len(LINEAR_STATES))
     flight, lost_at = _flown(setting, loop, flown, start)
-    each = _steps_per_tick(setting)
+    each = setting.reading.steps_per_tick
     times, errors = flight.times[::each], flight.errors[::each]
     # A flight that is lost in its first tick leaves its start behind.
     critic = flown.critic(flight.memory[::each]) if flown.critic is not None else None
@@ -107,11 +107,6 @@ def _loop(setting: Setting, plan: FlightPlan, flown: Pilot, reference: Signal) -
     return CompiledLoop(ClosedLoop(plant, flown.policy, reference, setting.reading.signal("disturbance"), noise))
 
 
-def _steps_per_tick(setting: Setting) -> int:
-    flight = setting.reading["flight"]
-    return round(flight["tick"] / flight["step"])
-
-
 def _flown(setting: Setting, loop: CompiledLoop, flown: Pilot, start: np.ndarray) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
     settings = setting.reading["flight"]
@@ -122,7 +117,7 @@ def _flown(setting: Setting, loop: CompiledLoop, flown: Pilot, start: np.ndarray
             start,
             flown.constants,
             step=settings["step"],
-            steps_per_tick=_steps_per_tick(setting),
+            steps_per_tick=setting.reading.steps_per_tick,
             ticks=round(settings["duration"] / settings["tick"]),
             memory=flown.memory,
             stop=lambda rows: not (np.all(np.abs(rows[:, :n]) <= limit) and np.all(np.isfinite(rows))),

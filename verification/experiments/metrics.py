@@ -39,7 +39,7 @@ def flight_metrics(setting: Setting, case: Case, flight: Flight, lost_at: float)
         return {"lost_at": lost_at} | _lost(game)
     z, u, d, t = flight.errors, flight.inputs, flight.disturbances, flight.times
     late, early = _late(t, criteria["late"]), t <= criteria["short_adjustment"] + 1e-9
-    each = round(setting.reading["flight"]["tick"] / setting.reading["flight"]["step"])
+    each = setting.reading.steps_per_tick
     errors, efforts = _quadratic(z, game.Q), _quadratic(u, game.R)
     size, command = np.abs(z[:, _ROWS]), np.abs(setting.reading.signal("reference").constant[_ROWS])
     peak = np.abs(u).max(axis=0)

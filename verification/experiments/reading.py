@@ -69,6 +69,11 @@ class Reading:
         """x(0), (6,)."""
         return np.array(self["initial_state"]["value"], dtype=float)
 
+    @property
+    def steps_per_tick(self) -> int:
+        """Steps of the integration in a tick."""
+        return round(self["flight"]["tick"] / self["flight"]["step"])
+
     def predefined_time(self, section: str) -> float:
         """T_w of an experiment, s."""
         return float(self["learning"]["predefined_time"][SECTIONS.index(section)])
