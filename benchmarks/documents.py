@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.report import stored, value_text
 from hfa_model.parameters import default_parameters
-from trim.plan import Steps, SweepPlan
-from trim.stored_sweep import SweepJob
+from trim.sweeps.stored_sweep import SweepJob
+from trim.sweeps.sweep_plan import Steps, SweepPlan
 
 _POINTS, _MEMBERS, _CORES = 1_000_000_000, 1_000_000, 1000
 #: What the file system or the network of a cluster takes as a whole, bytes a second.

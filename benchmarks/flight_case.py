@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import FOLDER
-from controller.basis import basis
-from controller.closed_loop import ClosedLoop, CompiledLoop
-from controller.critic_policy import CriticPolicy
-from controller.game import published_game
-from controller.integrator import integrate
-from controller.plants import LinearPlant
-from controller.published_law import PublishedSettings, published_law
-from controller.signals import Harmonic, Signal, zero
-from controller.stack_equations import GAME
-from hfa_model.generated import _compiler
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.critic_policy import CriticPolicy
+from controller.flight.integrator import integrate
+from controller.flight.plants import LinearPlant
+from controller.flight.signals import Harmonic, Signal, zero
+from controller.game.basis import basis
+from controller.game.zero_sum import published_game
+from controller.laws.published_law import PublishedSettings, published_law
+from controller.samples.stack_equations import GAME
+from hfa_model.native.machine_code import _compiler
 from hfa_model.published import published_models
-from verification.gare import solve_game
+from verification.riccati.gare import solve_game
 
 STEP, STEPS = 1e-4, 200_000
 _QUARTIC = (0, 1, 3, 4)

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 from benchmarks.members_case import gain_plan
 from benchmarks.report import Row
 from benchmarks.timing import Comparison, in_turn
-from controller.monte_carlo import MonteCarloJob
-from controller.monte_carlo_plan import MonteCarlo
-from trim.executors import workers as crew
-from trim.store import Layout
-from trim.stream import stream
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller.monte_carlo.stored_members import MonteCarloJob
+from hfa_model.support.store import Layout
+from hfa_model.support.stream import stream
+from hfa_model.support.workers import workers as crew
 
 #: Members of a chunk: half a second of a core.
 _CHUNK = 25

@@ -6,12 +6,12 @@ import numpy as np
 
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
-from controller.game import published_game
+from controller.game.zero_sum import published_game
 from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_model.variants import variant_named
-from trim.level_flights import solve_level_flights
-from trim.sweep import level_conditions
-from verification.gare_batch import solve_games
+from trim.sweeps.level_flights import solve_level_flights
+from trim.sweeps.sweep import level_conditions
+from verification.riccati.gare_batch import solve_games
 
 
 def rows(quick: bool = False) -> list[Row]:

@@ -12,12 +12,12 @@ import numpy as np
 from benchmarks.flight_case import STEP, STEPS, Case, Flight, c_flight, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
-from controller.closed_loop import CompiledLoop
-from controller.critic_policy import CriticPolicy, powers
-from controller.integrator import integrate
-from controller.signals import zero
-from hfa_model.bound import BoundFunction
-from hfa_model.generated import _compiler
+from controller.flight.closed_loop import CompiledLoop
+from controller.flight.critic_policy import CriticPolicy, powers
+from controller.flight.integrator import integrate
+from controller.flight.signals import zero
+from hfa_model.native.bound import BoundFunction
+from hfa_model.native.machine_code import _compiler
 
 
 def rows(quick: bool = False) -> list[Row]:

@@ -10,14 +10,14 @@ from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
-from hfa_model.generated import _compiler
+from hfa_model.native.machine_code import _compiler
 from hfa_model.variants import variant_named
-from trim.condition import level_flight
-from trim.level_flights import solve_level_flights
-from trim.linearize import linearize
-from trim.solve import trim
-from trim.sweep import level_conditions
-from trim.tracking import track_modes
+from trim.linear.linearize import linearize
+from trim.linear.mode_tracking import track_modes
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from trim.sweeps.level_flights import solve_level_flights
+from trim.sweeps.sweep import level_conditions
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
@@ -72,7 +72,7 @@ def _one_point() -> Row:
 
     timing = in_turn(ours, peer, units=100, peer_units=20)
     aircraft = Aircraft(parameters)
-    exact = linearize(aircraft, trim(aircraft, level_flight(np.radians(10.0))))
+    exact = linearize(aircraft, find_operating_point(aircraft, level_flight(np.radians(10.0))))
     _, model = peer_point(system, np.radians(10.0))
     error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
     return Row(

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.flight_case import STEP, Case
-from controller.critic_policy import CriticPolicy
-from controller.game import published_game
-from controller.monte_carlo_plan import Course, FlownLaw, MonteCarlo, Uncertainty, critic_law, gain_law
-from controller.signals import zero
-from hfa_model.compiled import Aircraft
+from controller.flight.critic_policy import CriticPolicy
+from controller.flight.envelope import flight_envelope
+from controller.flight.signals import zero
+from controller.game.zero_sum import published_game
+from controller.monte_carlo.monte_carlo_plan import Course, FlownLaw, MonteCarlo, Uncertainty, critic_law, gain_law
+from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
-from trim.condition import level_flight
-from trim.linearize import linearize
-from trim.solve import trim
-from verification.gare import solve_game
-from verification.nonlinear.envelope import flight_envelope
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
 
 _UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
@@ -40,7 +40,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
     aircraft = Aircraft(default_parameters().values)
-    model = linearize(aircraft, trim(aircraft, level_flight(float(np.radians(15.0)))))
+    model = linearize(aircraft, find_operating_point(aircraft, level_flight(float(np.radians(15.0)))))
     envelope = flight_envelope(aircraft.parameters, model.point)
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
     course = Course(np.array(envelope.lowest), np.array(envelope.highest), duration)
@@ -49,5 +49,5 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
 def _plan(members: int, degrees: float, plant: str, law: FlownLaw, course: Course) -> MonteCarlo:
     aircraft = Aircraft(default_parameters().values)
-    point = trim(aircraft, level_flight(float(np.radians(degrees))))
+    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
     return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, course, _UNCERTAIN)

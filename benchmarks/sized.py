@@ -29,8 +29,8 @@ def sized(job: str, rows: int) -> Size:
 def sweep(rows: int, path: Path) -> None:
     """Trims, linear models and eigenvalues over `rows` dihedral angles."""
     from hfa_model import default_parameters
-    from trim.plan import Steps, SweepPlan
-    from trim.stored_sweep import stream_sweep
+    from trim.sweeps.stored_sweep import stream_sweep
+    from trim.sweeps.sweep_plan import Steps, SweepPlan
 
     steps = Steps(0.0, float(np.radians(20.0)) / rows, rows)
     stream_sweep(SweepPlan({"dihedral": steps}, default_parameters().values, "published"), path)
@@ -39,7 +39,7 @@ def sweep(rows: int, path: Path) -> None:
 def members(rows: int, path: Path) -> None:
     """Nonlinear flights of 0.1 s in turbulence, with parameter errors and noise."""
     from benchmarks.members_case import gain_plan
-    from controller.monte_carlo import stream_monte_carlo
+    from controller.monte_carlo.stored_members import stream_monte_carlo
 
     stream_monte_carlo(gain_plan(rows, duration=0.1), path)
 

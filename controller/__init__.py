@@ -1,1 +1,26 @@
-"""How the aircraft is flown: the game, the critics that learn its value, and the closed loop."""
+"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
+
+from typing import TYPE_CHECKING
+
+from hfa_model.support.door import open_door
+
+if TYPE_CHECKING:
+    from controller.flight.actuators import Actuators as Actuators
+    from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
+    from controller.flight.gain_plan import GainPlan as GainPlan
+    from controller.flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
+    from controller.flight.signals import Harmonic as Harmonic, Signal as Signal
+    from controller.flight.simulate import Scenario as Scenario, fly as fly
+    from controller.game.basis import Basis as Basis, basis as basis
+    from controller.game.learning_result import LearningResult as LearningResult
+    from controller.game.model_file import load_critic as load_critic, load_game as load_game
+    from controller.game.zero_sum import Game as Game, published_game as published_game
+    from controller.laws.certified import CertifiedSettings as CertifiedSettings
+    from controller.laws.integral_rl import IrlSettings as IrlSettings
+    from controller.laws.learn import LAWS as LAWS, learn as learn
+    from controller.laws.published_law import PublishedSettings as PublishedSettings
+    from controller.monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo, Uncertainty as Uncertainty
+    from controller.monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
+    from controller.samples.recording import Stack as Stack, record as record
+
+__getattr__, __dir__, __all__ = open_door(__name__)

@@ -20,12 +20,12 @@ import control
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim.condition import level_flight
-from trim.linearize import linearize
-from trim.solve import trim
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
 
 aircraft = Aircraft(default_parameters().values)
-point = trim(aircraft, level_flight(np.radians(10.0)))
+point = find_operating_point(aircraft, level_flight(np.radians(10.0)))
 plant = linearize(aircraft, point).to_control()
 
 degree = np.radians(1.0)
@@ -34,7 +34,7 @@ large_u = np.array([10.0, 2 * degree, 2 * degree, 2 * degree, 2 * degree])
 K, _, poles = control.lqr(plant, np.diag(large_x**-2.0), np.diag(large_u**-2.0))
 print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
 
-faster = trim(aircraft, level_flight(np.radians(10.0), speed=69.0), start=point)
+faster = find_operating_point(aircraft, level_flight(np.radians(10.0), speed=69.0), start=point)
 x_d = np.array([getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels])
 u_d = np.array(faster.inputs) - np.array(point.inputs)
 
@@ -51,6 +51,6 @@ for name, row in zip(plant.input_labels, u, strict=True):
     print(f"largest {name:15} {np.abs(shown).max():6.2f} {unit}")
 
 for degrees in (5.0, 15.0):
-    other = linearize(aircraft, trim(aircraft, level_flight(np.radians(degrees))))
+    other = linearize(aircraft, find_operating_point(aircraft, level_flight(np.radians(degrees))))
     abscissa = max(np.linalg.eigvals(other.A - other.B @ K).real)
     print(f"the same gain at {degrees:g} deg: slowest pole {abscissa:+.4f} 1/s")

@@ -26,16 +26,16 @@ the entries of one row really move together, so the ranges are rather too wide t
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim.condition import level_flight
-from trim.linearize import linearize
-from trim.modes import modes_of
-from trim.solve import trim
-from trim.uncertainty import uncertainty
+from trim.linear.bands import uncertainty
+from trim.linear.linearize import linearize
+from trim.linear.modes import modes_of
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
 
 shipped = default_parameters()
 for dynamics in ("published", "newton"):
     aircraft, condition = Aircraft(shipped.values, dynamics), level_flight(np.radians(10.0))
-    point = trim(aircraft, condition)
+    point = find_operating_point(aircraft, condition)
     model, bands = linearize(aircraft, point), uncertainty(shipped, aircraft.variant, condition, point)
     print(dynamics)
     for i in np.argsort(-bands.A, axis=None)[:3]:

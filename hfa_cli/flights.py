@@ -6,23 +6,23 @@ import argparse
 
 import numpy as np
 
-from controller.actuators import Actuators
-from controller.game import Game, published_game
-from controller.gusts import Dryden, Gust, OneMinusCosine
-from controller.signals import Harmonic, Signal
+from controller.flight.actuators import Actuators
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.signals import Harmonic, Signal
+from controller.flight.simulate import Scenario
+from controller.game.zero_sum import Game, published_game
 from hfa_cli import games
 from hfa_cli.values import number, quantity, span, split_assignments, whole
-from hfa_model.errors import BadInputError
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
-from trim.condition import CONTROL_LIMITS
-from trim.linearize import LinearModel
-from trim.operating_point import OperatingPoint
-from verification.experiments.reading import default_reading
-from verification.nonlinear.flight import Scenario
+from trim.linear.linearize import LinearModel
+from trim.point.condition import CONTROL_LIMITS
+from trim.point.operating_point import OperatingPoint
+from verification.experiments.configuration import default_reading
 
 #: Laws that fly: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
-#: In place of NAME=...: what the paper flies in Section 5, as `verification/reading.toml` reads it.
+#: In place of NAME=...: what the paper flies in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
 _TICK = 0.01
 

@@ -7,14 +7,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from controller.game import Game, published_game
-from controller.model_file import load_game, parse_diagonal
+from controller.game.model_file import load_game, parse_diagonal
+from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
 from hfa_cli.values import disturbance_weight
-from hfa_model.errors import BadInputError
-from trim.linearize import linearize
-from trim.report import warnings
-from trim.solve import trim
+from hfa_model.support.errors import BadInputError
+from trim.linear.linearize import linearize
+from trim.point.solve import find_operating_point
+from trim.point.trim_report import warnings
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
         return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model))
     aircraft = options.aircraft_of(arguments)
-    point = trim(aircraft, options.condition_of(arguments))
+    point = find_operating_point(aircraft, options.condition_of(arguments))
     model = linearize(aircraft, point)
     origin = f"the aircraft at dihedral {float(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
     game = published_game(model.A, model.B, **changes)

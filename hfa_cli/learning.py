@@ -7,12 +7,12 @@ import sys
 from dataclasses import fields
 from typing import Any
 
-from controller.game import Game
-from controller.learn import LAWS, learn
-from controller.result import LearningResult
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game
+from controller.laws.learn import LAWS, learn
 from hfa_cli.output import check_target
 from hfa_cli.values import number, split_assignments, whole
-from hfa_model.errors import BadInputError
+from hfa_model.support.errors import BadInputError
 
 DEFAULT_LAW = "certified"
 

@@ -12,8 +12,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from hfa_model.errors import BadInputError, NoSolutionError
-from hfa_model.version import toolchain_version
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 

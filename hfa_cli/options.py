@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 from hfa_cli.values import limits, quantity
-from hfa_model.compiled import Aircraft
-from hfa_model.errors import BadInputError
+from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
-from trim.condition import TrimCondition, level_flight
+from hfa_model.support.errors import BadInputError
+from trim.point.condition import TrimCondition, level_flight
 
 DEFAULT_DYNAMICS = "published"
 

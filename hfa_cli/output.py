@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.errors import BadInputError
-from hfa_model.files import write_text, written_whole
-from hfa_model.jsonable import jsonable
-from trim.text import Table
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text, written_whole
+from hfa_model.support.jsonable import jsonable
+from hfa_model.support.text import Table
 
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
 _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from hfa_model.errors import BadInputError
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
-from trim.plan import Steps
+from trim.sweeps.sweep_plan import Steps
 
 
 def number(text: str, what: str) -> float:

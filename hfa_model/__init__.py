@@ -1,48 +1,30 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written symbolically."""
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from hfa_model.support.door import open_door
 
 if TYPE_CHECKING:
-    from hfa_model.compiled import Aircraft
-    from hfa_model.errors import BadInputError, NoSolutionError
+    from hfa_model.aircraft import Aircraft as Aircraft
     from hfa_model.parameters import (
-        Parameters,
-        ParameterSet,
-        default_parameters,
-        load_parameters,
-        save_parameters,
+        Parameters as Parameters,
+        ParameterSet as ParameterSet,
+        default_parameters as default_parameters,
+        load_parameters as load_parameters,
+        save_parameters as save_parameters,
     )
-    from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+    from hfa_model.published import PublishedModel as PublishedModel, published_models as published_models
+    from hfa_model.support.checks import Check as Check
+    from hfa_model.support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
+    from hfa_model.variants import VARIANTS as VARIANTS
+    from hfa_model.vectors import (
+        INPUT_UNITS as INPUT_UNITS,
+        INPUTS as INPUTS,
+        LINEAR_STATES as LINEAR_STATES,
+        STATE_UNITS as STATE_UNITS,
+        STATES as STATES,
+        Input as Input,
+        State as State,
+    )
 
-__all__ = [
-    "INPUTS",
-    "LINEAR_STATES",
-    "STATES",
-    "Aircraft",
-    "BadInputError",
-    "Input",
-    "NoSolutionError",
-    "ParameterSet",
-    "Parameters",
-    "State",
-    "default_parameters",
-    "load_parameters",
-    "save_parameters",
-]
-
-_HOME = {
-    "Aircraft": "compiled",
-    **dict.fromkeys(("BadInputError", "NoSolutionError"), "errors"),
-    **dict.fromkeys(
-        ("Parameters", "ParameterSet", "default_parameters", "load_parameters", "save_parameters"), "parameters"
-    ),
-    **dict.fromkeys(("INPUTS", "LINEAR_STATES", "STATES", "Input", "State"), "vectors"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import an export when it is first used: CasADi is slow to load, and `hfa --help` needs none of it."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__, __dir__, __all__ = open_door(__name__)

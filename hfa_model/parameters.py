@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.errors import BadInputError
-from hfa_model.files import write_text
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
 
 
 class Parameters(NamedTuple):

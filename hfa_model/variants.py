@@ -22,8 +22,8 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_model.errors import BadInputError
 from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import State
 
 

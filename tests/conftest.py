@@ -11,15 +11,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
-from controller.game import Game, published_game
-from hfa_model.compiled import Aircraft
+from controller.game.zero_sum import Game, published_game
+from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.variants import VARIANTS
-from trim.condition import level_flight
-from trim.linearize import linearize
-from trim.operating_point import OperatingPoint
-from trim.solve import trim
-from verification.gare import solve_game
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
 
 
 @pytest.fixture(scope="session")
@@ -46,7 +46,7 @@ def published_aircraft(parameters: Parameters) -> Aircraft:
 @pytest.fixture(scope="session")
 def point(published_aircraft: Aircraft) -> OperatingPoint:
     """What `--dihedral 15` stands for: the trim, and below its game and the exact gain."""
-    return trim(published_aircraft, level_flight(math.radians(15.0)))
+    return find_operating_point(published_aircraft, level_flight(math.radians(15.0)))
 
 
 @pytest.fixture(scope="session")

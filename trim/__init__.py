@@ -1,5 +1,33 @@
-"""Where the aircraft flies: trim, exact linear models, modes, sweeps, and the aircraft's identification.
+"""Where the aircraft flies: operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-`trim.condition` says what a trim imposes, `trim.solve` solves it, `trim.linearize` and `trim.modes` make the linear
-model, `trim.sweep` runs grids, `trim.identify` finds the aircraft behind the printed matrices.
-"""
+from typing import TYPE_CHECKING
+
+from hfa_model.support.door import open_door
+
+if TYPE_CHECKING:
+    from trim.identification.identify import Fit as Fit, fit as fit, identify as identify
+    from trim.linear.bands import Bands as Bands, uncertainty as uncertainty
+    from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
+    from trim.linear.linearize import LinearModel as LinearModel, linearize as linearize
+    from trim.linear.mode_tracking import track_modes as track_modes
+    from trim.linear.model_report import linear_model_text as linear_model_text
+    from trim.linear.modes import Mode as Mode, modes_of as modes_of
+    from trim.point.condition import (
+        CONTROL_LIMITS as CONTROL_LIMITS,
+        STATE_LIMITS as STATE_LIMITS,
+        TrimCondition as TrimCondition,
+        level_flight as level_flight,
+        release as release,
+    )
+    from trim.point.operating_point import (
+        OperatingPoint as OperatingPoint,
+        load_operating_point as load_operating_point,
+        save_operating_point as save_operating_point,
+    )
+    from trim.point.solve import TrimError as TrimError, find_operating_point as find_operating_point
+    from trim.point.trim_report import trim_text as trim_text
+    from trim.sweeps.stored_sweep import stream_sweep as stream_sweep
+    from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
+    from trim.sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan
+
+__getattr__, __dir__, __all__ = open_door(__name__)

@@ -1,1 +1,25 @@
-"""Is it true: the exact game solution with its certificate, and what else is held against it or against the print."""
+"""Is it true: the exact game solution with its certificate, and everything that is checked against it."""
+
+from typing import TYPE_CHECKING
+
+from hfa_model.support.door import open_door
+
+if TYPE_CHECKING:
+    from verification.critic.candidate import (
+        Candidate as Candidate,
+        from_gain as from_gain,
+        from_stored as from_stored,
+        from_value as from_value,
+        from_weights as from_weights,
+    )
+    from verification.critic.critic_check import CriticCheck as CriticCheck, check_critic as check_critic
+    from verification.flights.recoverable import recoverable_map as recoverable_map
+    from verification.flights.scheduling import certified_schedule as certified_schedule
+    from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
+    from verification.meaning.solution_report import solution_report as solution_report
+    from verification.published.regeneration import regenerate_all as regenerate_all
+    from verification.riccati.delta_min import minimum_delta as minimum_delta
+    from verification.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
+    from verification.riccati.l2_gain import bounded_real_gain as bounded_real_gain
+
+__getattr__, __dir__, __all__ = open_door(__name__)

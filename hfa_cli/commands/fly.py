@@ -26,21 +26,21 @@ from hfa_cli.flights import (
 from hfa_cli.learning import law_settings, show_learning
 from hfa_cli.output import Progress, check_target, say_notes, write
 from hfa_cli.values import grid, number, quantity, whole
-from hfa_model.errors import BadInputError
-from hfa_model.jsonable import jsonable
-from trim.condition import level_flight
-from trim.linearize import LinearModel, linearize
-from trim.report import warnings
-from trim.solve import trim
-from trim.text import Table
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.jsonable import jsonable
+from hfa_model.support.text import Table
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from trim.point.trim_report import warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from controller.gain_plan import GainPlan
-    from trim.operating_point import OperatingPoint
-    from verification.checks import Check
-    from verification.nonlinear.flight import NonlinearFlight
+    from controller.flight.gain_plan import GainPlan
+    from controller.flight.simulate import NonlinearFlight
+    from hfa_model.support.checks import Check
+    from trim.point.operating_point import OperatingPoint
 
 _PICTURES = (".png", ".svg")
 _MOST_POINTS = 1000
@@ -96,18 +96,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _flight(arguments: argparse.Namespace, target: Path | None, picture: Path | None) -> int:
-    from verification.nonlinear.envelope import flight_envelope
-    from verification.nonlinear.flight import fly
+    from controller.flight.envelope import flight_envelope
+    from controller.flight.simulate import fly
 
     aircraft = options.aircraft_of(arguments)
-    point = trim(aircraft, options.condition_of(arguments))
+    point = find_operating_point(aircraft, options.condition_of(arguments))
     scenario = scenario_of(arguments, point)
     envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
     plan = _plan(arguments, linearize(aircraft, point), scenario.tick)
     result = fly(aircraft, point, plan, scenario, envelope, progress=Progress("fly"))
     checks: tuple[Check, ...] = ()
     if arguments.check:
-        from verification.nonlinear.agreement import agreement_checks
+        from verification.flights.agreement import agreement_checks
 
         checks = agreement_checks(aircraft, plan, scenario, result)
     learning = "learning in flight" if plan.online else "frozen"
@@ -115,9 +115,9 @@ def _flight(arguments: argparse.Namespace, target: Path | None, picture: Path | 
 
 
 def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path | None) -> int:
-    from verification.nonlinear.envelope import flight_envelope
-    from verification.nonlinear.flight_report import schedule_data, schedule_text
-    from verification.nonlinear.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
+    from controller.flight.envelope import flight_envelope
+    from verification.flights.flight_report import schedule_data, schedule_text
+    from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 
     for name in ("online", "check", "reference", "speed", "altitude", "alpha", "gamma", "limit"):
         if options.given(arguments, name):
@@ -126,7 +126,7 @@ def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path
     start, end = quantity("dihedral", arguments.dihedral), quantity("dihedral", arguments.to)
     over = 60.0 if arguments.over is None else number(arguments.over, "--over")
     change = change_over(start, end, over)
-    scenario = scenario_of(arguments, trim(aircraft, level_flight(start)), LEAD + over + REST)
+    scenario = scenario_of(arguments, find_operating_point(aircraft, level_flight(start)), LEAD + over + REST)
     if scenario.duration < LEAD + over:
         raise BadInputError(
             f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; fly longer"
@@ -158,13 +158,13 @@ def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path
 
 
 def _map(arguments: argparse.Namespace, target: Path | None) -> int:
-    from hfa_model.compiled import Aircraft
+    from controller.flight.envelope import flight_envelope
+    from hfa_model.aircraft import Aircraft
+    from hfa_model.support.figure import save
     from hfa_model.variants import VARIANTS
-    from verification.figures import save
-    from verification.nonlinear.envelope import flight_envelope
-    from verification.nonlinear.map_report import map_data, map_table, map_text
-    from verification.nonlinear.pictures import map_figure
-    from verification.nonlinear.recoverable import recoverable_map
+    from verification.flights.flight_figures import map_figure
+    from verification.flights.map_report import map_data, map_table, map_text
+    from verification.flights.recoverable import recoverable_map
 
     path = check_target(arguments.map, _PICTURES)
     assert path is not None
@@ -181,7 +181,7 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
     found = []
     for dynamics in VARIANTS:
         aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)
-        point = trim(aircraft, options.condition_of(arguments))
+        point = find_operating_point(aircraft, options.condition_of(arguments))
         plan = _plan(arguments, linearize(aircraft, point), 1.0)
         envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
         result = recoverable_map(
@@ -210,8 +210,8 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
 
 def _plan(arguments: argparse.Namespace, model: LinearModel, tick: float) -> GainPlan:
     """The gain that flies: exact, or learned on the linear model and frozen, or learned in flight."""
-    from controller.gain_plan import GainPlan, frozen_plan, learned_value, online_plan
-    from verification.gare import solve_game
+    from controller.flight.gain_plan import GainPlan, frozen_plan, learned_value, online_plan
+    from verification.riccati.gare import solve_game
 
     game = game_on(model, arguments)
     if arguments.law == "exact":
@@ -233,11 +233,11 @@ def _deliver(
     more_text: str | None = None,
     points: Sequence[OperatingPoint] | None = None,
 ) -> int:
-    from verification.nonlinear.flight_report import flight_data, flight_table, flight_text, with_history
+    from verification.flights.flight_report import flight_data, flight_table, flight_text, with_history
 
     if picture is not None:
-        from verification.figures import save
-        from verification.nonlinear.pictures import flight_figure
+        from hfa_model.support.figure import save
+        from verification.flights.flight_figures import flight_figure
 
         save(flight_figure(result, title), picture)
     data = flight_data(result, plan, checks) | (more or {})

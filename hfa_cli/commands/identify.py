@@ -8,9 +8,9 @@ from pathlib import Path
 from hfa_cli import options
 from hfa_cli.output import SUFFIXES, Progress, check_target, deliver
 from hfa_cli.values import whole
-from hfa_model.errors import BadInputError
-from trim.identification import run_identification, save_fit, save_identification
-from trim.identification_report import identification_data, identification_table, identification_text
+from hfa_model.support.errors import BadInputError
+from trim.identification.evidence import run_identification, save_fit, save_identification
+from trim.identification.identification_report import identification_data, identification_table, identification_text
 
 #: Suffix of a parameters file.
 PARAMETERS = ".toml"

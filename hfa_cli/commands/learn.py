@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from controller.learning_report import learning_data, learning_table, learning_text
+from controller.laws.learning_report import learning_data, learning_table, learning_text
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning

@@ -6,11 +6,11 @@ import argparse
 
 from hfa_cli import options
 from hfa_cli.output import check_target, deliver
-from trim.compare import comparison_text, printed_at
-from trim.linearize import linearize
-from trim.model_report import linear_model_data, linear_model_table, linear_model_text
-from trim.solve import trim
-from trim.uncertainty import bands_known, uncertainty
+from trim.linear.bands import bands_known, uncertainty
+from trim.linear.compare import comparison_text, printed_at
+from trim.linear.linearize import linearize
+from trim.linear.model_report import linear_model_data, linear_model_table, linear_model_text
+from trim.point.solve import find_operating_point
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     parameters = options.parameters_of(arguments)
     aircraft = options.aircraft_of(arguments)
     condition = options.condition_of(arguments)
-    point = trim(aircraft, condition)
+    point = find_operating_point(aircraft, condition)
     model = linearize(aircraft, point, full=arguments.full)
     # The bands are of the six printed states.
     known = bands_known(parameters) and not arguments.full

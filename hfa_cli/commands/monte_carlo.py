@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.critic_policy import CriticPolicy
-from controller.game import Game
-from controller.signals import Signal
+from controller.flight.critic_policy import CriticPolicy
+from controller.flight.signals import Signal
+from controller.game.zero_sum import Game
 from hfa_cli import options
 from hfa_cli.flights import (
     LAWS,
@@ -34,16 +34,16 @@ from hfa_cli.flights import (
 from hfa_cli.learning import law_settings
 from hfa_cli.output import Progress, check_target, say_notes
 from hfa_cli.values import number, quantity, split_assignments, whole
-from hfa_model.errors import BadInputError
-from hfa_model.jsonable import jsonable
-from trim.linearize import LinearModel, linearize
-from trim.report import warnings
-from trim.solve import trim
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.jsonable import jsonable
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.solve import find_operating_point
+from trim.point.trim_report import warnings
 
 if TYPE_CHECKING:
-    from controller.monte_carlo_plan import FlownLaw, MonteCarlo, Uncertainty
+    from controller.monte_carlo.monte_carlo_plan import FlownLaw, MonteCarlo, Uncertainty
 
-#: Eq. (46) as printed, and as `verification/reading.toml` helps it to stay bounded; both learn in flight.
+#: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
 _CRITICS = ("published", "published-helped")
 _DEFAULT_MEMBERS = 100
 
@@ -83,8 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when every member left its envelope."""
-    from controller.monte_carlo import stream_monte_carlo
-    from controller.monte_carlo_report import monte_carlo_data, monte_carlo_text
+    from controller.monte_carlo.monte_carlo_report import monte_carlo_data, monte_carlo_text
+    from controller.monte_carlo.stored_members import stream_monte_carlo
 
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
@@ -109,13 +109,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
-    from controller.monte_carlo_plan import Course, MonteCarlo
-    from verification.nonlinear.envelope import flight_envelope
+    from controller.flight.envelope import flight_envelope
+    from controller.monte_carlo.monte_carlo_plan import Course, MonteCarlo
 
     members = whole("--members", arguments.members, _DEFAULT_MEMBERS, lowest=1)
     uncertainty, seed = _uncertainty(arguments), seed_of(arguments)
     aircraft = options.aircraft_of(arguments)
-    point = trim(aircraft, options.condition_of(arguments))
+    point = find_operating_point(aircraft, options.condition_of(arguments))
     envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
     times = {name: getattr(arguments, name) for name in ("duration", "step")}
     course = Course(
@@ -141,7 +141,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
 
 
 def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
-    from controller.monte_carlo_plan import Uncertainty
+    from controller.monte_carlo.monte_carlo_plan import Uncertainty
 
     errors = {name: number(text, name) for name, text in split_assignments(arguments.error).items()}
     noise = {name: quantity(name, text) for name, text in split_assignments(arguments.noise).items()}
@@ -153,7 +153,7 @@ def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
 
 def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -> FlownLaw:
     """The gain or the critic that the options name, designed for the nominal model."""
-    from controller.monte_carlo_plan import gain_law
+    from controller.monte_carlo.monte_carlo_plan import gain_law
 
     law = law_of(arguments, (*LAWS, *_CRITICS))
     if arguments.gain is not None:
@@ -169,18 +169,18 @@ def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -
     if law in _CRITICS:
         return _critic(law, model, game, reference)
     if law == "exact":
-        from verification.gare import solve_game
+        from verification.riccati.gare import solve_game
 
         return gain_law(law, solve_game(game).K)
-    from controller.gain_plan import learned_value
+    from controller.flight.gain_plan import learned_value
 
     return gain_law(law, learned_value(game, law, seed_of(arguments), **law_settings(arguments)).K)
 
 
 def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
-    from controller.monte_carlo_plan import critic_law
-    from verification.experiments import laws
-    from verification.experiments.reading import default_reading
+    from controller.monte_carlo.monte_carlo_plan import critic_law
+    from verification.experiments import flown_laws as laws
+    from verification.experiments.configuration import default_reading
     from verification.experiments.setting import Case, Setting
 
     name = laws.HELPED if law == "published-helped" else laws.PRINTED
@@ -194,7 +194,7 @@ def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> Flow
 
 
 def _stored_gain(path: str) -> np.ndarray:
-    from controller.model_file import load_critic
+    from controller.game.model_file import load_critic
 
     K = load_critic(path).K
     if K is None:

@@ -6,7 +6,7 @@ import argparse
 
 from hfa_cli import options
 from hfa_cli.output import check_target, deliver
-from verification.regeneration import regenerate_all, regeneration_data, regeneration_table, regeneration_text
+from verification.published.regeneration import regenerate_all, regeneration_data, regeneration_table, regeneration_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 
 from hfa_cli import options
 from hfa_cli.output import check_folder, check_target
-from hfa_model.errors import BadInputError
-from hfa_model.files import write_text, written_whole
-from hfa_model.jsonable import jsonable
-from verification.report_page import Report, make_report, report_data, report_html, report_pictures
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text, written_whole
+from hfa_model.support.jsonable import jsonable
+from verification.published.report_page import Report, make_report, report_data, report_html, report_pictures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.output import Progress, check_folder
-from hfa_model.files import write_text
+from hfa_model.support.files import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,10 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly, draw, judge, write."""
-    from verification.experiments.reading import default_reading, load_reading
-    from verification.experiments.reproduce import experiments, reproduce
+    from verification.experiments.configuration import default_reading, load_reading
+    from verification.experiments.reproduction import experiments, reproduce
+    from verification.experiments.result_folder import json_text
     from verification.experiments.setting import make_setting
-    from verification.experiments.store import json_text
     from verification.experiments.tables import claims_markdown, claims_text
 
     chosen = experiments(arguments.experiment)

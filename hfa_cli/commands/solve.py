@@ -7,7 +7,7 @@ import argparse
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.output import check_target, deliver, say_notes
-from verification.solution_report import solution_data, solution_report, solution_table, solution_text
+from verification.meaning.solution_report import solution_data, solution_report, solution_table, solution_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,12 +10,12 @@ import json
 import sys
 from pathlib import Path
 
-from controller.published_study import STUDY, StudyRow, published_study
-from controller.study_report import load_study, study_data, study_table, study_text
+from controller.study.published_study import STUDY, StudyRow, published_study
+from controller.study.study_report import load_study, study_data, study_table, study_text
 from hfa_cli import options
 from hfa_cli.output import check_target, deliver
-from hfa_model.errors import BadInputError
-from hfa_model.files import write_text
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,9 +16,9 @@ import numpy as np
 from hfa_cli import options
 from hfa_cli.output import SUFFIXES, Progress, check_target, deliver, say_notes
 from hfa_cli.values import axis, grid, quantity, span, split_assignments, whole
-from hfa_model.errors import BadInputError
-from trim.sweep import MOST_POINTS, SWEPT, sweep
-from trim.sweep_report import sweep_table, sweep_text, sweep_warnings
+from hfa_model.support.errors import BadInputError
+from trim.sweeps.sweep import MOST_POINTS, SWEPT, sweep
+from trim.sweeps.sweep_report import sweep_table, sweep_text, sweep_warnings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
     result = sweep(options.aircraft_of(arguments), axes, full=arguments.full, progress=Progress("sweep"))
     if picture is not None:
-        from verification.figures import root_locus
+        from trim.sweeps.root_locus import root_locus
 
         root_locus(result, picture)
     warnings = sweep_warnings(result)
@@ -79,10 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _to_store(arguments: argparse.Namespace, words: dict[str, str]) -> int:
-    from trim.plan import MOST_POINTS as MOST_STORED
-    from trim.plan import SweepPlan
-    from trim.store_report import store_data, store_text
-    from trim.stored_sweep import stream_sweep
+    from trim.sweeps.stored_sweep import stream_sweep
+    from trim.sweeps.stored_sweep_report import store_data, store_text
+    from trim.sweeps.sweep_plan import MOST_POINTS as MOST_STORED, SweepPlan
 
     for name in ("full", "picture"):
         if options.given(arguments, name):

@@ -8,10 +8,10 @@ from pathlib import Path
 from hfa_cli import options
 from hfa_cli.output import check_target, deliver
 from hfa_cli.values import assignments
-from trim.condition import release
-from trim.operating_point import load_operating_point
-from trim.report import trim_data, trim_table, trim_text
-from trim.solve import trim
+from trim.point.condition import release
+from trim.point.operating_point import load_operating_point
+from trim.point.solve import find_operating_point
+from trim.point.trim_report import trim_data, trim_table, trim_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         options.condition_of(arguments), free=tuple(arguments.free or ()), hold=assignments(arguments.hold)
     )
     start = None if arguments.start is None else load_operating_point(Path(arguments.start))
-    point = trim(aircraft, condition, start)
+    point = find_operating_point(aircraft, condition, start)
     deliver(
         trim_data(aircraft, condition, point),
         lambda: trim_text(aircraft, condition, point),

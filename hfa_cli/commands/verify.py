@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.basis import Basis, basis
-from controller.model_file import load_critic
-from controller.result import LearningResult
+from controller.game.basis import Basis, basis
+from controller.game.learning_result import LearningResult
+from controller.game.model_file import load_critic
 from hfa_cli import options
 from hfa_cli.games import NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
 from hfa_cli.output import check_target, deliver, say_notes
 from hfa_cli.values import number
-from hfa_model.errors import BadInputError
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from verification.candidate import Candidate, from_stored, from_weights
-from verification.check_report import check_table, check_text
-from verification.critic_check import LIMIT, ORDINARY_DEVIATIONS, CriticCheck, check_critic
+from verification.critic.candidate import Candidate, from_stored, from_weights
+from verification.critic.check_report import check_table, check_text
+from verification.critic.critic_check import LIMIT, ORDINARY_DEVIATIONS, CriticCheck, check_critic
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +94,7 @@ def _draw(
     time: float | None,
     path: Path,
 ) -> None:
-    from verification.check_figure import check_figure
-    from verification.figures import save
+    from hfa_model.support.figure import save
+    from verification.critic.check_figure import check_figure
 
     save(check_figure(check, named.states, named.inputs, functions, result, time), path)

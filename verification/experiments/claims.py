@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from verification.checks import finite_or_none
-from verification.experiments.flights import FlightPlan, FlightRecord
-from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED
+from hfa_model.support.checks import finite_or_none
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED
 from verification.experiments.setting import Setting
 
 CONFIRMED, NOT_CONFIRMED = "confirmed", "not confirmed"

@@ -9,11 +9,11 @@ import numpy as np
 from verification.experiments import graphs
 from verification.experiments.claims import TRACKING, Claim, Evidence
 from verification.experiments.experiment import CASE_II, Experiment
-from verification.experiments.flights import FlightPlan, FlightRecord
-from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, IRL, PRINTED
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, IRL, PRINTED
 from verification.experiments.measures import Measure, gain_error, ratio, smallest, worst
 from verification.experiments.metrics import TRACKED
-from verification.experiments.pictures import Picture
+from verification.experiments.panels import Picture
 from verification.experiments.setting import Setting
 
 _SECTION = "5.2"

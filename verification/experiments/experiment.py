@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from verification.experiments.claims import Claim, Judgement
-from verification.experiments.flights import FlightPlan, FlightRecord
-from verification.experiments.pictures import Picture
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord
+from verification.experiments.panels import Picture
 from verification.experiments.setting import Setting
 
 #: The two aircraft of Section 5.1, degrees of dihedral.

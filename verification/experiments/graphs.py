@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
-from verification.experiments.flights import FlightRecord
-from verification.experiments.pictures import COMMAND, LOST, Line, Panel
+from verification.experiments.experiment_flights import FlightRecord
+from verification.experiments.panels import COMMAND, LOST, Line, Panel
 
 #: Below this a logarithmic axis shows nothing: rounding.
 FLOOR = 1e-16

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from verification.experiments.claims import Evidence
-from verification.experiments.flights import FlightPlan, FlightRecord
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord
 from verification.experiments.metrics import over
 from verification.experiments.setting import Setting
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.basis import Basis
-from controller.closed_loop import Flight
-from controller.game import Game
+from controller.flight.closed_loop import Flight
+from controller.game.basis import Basis
+from controller.game.zero_sum import Game
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from trim.condition import CONTROL_LIMITS
+from trim.point.condition import CONTROL_LIMITS
 
 if TYPE_CHECKING:
-    from verification.experiments.laws import Critic
+    from verification.experiments.flown_laws import Critic
     from verification.experiments.setting import Case, Setting
 
 #: The states that have a command in Section 5.

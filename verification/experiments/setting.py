@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from controller.game import Game, published_game
-from controller.signals import Harmonic, Signal
-from hfa_model.compiled import Aircraft
-from hfa_model.errors import BadInputError
+from controller.flight.signals import Harmonic, Signal
+from controller.game.zero_sum import Game, published_game
+from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from trim.compare import regenerate
-from verification.experiments.reading import Reading
-from verification.gare import GameSolution, solve_game
-from verification.tracking import Exosystem, exosystem_feedforward
+from trim.linear.compare import regenerate
+from verification.experiments.configuration import Reading
+from verification.riccati.feedforward import Exosystem, exosystem_feedforward
+from verification.riccati.gare import GameSolution, solve_game
 
 #: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
 MATRICES = ("regenerated", "printed")
@@ -111,6 +111,6 @@ def exosystem_of(reference: Signal) -> Exosystem:
 
 
 def feedforward(case: Case, reference: Signal) -> np.ndarray:
-    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k) (`verification.tracking`)."""
+    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k)."""
     P_s = exosystem_feedforward(case.game, case.exact.P, exosystem_of(reference))
     return -case.game.R_inverse_B_transposed @ P_s

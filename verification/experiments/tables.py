@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, HELPED
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, HELPED
 
 
 def claims_text(table: dict[str, Any]) -> str:

@@ -11,11 +11,11 @@ from hfa_model.vectors import LINEAR_STATES
 from verification.experiments import graphs
 from verification.experiments.claims import LEARNING, PRINT, TRACKING, Claim, Evidence
 from verification.experiments.experiment import CASE_I, CASE_II, Experiment
-from verification.experiments.flights import FlightPlan, FlightRecord
-from verification.experiments.laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED, REWEIGHTED
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED, REWEIGHTED
 from verification.experiments.measures import gain_error, residual_growth, smallest, worst
 from verification.experiments.metrics import TRACKED
-from verification.experiments.pictures import Picture
+from verification.experiments.panels import Picture
 from verification.experiments.setting import Setting
 
 _SECTION = "5.1"

@@ -1,0 +1,195 @@
+"""Vertical gusts: the discrete 1-cosine gust and Dryden turbulence, as stages of a compiled loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+
+#: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
+#: the air as it was to rounding.
+SHORTEST, LONGEST = 1.0, 1e6
+
+
+class Gust(Protocol):
+    """w(t): vertical velocity of the air, ft/s, positive up; with states of its own where it has a filter.
+
+    p: what is handed to it anew at every tick (a sample of white noise, say).
+    """
+
+    @property
+    def memory_size(self) -> int:
+        """Number of filter states."""
+
+    @property
+    def constants_size(self) -> int:
+        """Length of p."""
+
+    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+        """w(t), a scalar."""
+
+    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+        """d(memory)/dt, (memory_size,)."""
+
+    def start(self) -> np.ndarray:
+        """The filter states at t = 0, (memory_size,)."""
+
+    def constants(self, tick: int) -> np.ndarray:
+        """p of a tick, (constants_size,)."""
+
+
+@dataclass(frozen=True)
+class OneMinusCosine:
+    """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
+
+    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H. peak: ft/s,
+    negative for a downdraft. speed: V, ft/s, at which the gust is met. begin: s.
+    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak. BadInputError when a
+    number is not positive or not finite.
+    """
+
+    length: float
+    peak: float
+    speed: float
+    begin: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no gust."""
+        _check_positive(length=self.length, speed=self.speed)
+        _check_finite(peak=self.peak, begin=self.begin)
+
+    @property
+    def memory_size(self) -> int:
+        """A known function of time has no states: 0."""
+        return 0
+
+    @property
+    def constants_size(self) -> int:
+        """Nothing changes from tick to tick: 0."""
+        return 0
+
+    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+        """The gust at t; expressions or numbers."""
+        phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
+        return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
+
+    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+        """No states, so no rates: (0,)."""
+        return ca.SX(0, 1)
+
+    def start(self) -> np.ndarray:
+        """No states, (0,)."""
+        return np.zeros(0)
+
+    def constants(self, tick: int) -> np.ndarray:
+        """No constants, (0,)."""
+        return np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Dryden:
+    """w = sigma sqrt(τ) (1 + √3 τ s) / (1 + τ s)² n,  τ = scale / speed: white noise n through the Dryden filter.
+
+    Spectrum Φ(Ω) = sigma² (scale/π) (1 + 3 (scale Ω)²) / (1 + (scale Ω)²)² over spatial frequencies Ω > 0.
+    n is held during each tick of length `interval`; its variance is the one with which w has the variance
+    sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight begins in stationary turbulence.
+
+    intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft above 2000 ft.
+    speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of the start.
+    Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a number is not positive or τ does
+    not lie between `SHORTEST` and `LONGEST` ticks.
+    """
+
+    intensity: float
+    scale: float
+    speed: float
+    interval: float
+    ticks: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        """Refuse what is no turbulence."""
+        _check_positive(
+            intensity=self.intensity, scale=self.scale, speed=self.speed, interval=self.interval, ticks=self.ticks
+        )
+        low, high = (ticks * self.interval * self.speed for ticks in (SHORTEST, LONGEST))
+        if not low <= self.scale <= high:
+            raise BadInputError(
+                f"the gust's scale is {self.scale:g} ft; at {self.speed:g} ft/s and ticks of {self.interval:g} s it"
+                f" must lie between {low:.4g} and {high:.4g} ft"
+            )
+        if self.seed < 0:
+            raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
+
+    @property
+    def memory_size(self) -> int:
+        """Two filter states."""
+        return 2
+
+    @property
+    def constants_size(self) -> int:
+        """One sample of the noise."""
+        return 1
+
+    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+        """sigma/sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
+        return self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
+
+    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+        """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ: the filter in controllable form, n scaled to make w ft/s."""
+        A, b = self._filter
+        return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p
+
+    def start(self) -> np.ndarray:
+        """A draw from the stationary distribution of the filter states, (2,)."""
+        return self._draws[0]
+
+    def constants(self, tick: int) -> np.ndarray:
+        """The noise of a tick, (1,)."""
+        return self._draws[1][tick : tick + 1]
+
+    @property
+    def _tau(self) -> float:
+        return self.scale / self.speed
+
+    @property
+    def _filter(self) -> tuple[np.ndarray, np.ndarray]:
+        tau = self._tau
+        return np.array([[0.0, 1.0], [-1.0 / tau**2, -2.0 / tau]]), np.array([0.0, 1.0 / tau**2])
+
+    @property
+    def _output(self) -> np.ndarray:
+        """w / sigma from the filter states."""
+        tau = self._tau
+        return np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
+
+    @cached_property
+    def _draws(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start (2,) and noise (ticks,): the held noise gets the variance that makes w's variance sigma²."""
+        from scipy.linalg import expm, solve_discrete_lyapunov
+
+        A, b = self._filter
+        held = expm(np.block([[A, b[:, None]], [np.zeros((1, 3))]]) * self.interval)
+        Phi, Gamma = held[:2, :2], held[:2, 2:]
+        unit = solve_discrete_lyapunov(Phi, Gamma @ Gamma.T)
+        variance = 1.0 / float(self._output @ unit @ self._output)
+        rng = np.random.default_rng(self.seed)
+        start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
+        return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise BadInputError(f"the gust's {name} is {value}; it must be a positive number")
+
+
+def _check_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise BadInputError(f"the gust's {name} is {value}; give a finite number")

@@ -1,0 +1,134 @@
+"""What is flown: the linear model or the nonlinear aircraft, as deviations from one operating point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import rates
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from trim.point.operating_point import OperatingPoint
+
+
+class Plant(Protocol):
+    """A plant in deviations from its operating point, as CasADi expressions.
+
+    states: names. rate: x' of the deviation x, for an input deviation u (5,), a disturbance d (6,) that adds to
+    the rates of the six states of the linear model, and an updraft of the air, ft/s. seen: those six deviations.
+    """
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+        """dx/dt."""
+
+    def seen(self, x: Any) -> Any:
+        """The deviations of `LINEAR_STATES`, (6,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant:
+    """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5).
+
+    It knows nothing of moving air: BadInputError when it is flown through a gust (`LinearizedAircraft` can be).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The six states of the paper's linear model."""
+        return LINEAR_STATES
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+        """A x + B u + d."""
+        if not (isinstance(updraft, float) and updraft == 0.0):
+            raise BadInputError("the six-state linear model knows no gusts; fly the linearized or nonlinear aircraft")
+        return ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + d
+
+    def seen(self, x: Any) -> Any:
+        """The whole state."""
+        return x
+
+
+class Equations(NamedTuple):
+    """A variant of the equations with its parameters, which may be CasADi symbols (an `Aircraft` has numbers)."""
+
+    parameters: Parameters
+    variant: Variant
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearPlant:
+    """X' = f(X, U, w) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
+
+    d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
+    """
+
+    aircraft: Aircraft | Equations
+    point: OperatingPoint
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All seven states."""
+        return STATES
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+        """f(X0 + x, U0 + u, w), disturbed."""
+        X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
+        U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
+        rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, updraft))
+        return rate + ca.mtimes(ca.DM(spread()), d)
+
+    def seen(self, x: Any) -> Any:
+        """The six states of the linear model."""
+        return ca.mtimes(ca.DM(spread().T), x)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearizedAircraft:
+    """x' = A x + B u + d + b w with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what `NonlinearPlant` is to
+    first order, altitude included. A: (7, 7), B: (7, 5), b: (7,).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    gust: np.ndarray
+
+    @classmethod
+    def at(cls, aircraft: Aircraft, point: OperatingPoint) -> LinearizedAircraft:
+        """The exact derivatives at an operating point of the aircraft."""
+        x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
+        rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(LINEAR_STATES)), w)
+        derivatives = ca.Function("derivatives", [x, u, w], [ca.jacobian(rate, part) for part in (x, u, w)])
+        A, B, gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0))
+        return cls(A, B, gust.ravel())
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All seven states."""
+        return STATES
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+        """A x + B u + b w, disturbed."""
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * updraft
+        return rate + ca.mtimes(ca.DM(spread()), d)
+
+    def seen(self, x: Any) -> Any:
+        """The six states of the linear model."""
+        return ca.mtimes(ca.DM(spread().T), x)
+
+
+def spread() -> np.ndarray:
+    """(7, 6): the six states of the linear model among the seven."""
+    return np.array([[float(name == other) for other in LINEAR_STATES] for name in STATES])

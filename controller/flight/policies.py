@@ -1,0 +1,66 @@
+"""Policies that fly: a control law as CasADi expressions, with a memory of its own where it has one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from controller.flight.signals import Signal
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+
+_N, _M = len(LINEAR_STATES), len(INPUTS)
+
+
+class Policy(Protocol):
+    """u = control(t, z, memory, p), memory' = memory_rate(t, z, memory, p).
+
+    z (6,) is the measured error x_m - x_d. memory: what the policy integrates (weights of a critic, say).
+    p: what is handed to it anew at every tick (a gain that is learned elsewhere, say).
+    """
+
+    @property
+    def memory_size(self) -> int:
+        """Number of states of its own."""
+
+    @property
+    def constants_size(self) -> int:
+        """Length of p."""
+
+    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """Commanded input deviation, (5,)."""
+
+    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """d(memory)/dt, (memory_size,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class GainPolicy:
+    """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""
+
+    feedforward: Signal
+
+    @property
+    def memory_size(self) -> int:
+        """A fixed gain remembers nothing: 0."""
+        return 0
+
+    @property
+    def constants_size(self) -> int:
+        """The entries of K."""
+        return _M * _N
+
+    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """-K z + v(t)."""
+        return -ca.mtimes(ca.reshape(p, _M, _N), z) + self.feedforward.at(t)
+
+    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """No states, so no rates: (0,)."""
+        return ca.SX(0, 1)
+
+
+def gain_constants(K: np.ndarray) -> np.ndarray:
+    """The p of `GainPolicy` for a gain K (5, 6)."""
+    return np.asarray(K, dtype=float).ravel(order="F")

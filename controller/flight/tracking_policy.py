@@ -1,0 +1,50 @@
+"""Feedback and feedforward that may both change from tick to tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.flight.policies import gain_constants
+from controller.flight.signals import Signal
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+
+_N, _M = len(LINEAR_STATES), len(INPUTS)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingPolicy:
+    """u = -K z + F w(t), K (5, 6) and F (5, k) from p (`tracking_constants`).
+
+    generator: w (k,), the signals that the reference is made of.
+    """
+
+    generator: Signal
+
+    @property
+    def memory_size(self) -> int:
+        """A gain remembers nothing: 0."""
+        return 0
+
+    @property
+    def constants_size(self) -> int:
+        """The entries of K and F."""
+        return _M * (_N + self.generator.size)
+
+    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """-K z + F w(t)."""
+        feedback = ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), z)
+        feedforward = ca.mtimes(ca.reshape(p[_M * _N :], _M, self.generator.size), self.generator.at(t))
+        return feedforward - feedback
+
+    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+        """No states, so no rates: (0,)."""
+        return ca.SX(0, 1)
+
+
+def tracking_constants(K: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """The p of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    return np.concatenate([gain_constants(K), np.asarray(F, dtype=float).ravel(order="F")])

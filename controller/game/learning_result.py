@@ -1,0 +1,150 @@
+"""What every learning law returns: weights over time, the learned P and K, and the checks on them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import load_npz, save_npz
+
+SCHEMA = "hfa.learning-result/1"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """One check of a learned value: `value relation limit`, relation one of "<", "<=", ">", ">="."""
+
+    name: str
+    value: float
+    relation: str
+    limit: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the relation holds; a value that is not a number fails."""
+        return {
+            "<": self.value < self.limit,
+            "<=": self.value <= self.limit,
+            ">": self.value > self.limit,
+            ">=": self.value >= self.limit,
+        }[self.relation]
+
+    def __str__(self) -> str:
+        """The check as a sentence, for reports and error lines."""
+        return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 + σ'σ).
+
+    rank: of the (N_h, M) matrix of unit regressors, singular values below `recorder.RANK_TOLERANCE` times the
+    largest counting as 0. size: M. smallest_eigenvalue: of Σ (paper λ_0). condition: largest singular value
+    over smallest of the unit regressors. rounding: what rounding alone can make of a smallest eigenvalue of 0,
+    (N_h ε)² times the largest eigenvalue of Σ.
+    """
+
+    rank: int
+    size: int
+    samples: int
+    smallest_eigenvalue: float
+    condition: float
+    rounding: float
+
+
+@dataclass(frozen=True, eq=False)
+class LearningResult:
+    """The outcome of one learning law on one game.
+
+    times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm: (N,), Bellman
+    residual of the game over the stack, |e| / |z'Qz|. law_residual_norm: (N,), the residual that the law
+    itself drives to zero at that time (in the law's own normalisation and stage). P: (n, n), K: (m, n),
+    learned at the last time. settling_time: first time from which |e| stays below
+    `certify.RESIDUAL_LIMIT` of the size of the terms that cancel in it, s; inf when it does not. status: "converged" or
+    "failed: reason". diagnostics: further numbers of the law by name.
+    """
+
+    law: str
+    basis: str
+    times: np.ndarray
+    weights: np.ndarray
+    residual_norm: np.ndarray
+    law_residual_norm: np.ndarray
+    P: np.ndarray
+    K: np.ndarray
+    excitation: Excitation
+    settling_time: float
+    certificates: tuple[Certificate, ...]
+    status: str
+    settings: dict[str, Any]
+    seed: int
+    diagnostics: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every certificate holds."""
+        return self.status == "converged"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain JSON values; a number that is not finite becomes None."""
+        return _plain(
+            {
+                "schema": SCHEMA,
+                **{name: getattr(self, name) for name in (*_TEXTS, *_ARRAYS, *_NUMBERS)},
+                "excitation": asdict(self.excitation),
+                "certificates": [{**asdict(row), "ok": row.ok} for row in self.certificates],
+                "settings": self.settings,
+                "diagnostics": self.diagnostics,
+            }
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to a .npz file; the file appears whole or not at all."""
+        header = {name: getattr(self, name) for name in (*_TEXTS, *_NUMBERS, "settings", "diagnostics")}
+        header |= {
+            "schema": SCHEMA,
+            "excitation": asdict(self.excitation),
+            "certificates": [asdict(row) for row in self.certificates],
+        }
+        save_npz(path, {name: getattr(self, name) for name in _ARRAYS} | {"header": np.array(json.dumps(header))})
+
+    @classmethod
+    def load(cls, path: str | Path) -> LearningResult:
+        """Read what `save` wrote; the arrays come back bit by bit. Raises BadInputError for another file."""
+        data = load_npz(path)
+        try:
+            header = json.loads(str(data["header"]))
+            if header.pop("schema") != SCHEMA:
+                raise KeyError("schema")
+            arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS}
+            return cls(
+                **arrays,
+                excitation=Excitation(**header.pop("excitation")),
+                certificates=tuple(Certificate(**row) for row in header.pop("certificates")),
+                **header,
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise BadInputError(f"{path} is not a learning result of this version ({SCHEMA})") from error
+
+
+_ARRAYS = ("times", "weights", "residual_norm", "law_residual_norm", "P", "K")
+_TEXTS = ("law", "basis", "status")
+_NUMBERS = ("settling_time", "seed")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

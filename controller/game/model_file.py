@@ -1,0 +1,184 @@
+"""A user's plant and a user's critic, read from .json, .npz or .mat files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.published import published_data
+from hfa_model.support.errors import BadInputError
+
+MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
+#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
+LARGEST_CRITIC_ENTRY = 1e50
+
+
+class StoredCritic(NamedTuple):
+    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m, n); not all None."""
+
+    W: np.ndarray | None
+    P: np.ndarray | None
+    K: np.ndarray | None
+
+
+def load_game(
+    path: str | Path,
+    *,
+    Q: np.ndarray | None = None,
+    R: np.ndarray | None = None,
+    delta: float | None = None,
+) -> Game:
+    """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
+
+    An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
+    fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7).
+    Raises BadInputError, one line that names the file.
+    """
+    stored = _read(Path(path))
+    given = {key: stored[key] for key in MODEL_KEYS if key in stored}
+    given |= {key: value for key, value in (("Q", Q), ("R", R), ("delta", delta)) if value is not None}
+    for key in ("A", "B"):
+        if key not in given:
+            raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{_present(stored)}")
+    shape_A, shape_B = _shape(path, "A", given["A"]), _shape(path, "B", given["B"])
+    settings = published_data()["game"]
+    given.setdefault("E", np.eye(shape_A[0]))
+    for key, size, of in (("Q", shape_A[0], "states"), ("R", shape_B[1], "inputs")):
+        diagonal = settings[f"{key}_diag"]
+        if key not in given and size != len(diagonal):
+            raise BadInputError(
+                f"{path}: the model has {size} {of} and the {key} of the paper is for {len(diagonal)}; "
+                f"give {key} in the file or as an argument"
+            )
+        given.setdefault(key, np.diag(diagonal).astype(float))
+    given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
+    try:
+        return Game(**given)
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+
+
+def load_critic(path: str | Path) -> StoredCritic:
+    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line."""
+    stored = _read(Path(path))
+    if not any(key in stored for key in StoredCritic._fields):
+        raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
+    return StoredCritic(
+        **{key: _part(path, key, stored[key]) if key in stored else None for key in StoredCritic._fields}
+    )
+
+
+def _part(path: str | Path, key: str, value: Any) -> np.ndarray:
+    values = _numbers(path, key, value)
+    if key == "W":
+        if max(values.shape, default=1) != values.size:
+            raise BadInputError(f"{path}: W has shape {values.shape}; weights are one row or one column")
+        values = values.reshape(-1)
+    elif values.ndim != 2:
+        raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
+    if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
+        raise BadInputError(
+            f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed {LARGEST_CRITIC_ENTRY:g}"
+        )
+    values.setflags(write=False)
+    return values
+
+
+def parse_diagonal(name: str, text: str) -> np.ndarray:
+    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given on the command line.
+
+    Raises BadInputError when an entry is not a number.
+    """
+    entries = []
+    for position, entry in enumerate(text.split(","), start=1):
+        try:
+            entries.append(float(entry))
+        except ValueError as error:
+            raise BadInputError(
+                f"{name}: entry {position} is {entry.strip()!r}; give the diagonal as numbers, as in 1,0.5,2"
+            ) from error
+    return np.diag(entries)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
+        raise BadInputError(f"{path}: the suffix {path.suffix!r} is not known; use {', '.join(_READERS)}")
+    if not path.is_file():
+        raise BadInputError(f"{path}: there is no such file")
+    try:
+        return _READERS[suffix](path)
+    except NotImplementedError as error:  # SciPy's answer to the HDF5 format
+        raise BadInputError(f"{path}: MATLAB 7.3 files cannot be read; save with the option -v7") from error
+    except Exception as error:  # a damaged file makes the readers raise nearly anything
+        raise BadInputError(f"{path}: cannot be read as {suffix} ({_first_line(error)})") from error
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(content, dict):
+        raise ValueError("it must be an object with keys such as A and B")
+    return content
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        return {key: archive[key] for key in archive.files}
+
+
+def _read_mat(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+    from scipy.sparse import issparse
+
+    with path.open("rb") as file:
+        content = loadmat(file)
+    return {
+        key: value.toarray() if issparse(value) else value for key, value in content.items() if not key.startswith("__")
+    }
+
+
+_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {".json": _read_json, ".npz": _read_npz, ".mat": _read_mat}
+
+
+def _numbers(path: str | Path, name: str, value: Any) -> np.ndarray:
+    try:
+        array = np.array(value)
+    except ValueError as error:
+        raise BadInputError(f"{path}: {name} has rows that differ in length") from error
+    if array.dtype.kind not in "iuf":
+        raise BadInputError(f"{path}: {name} does not consist of real numbers")
+    if array.size == 0 or not np.all(np.isfinite(array)):
+        raise BadInputError(f"{path}: {name} is empty or has entries that are not finite")
+    return array.astype(float)
+
+
+def _shape(path: str | Path, name: str, value: Any) -> tuple[int, ...]:
+    try:
+        shape = np.shape(value)
+    except ValueError as error:
+        raise BadInputError(f"{path}: {name} has rows that differ in length") from error
+    if len(shape) != 2:
+        raise BadInputError(f"{path}: {name} has {len(shape)} dimension(s); it must be a matrix")
+    return shape
+
+
+def _scalar(path: str | Path, name: str, value: Any) -> float:
+    """One number, also from the 1 x 1 matrix as which MATLAB stores it; infinity is allowed."""
+    array = np.array(value)
+    if array.size != 1 or array.dtype.kind not in "iuf":
+        raise BadInputError(f"{path}: {name} must be one number")
+    return float(array.reshape(-1)[0])
+
+
+def _present(stored: dict[str, Any]) -> str:
+    return f" (found: {', '.join(sorted(stored))})" if stored else " (the file is empty)"
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).splitlines()
+    return lines[0] if lines else type(error).__name__

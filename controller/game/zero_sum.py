@@ -1,0 +1,163 @@
+"""The zero-sum game on a linear model: who pays what, and the policies that a value gradient implies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfa_model.published import published_data
+from hfa_model.support.errors import BadInputError
+
+#: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in a model.
+LARGEST = 1e100
+
+
+@dataclass(frozen=True, eq=False)
+class Game:
+    """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq. 15-16).
+
+    A: (n, n), B: (n, m), E: (n, k) disturbance matrix (the paper's is the identity), Q: (n, n) symmetric
+    positive semidefinite, R: (m, m) symmetric positive definite, delta > 0 (may be inf: no disturbance, LQR).
+    Raises BadInputError when a shape, a sign or a number is wrong.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+    delta: float
+
+    def __post_init__(self) -> None:
+        """Check everything once, so that no solver has to."""
+        for name in ("A", "B", "E", "Q", "R"):
+            matrix = _matrix(name, getattr(self, name))
+            object.__setattr__(self, name, matrix)
+        n, m = self.A.shape[0], self.B.shape[1]
+        if n == 0 or m == 0:
+            raise BadInputError(f"A is {_shape(self.A)} and B is {_shape(self.B)}; a game needs a state and an input")
+        if self.A.shape != (n, n):
+            raise BadInputError(f"A is {_shape(self.A)}; it must be square")
+        for name, shape in (("B", (n, m)), ("E", (n, self.E.shape[1])), ("Q", (n, n)), ("R", (m, m))):
+            matrix = getattr(self, name)
+            if matrix.shape != shape:
+                raise BadInputError(f"{name} is {_shape(matrix)}; with this A and B it must be {shape[0]} x {shape[1]}")
+        _check_definite("Q", self.Q, strictly=False)
+        _check_definite("R", self.R, strictly=True)
+        if not (isinstance(self.delta, (int, float, np.floating)) and self.delta > 0):
+            raise BadInputError(f"delta is {self.delta}; it must be a positive number")
+        if self.delta != np.inf and self.delta > LARGEST**0.5:
+            raise BadInputError(
+                f"delta is {self.delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
+            )
+        if self.delta**2 < 1.0 / LARGEST:
+            raise BadInputError(f"delta is {self.delta}; 1/delta^2 must not exceed {LARGEST:g}")
+        object.__setattr__(self, "delta", float(self.delta))
+
+    @cached_property
+    def R_inverse_B_transposed(self) -> np.ndarray:
+        """R⁻¹ B', (m, n)."""
+        return np.linalg.solve(self.R, self.B.T)
+
+    @cached_property
+    def S_control(self) -> np.ndarray:
+        """B R⁻¹ B', (n, n): what the control can do."""
+        return self.B @ self.R_inverse_B_transposed
+
+    @cached_property
+    def S_disturbance(self) -> np.ndarray:
+        """E E', (n, n): what the disturbance can do, before it is divided by δ²."""
+        return self.E @ self.E.T
+
+    @cached_property
+    def S(self) -> np.ndarray:
+        """S = B R⁻¹ B' - δ⁻² E E', (n, n): the quadratic term of the Riccati equation."""
+        return self.S_control - self.S_disturbance / self.delta**2
+
+    def gain(self, P: np.ndarray) -> np.ndarray:
+        """K = R⁻¹ B' P, (m, n): the control policy of the value z'Pz is u = -K z."""
+        return self.R_inverse_B_transposed @ P
+
+    def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
+        """L = δ⁻² E' P, (k, n): the worst disturbance for the value z'Pz is d = L z."""
+        return self.E.T @ P / self.delta**2
+
+    def residual(self, P: np.ndarray) -> np.ndarray:
+        """A'P + P A + Q - P S P, (n, n): zero at a solution of the game Riccati equation."""
+        return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
+
+    def with_delta(self, delta: float) -> Game:
+        """The same game at another disturbance weight."""
+        return replace(self, delta=delta)
+
+
+def published_game(A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
+    """The game of paper Section 5.1 on (A, B): its Q, R, delta and E = I; `changes` replaces any of them.
+
+    With a model of another size than the paper's six states and five inputs, Q and R must be given.
+    """
+    settings = published_data()["game"]
+    A = _matrix("A", A)
+    defaults = {
+        "E": np.eye(len(A)),
+        "Q": np.diag(settings["Q_diag"]).astype(float),
+        "R": np.diag(settings["R_diag"]).astype(float),
+        "delta": settings["delta"],
+    }
+    return Game(A=A, B=B, **(defaults | changes))
+
+
+def _matrix(name: str, value: Any) -> np.ndarray:
+    try:
+        matrix = np.array(value)
+    except ValueError as error:
+        raise BadInputError(f"{name} is not a matrix of real numbers: its rows differ in length") from error
+    if matrix.dtype.kind not in "iuf":  # NumPy would turn text into numbers and drop imaginary parts
+        raise BadInputError(f"{name} is not a matrix of real numbers")
+    matrix = matrix.astype(float)
+    if matrix.ndim != 2:
+        raise BadInputError(f"{name} has {matrix.ndim} dimension(s); it must be a matrix")
+    if not np.all(np.isfinite(matrix)):
+        row, column = np.argwhere(~np.isfinite(matrix))[0]
+        raise BadInputError(f"{name}[{row}][{column}] is {matrix[row, column]}; every entry must be finite")
+    if np.abs(matrix).max(initial=0.0) > LARGEST:
+        raise BadInputError(f"{name} has an entry of {np.abs(matrix).max():g}; entries must not exceed {LARGEST:g}")
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
+    scale = np.abs(matrix).max(initial=0.0)
+    if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
+        raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if strictly and not _is_definite(matrix):
+        rounding = " but for rounding" if smallest > 0.0 else ""
+        raise BadInputError(
+            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every eigenvalue "
+            "positive"
+        )
+    if not strictly and smallest < -1e-12 * scale:
+        raise BadInputError(
+            f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
+        )
+
+
+def _is_definite(matrix: np.ndarray) -> bool:
+    """Whether a symmetric matrix is positive definite by more than rounding.
+
+    Judged in units in which its diagonal is 1: weights of very different size alone do not make it singular.
+    """
+    diagonal = np.diag(matrix)
+    if diagonal.min() < 1.0 / LARGEST:
+        return False
+    scales = np.sqrt(diagonal)
+    smallest = np.linalg.eigvalsh(matrix / scales / scales[:, None])[0]
+    return bool(smallest > 10 * len(matrix) * np.finfo(float).eps)
+
+
+def _shape(matrix: np.ndarray) -> str:
+    return " x ".join(str(size) for size in matrix.shape)

@@ -1,0 +1,1 @@
+"""The learning laws and the runner that ticks them."""

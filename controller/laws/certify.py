@@ -1,0 +1,141 @@
+"""The certificates of a learned value, computed from the game itself, and the result that carries them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from controller.game.learning_result import Certificate, Excitation, LearningResult
+from controller.game.zero_sum import Game
+from controller.laws import refinement
+from controller.samples.stack_equations import StackEquations, control_root
+
+#: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.
+RESIDUAL_LIMIT = 1e-9
+#: Largest next Newton correction of P over |P|: to first order the relative error of P.
+CORRECTION_LIMIT = 1e-9
+#: Eigenvalues of Q below this fraction of the largest are rounding, and Q is singular.
+SIGNLESS = 1e-12
+#: Least eigenvalue of P over its largest where Q is singular.
+INDEFINITENESS = -1e-10
+#: Largest weight beyond the quadratic ones over the largest quadratic one, in scaled coordinates.
+BEYOND_LIMIT = 1e-9
+
+
+def conclude(
+    law: str,
+    game: Game,
+    equations: StackEquations,
+    history: Mapping[str, np.ndarray],
+    richness: Excitation,
+    settings: dict[str, Any],
+    seed: int,
+    diagnostics: dict[str, float],
+) -> LearningResult:
+    """The result of a finished run: P and K of its last weights, with their certificates and status."""
+    weights = history["weights"][-1]
+    P = equations.basis.matrix(weights)
+    with np.errstate(over="ignore", invalid="ignore"):  # a value that overflows fails its certificates
+        rows = certificates(game, equations, weights, richness)
+    failed = [str(row) for row in rows if not row.ok]
+    return LearningResult(
+        law=law,
+        basis=equations.basis.name,
+        times=history["time"],
+        weights=history["weights"],
+        residual_norm=history["residual_norm"],
+        law_residual_norm=history["law_residual_norm"],
+        P=P,
+        K=game.gain(P),
+        excitation=richness,
+        settling_time=settling_time(history["time"], history["settling_residual"]),
+        certificates=rows,
+        status="converged" if not failed else f"failed: {'; '.join(failed)}",
+        settings=settings,
+        seed=seed,
+        diagnostics=diagnostics,
+    )
+
+
+def certificates(
+    game: Game, equations: StackEquations, weights: np.ndarray, richness: Excitation
+) -> tuple[Certificate, ...]:
+    """The checks of a learned value W'ψ(z), weights (M,) in the model's units.
+
+    A - S P Hurwitz is what singles out the one root of the Riccati equation that is the value of the game: a
+    small residual alone does not, and neither does one on a stack of rank below M.
+    """
+    scales = equations.scales
+    P = equations.basis.matrix(weights)
+    rows = [
+        Certificate("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
+        Certificate("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
+        positivity(game, P, scales),
+        Certificate("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
+        Certificate("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
+        Certificate("rank of the stack", float(richness.rank), ">=", float(richness.size)),
+        Certificate("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
+    ]
+    if equations.basis.size > equations.basis.quadratic_size:
+        magnitudes = np.abs(equations.scaled(weights))
+        quadratic = equations.basis.quadratic_size
+        beyond = float(magnitudes[quadratic:].max() / magnitudes[:quadratic].max())
+        rows.append(Certificate("largest weight beyond the quadratic ones", beyond, "<=", BEYOND_LIMIT))
+    return tuple(rows)
+
+
+def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> Certificate:
+    """Smallest eigenvalue of P over the largest in coordinates z / scales: P > 0, or P >= 0 where Q is singular.
+
+    With Q > 0 the value is positive definite. Otherwise states that cost nothing may have the value 0, which
+    rounding makes negative. Whether Q is singular must not hang on rounding either.
+    """
+    outer = np.outer(scales, scales)
+    of_Q, of_P = np.linalg.eigvalsh(game.Q * outer), np.linalg.eigvalsh(P * outer)
+    smallest = float(of_P[0] / np.abs(of_P).max()) if np.any(P) else 0.0
+    name = "smallest eigenvalue of scaled P over the largest"
+    if of_Q[0] > SIGNLESS * of_Q[-1]:
+        return Certificate(name, smallest, ">", 0.0)
+    return Certificate(name, smallest, ">=", INDEFINITENESS)
+
+
+def abscissa(matrix: np.ndarray) -> float:
+    """Largest real part of the eigenvalues, 1/s."""
+    return float(np.linalg.eigvals(matrix).real.max())
+
+
+def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
+    """|A'P + PA + Q - PSP| / (2 |A'P| + |Q| + |PSP|) in coordinates z / scales, Frobenius norms."""
+    outer = np.outer(scales, scales)
+    terms = (2.0 * game.A.T @ P, game.Q, P @ game.S @ P)
+    total = sum(float(np.linalg.norm(term * outer)) for term in terms)
+    return float(np.linalg.norm(refinement.riccati_residual(*_scaled(game, scales), P * outer))) / total
+
+
+def newton_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
+    """|N| / |P| with (A - S P)'N + N (A - S P) = A'P + PA + Q - PSP, Frobenius norms; inf when singular.
+
+    Solved in coordinates z / scales.
+    """
+    outer = np.outer(scales, scales)
+    try:
+        correction = refinement.newton_correction(*_scaled(game, scales), P * outer) / outer
+    except np.linalg.LinAlgError:
+        return np.inf
+    return float(np.linalg.norm(correction) / np.linalg.norm(P)) if np.any(P) else np.inf
+
+
+def _scaled(game: Game, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, the roots of both parts of S, and Q in coordinates z / scales."""
+    rows = scales[:, None]
+    return game.A * scales / rows, control_root(game) / rows, game.E / game.delta / rows, game.Q * rows * scales
+
+
+def settling_time(times: np.ndarray, residual: np.ndarray) -> float:
+    """The first time from which the residual stays at or below RESIDUAL_LIMIT, s; inf when it does not."""
+    above = np.flatnonzero(~(residual <= RESIDUAL_LIMIT))
+    if len(above) == 0:
+        return float(times[0])
+    return float(times[above[-1] + 1]) if above[-1] + 1 < len(times) else np.inf

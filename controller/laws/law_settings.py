@@ -1,0 +1,75 @@
+"""Checks that the settings of all laws share, and what marks a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.zero_sum import Game
+from controller.samples.recording import Stack
+from hfa_model.support.errors import BadInputError
+
+#: Weights beyond this overflow when they are squared twice.
+LARGEST_WEIGHT = 1e60
+#: More recorded samples than this fill the memory, and add nothing.
+MOST_SAMPLES = 100_000
+
+
+def positive(name: str, value: float) -> None:
+    """Raise BadInputError unless the setting is a finite number above 0."""
+    if not (_is_number(value) and np.isfinite(value) and value > 0.0):
+        raise BadInputError(f"{name} is {value}; it must be a positive number")
+
+
+def counting(name: str, value: int, most: int | None = None) -> None:
+    """Raise BadInputError unless the setting is a whole number of at least 1, and of at most `most`."""
+    if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 1):
+        raise BadInputError(f"{name} is {value}; it must be a whole number of at least 1")
+    if most is not None and value > most:
+        raise BadInputError(f"{name} is {value}; it must not exceed {most}")
+
+
+def inside_unit_interval(name: str, value: float) -> None:
+    """Raise BadInputError unless 0 < value < 1."""
+    if not (_is_number(value) and 0.0 < value < 1.0):
+        raise BadInputError(f"{name} is {value}; it must lie between 0 and 1, both excluded")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def one_of(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """Raise BadInputError unless the setting is one of the choices."""
+    if value not in choices:
+        raise BadInputError(f"{name} is '{value}'; choose one of: {', '.join(choices)}")
+
+
+def initial_weights(value: Any, basis: Basis) -> np.ndarray:
+    """W(0), (M,): a number stands for all weights. Raises BadInputError for another size or too large an entry."""
+    weights = np.asarray(value, dtype=float)
+    if weights.ndim == 0:
+        weights = np.full(basis.size, float(weights))
+    if weights.shape != (basis.size,):
+        raise BadInputError(f"initial weights are {weights.shape}; basis '{basis.name}' has {basis.size} weights")
+    usable = np.abs(weights) <= LARGEST_WEIGHT
+    if not np.all(usable):
+        worst = int(np.argmin(usable))
+        raise BadInputError(f"initial weight {worst} is {weights[worst]}; it must not exceed {LARGEST_WEIGHT:g}")
+    return weights
+
+
+def fingerprint(law: str, game: Game, stack: Stack, settings: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Everything that decides the outcome of a run, by name."""
+    matrices = {name: getattr(game, name) for name in ("A", "B", "E", "Q", "R", "delta")}
+    return {
+        "law": law,
+        "seed": seed,
+        "states": stack.states,
+        "drifts": stack.drifts,
+        **{f"game.{name}": value for name, value in matrices.items()},
+        **{f"settings.{name}": value for name, value in settings.items()},
+    }

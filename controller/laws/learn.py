@@ -1,0 +1,75 @@
+"""One entry to all learning laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game
+from controller.laws.certified import CertifiedSettings, certified_law
+from controller.laws.integral_rl import IrlSettings, integral_learning
+from controller.laws.published_law import PublishedSettings, published_law
+from controller.laws.run import Progress, run
+from controller.samples.recording import Stack
+from hfa_model.support.errors import BadInputError
+
+
+@dataclass(frozen=True)
+class Law:
+    """settings: the dataclass of its options. build: (game, settings, seed, pool) -> the process to run."""
+
+    summary: str
+    settings: Callable[..., Any]
+    build: Callable[[Game, Any, int, Stack | None], Any]
+
+
+def _irl(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None) -> Any:
+    if pool is not None:
+        raise BadInputError("law 'irl' flies its own data; give no recorded pool")
+    return integral_learning(game, chosen, seed)
+
+
+LAWS: dict[str, Law] = {
+    "certified": Law("two stages to the exact game solution in predefined time", CertifiedSettings, certified_law),
+    "published": Law("the paper's update law, Eq. (46), as printed", PublishedSettings, published_law),
+    "irl": Law("off-policy integral reinforcement learning, the paper's baseline", IrlSettings, _irl),
+}
+
+
+def learn(
+    game: Game,
+    law: str = "certified",
+    seed: int = 0,
+    *,
+    pool: Stack | None = None,
+    progress: Progress | None = None,
+    save_state: str | Path | None = None,
+    resume: str | Path | None = None,
+    **options: Any,
+) -> LearningResult:
+    """Learn the value z'Pz and the gain K of a game with one of `LAWS`.
+
+    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: fields of the
+    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress, save_state, resume: see
+    `run.run`; a resumed run returns the same bits as an uninterrupted one.
+
+    The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises
+    BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError
+    when the law cannot reach its end: no game value at this delta, (A, B) not stabilizable, overflow.
+    """
+    if law not in LAWS:
+        raise BadInputError(f"unknown law '{law}'; choose one of: {', '.join(LAWS)}")
+    known = [field.name for field in fields(LAWS[law].settings)]  # type: ignore[arg-type]
+    for name in options:
+        if name not in known:
+            raise BadInputError(f"law '{law}' has no setting '{name}'; choose from: {', '.join(known)}")
+    if not game.Q.any():
+        raise BadInputError("Q is zero: every law measures its residual against z'Qz; give some state a cost")
+    if not isinstance(pool, Stack | None):
+        raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
+    process = LAWS[law].build(game, LAWS[law].settings(**options), seed, pool)
+    result: LearningResult = process.conclude(run(process, progress=progress, save_state=save_state, resume=resume))
+    return result

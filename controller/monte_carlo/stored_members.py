@@ -1,0 +1,81 @@
+"""Monte Carlo of closed-loop flights: members in chunks, on workers, into a store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.monte_carlo.member_flight import fly_member
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from hfa_model.support.store import Array, Layout, Store
+from hfa_model.support.stream import stream
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+
+SCHEMA = "hfa.monte-carlo-store/1"
+#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
+CHUNK_STEPS = 1_000_000
+
+_NAN = float("nan")
+
+
+def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """Members start .. stop - 1, stacked: their `Summary` and the factors drawn. What a worker runs."""
+    flown = [fly_member(plan, member) for member in range(start, stop)]
+    summaries = [summary._asdict() for _, summary in flown]
+    return {"factors": np.array([draws.factors for draws, _ in flown])} | {
+        name: np.array([summary[name] for summary in summaries]) for name in summaries[0]
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarloJob:
+    """A plan as a job of `stream`."""
+
+    plan: MonteCarlo
+
+    @cached_property
+    def layout(self) -> Layout:
+        """One row a member: the fields of `Summary` and the factors drawn."""
+        plan = self.plan
+        arrays = {
+            "factors": Array((len(plan.uncertainty.errors),), "float64", _NAN),
+            "left": Array((), "int8", -1),
+            "flown": Array((), "float64", _NAN),
+            "rms_error": Array((len(LINEAR_STATES),), "float64", _NAN),
+            "peak_error": Array((len(LINEAR_STATES),), "float64", _NAN),
+            "effort": Array((len(INPUTS),), "float64", _NAN),
+            "final": Array((len(STATES),), "float64", _NAN),
+            "memory": Array((len(plan.law.memory),), "float64", _NAN),
+        }
+        attributes = {
+            "errors": list(plan.uncertainty.errors),
+            "left": list(STATES),
+            "error_states": list(LINEAR_STATES),
+            "error_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
+            "states": list(STATES),
+            "state_units": list(STATE_UNITS),
+            "inputs": list(INPUTS),
+            "input_units": list(INPUT_UNITS),
+        }
+        steps = plan.course.ticks * plan.course.steps_per_tick
+        chunk = -(-CHUNK_STEPS // steps)
+        return Layout(SCHEMA, "Monte Carlo", plan.members, chunk, plan.to_dict(), plan.identity, arrays, attributes)
+
+    @property
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """What workers run."""
+        return fly_members
+
+    def task(self, start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        """The plan and the numbers of the members."""
+        return self.plan, start, stop
+
+
+def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
+    """Every member of the plan in the store at `path`; options of `hfa_model.support.stream.stream`."""
+    return stream(MonteCarloJob(plan), path, **options)

@@ -1,0 +1,126 @@
+"""The aircraft with its parameters as an input of the loop: compiled once, flown with any of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from controller.flight.plants import Equations, NonlinearPlant, Plant, spread
+from hfa_model.dynamics import rates
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUTS, STATES, Input, State
+from trim.point.operating_point import OperatingPoint
+
+_N, _M = len(STATES), len(INPUTS)
+
+
+class UncertainPlant(Protocol):
+    """A plant about a trim of the nominal aircraft, whose own parameters come as numbers later."""
+
+    @property
+    def constants_size(self) -> int:
+        """Length of what the parameters come down to in the loop."""
+
+    def constants(self, parameters: np.ndarray) -> np.ndarray:
+        """(constants_size,) for parameters (18,) in the order of `Parameters`."""
+
+    def plant(self, constants: Any) -> Plant:
+        """The plant for symbols (constants_size,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainAircraft:
+    """X' = f(X0 + x, U0 + u, w; θ) + d: `NonlinearPlant` with the parameters θ as an input."""
+
+    variant: Variant
+    point: OperatingPoint
+
+    @property
+    def constants_size(self) -> int:
+        """The parameters themselves."""
+        return len(Parameters._fields)
+
+    def constants(self, parameters: np.ndarray) -> np.ndarray:
+        """The parameters themselves, (18,)."""
+        return parameters
+
+    def plant(self, constants: Any) -> Plant:
+        """The nonlinear aircraft of these parameters."""
+        return NonlinearPlant(Equations(Parameters(*ca.vertsplit(constants)), self.variant), self.point)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainLinearization:
+    """x' = f0(θ) + A(θ) x + B(θ) u + b(θ) w + d: what `UncertainAircraft` is to first order in x, u and w.
+
+    f0, A, B, b: f and its exact derivatives at the nominal trim (X0, U0, 0). f0 is not zero where θ is not nominal:
+    the trim of the design is not the trim of the aircraft.
+    """
+
+    variant: Variant
+    point: OperatingPoint
+
+    @property
+    def constants_size(self) -> int:
+        """f0 (7), A (7, 7), B (7, 5), b (7), column by column."""
+        return _N * (1 + _N + _M + 1)
+
+    def constants(self, parameters: np.ndarray) -> np.ndarray:
+        """[f0, A, B, b] of these parameters, (98,)."""
+        at = self.point
+        flat = _expansion(self.variant)(np.array(at.states), np.array(at.inputs), parameters)
+        return np.array(flat).ravel(order="F")
+
+    def plant(self, constants: Any) -> Plant:
+        """The affine plant of these numbers."""
+        return _AffinePlant(ca.reshape(constants, _N, 1 + _N + _M + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class _AffinePlant:
+    """matrix: [f0, A, B, b], (7, 14)."""
+
+    matrix: Any
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return STATES
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+        return ca.mtimes(self.matrix, ca.vertcat(1.0, x, u, updraft)) + ca.mtimes(ca.DM(spread()), d)
+
+    def seen(self, x: Any) -> Any:
+        return ca.mtimes(ca.DM(spread().T), x)
+
+
+#: Kind of plant -> its class.
+PLANTS: dict[str, type[UncertainAircraft] | type[UncertainLinearization]] = {
+    "nonlinear": UncertainAircraft,
+    "linear": UncertainLinearization,
+}
+
+
+def uncertain_plant(kind: str, variant: Variant, point: OperatingPoint) -> UncertainPlant:
+    """The plant of one of `PLANTS`. Raises BadInputError for another name."""
+    if kind not in PLANTS:
+        raise BadInputError(f"unknown plant {kind!r}; choose from {', '.join(PLANTS)}")
+    return PLANTS[kind](variant, point)
+
+
+@lru_cache(maxsize=4)
+def _expansion(variant: Variant) -> ca.Function:
+    """(X0, U0, θ) -> [f0, A, B, b], (7, 14)."""
+    X, U, theta = (ca.SX.sym(name, size) for name, size in (("X", _N), ("U", _M), ("p", len(Parameters._fields))))
+    x, u, w = ca.SX.sym("x", _N), ca.SX.sym("u", _M), ca.SX.sym("w")
+    f = ca.vertcat(
+        *rates(State(*ca.vertsplit(X + x)), Input(*ca.vertsplit(U + u)), Parameters(*ca.vertsplit(theta)), variant, w)
+    )
+    whole = ca.horzcat(f, *(ca.jacobian(f, part) for part in (x, u, w)))
+    zero = ca.substitute(whole, ca.vertcat(x, u, w), ca.DM.zeros(_N + _M + 1))
+    return ca.Function("expansion", [X, U, theta], [ca.densify(zero)])

@@ -1,0 +1,187 @@
+"""The Bellman residual of every recorded sample as a function of the weights, in scaled coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.learning_result import Excitation
+from controller.game.zero_sum import Game
+from controller.samples.recording import Stack, excitation
+
+
+class Problem(NamedTuple):
+    """Which game is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final 1/δ²."""
+
+    discount: float
+    share: float
+
+
+#: The LQ problem without discount, and the game itself.
+LQ, GAME = Problem(0.0, 0.0), Problem(0.0, 1.0)
+
+
+class Residuals(NamedTuple):
+    """regressors: (N_h, M), σ_j. residuals: (N_h,), e_j. size: (N_h,), sum of the magnitudes of e_j's terms."""
+
+    regressors: np.ndarray
+    residuals: np.ndarray
+    size: np.ndarray
+
+    @property
+    def relative(self) -> float:
+        """|e| over the size of the terms that cancel in it."""
+        return float(np.linalg.norm(self.residuals) / np.linalg.norm(self.size))
+
+
+@dataclass(frozen=True, eq=False)
+class StackEquations:
+    """e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j,  σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j),  S_s = S_u - s S_d/δ².
+
+    P is the quadratic part of W: u = -R⁻¹B'P z and d = s δ⁻²E'P z are its extremals, so for a quadratic basis
+    this is the paper's residual (Eq. 32-34) with policies re-evaluated at the stored states, and ∂e_j/∂W = σ_j.
+    With the discount, F_j - β z_j is the drift of A - βI, and β = 0, s = 1 is the game itself.
+
+    All matrices are in the coordinates y = z / scales. control (n, m) and disturbance (n, k): roots of S_u and S_d/δ²,
+    S_u = G G'. Where few inputs hold a large P in check, P S_u P is a small difference of large numbers and
+    |G'P z|² is not. drift_matrix: least-squares fit of F = A z to the stack, used only to test whether a policy
+    stabilizes.
+    """
+
+    basis: Basis
+    scales: np.ndarray
+    states: np.ndarray
+    drifts: np.ndarray
+    gradient: np.ndarray
+    S_control: np.ndarray
+    S_disturbance: np.ndarray
+    control: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+    drift_matrix: np.ndarray
+
+    @classmethod
+    def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
+        """The equations of a stack; from the game only B, E, Q, R and δ are read, never A."""
+        states, drifts = stack.states / scales, stack.drifts / scales
+        outer = np.outer(scales, scales)
+        return cls(
+            basis=basis,
+            scales=scales,
+            states=states,
+            drifts=drifts,
+            gradient=basis.gradient(states),
+            S_control=game.S_control / outer,
+            S_disturbance=game.S_disturbance / game.delta**2 / outer,
+            control=control_root(game) / scales[:, None],
+            disturbance=game.E / game.delta / scales[:, None],
+            Q=game.Q * outer,
+            drift_matrix=Stack(states, drifts).drift_fit(),
+        )
+
+    def excitation(self, weights: np.ndarray) -> Excitation:
+        """Richness of the stack at scaled weights (M,), with the policies of the game."""
+        with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
+            return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
+
+    def S(self, problem: Problem) -> np.ndarray:
+        """S_s = S_u - s S_d/δ², (n, n)."""
+        return self.S_control - problem.share * self.S_disturbance
+
+    def at(self, weights: np.ndarray, problem: Problem) -> Residuals:
+        """Regressors and residuals of all samples at scaled weights (M,)."""
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
+        regressors = self.along(self.drifts - problem.discount * self.states - pushed)
+        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
+        change = regressors @ weights
+        return Residuals(regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost))
+
+    def _policies(self, half_gradient: np.ndarray, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+        """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
+        inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
+        pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
+        return pushed, np.sum(inputs**2, axis=1) - problem.share * np.sum(gusts**2, axis=1)
+
+    def along_step(
+        self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: Problem
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """l and q of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j, (N_h,) each.
+
+        For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j).
+        """
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(step), problem)
+        linear = -found.regressors @ step
+        quadratic = -policy_cost
+        beyond = slice(self.basis.quadratic_size, None)
+        if self.basis.size > self.basis.quadratic_size:
+            change = self.along(pushed)[:, beyond]
+            linear = linear + change @ weights[beyond]
+            quadratic = quadratic - change @ step[beyond]
+        return linear, quadratic
+
+    def along(self, rates: np.ndarray) -> np.ndarray:
+        """∂ψ_j rates_j, (N_h, M)."""
+        product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
+        return product
+
+    def closed_loop_eigenvalues(self, weights: np.ndarray, problem: Problem) -> np.ndarray:
+        """Eigenvalues of A - βI - S_s P with A from the stack, (n,), 1/s."""
+        pushed, _ = self._policies(self.basis.matrix(weights), problem)
+        return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
+
+    def margin(self, weights: np.ndarray, problem: Problem) -> float:
+        """Distance of the closed-loop eigenvalues from the imaginary axis, 1/s; positive when stable."""
+        return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
+
+    def scaled(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the model's coordinates z -> weights of y = z / scales."""
+        return weights * self.basis.scaling(self.scales)
+
+    def unscaled(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of y = z / scales -> weights of the model's coordinates z."""
+        return weights / self.basis.scaling(self.scales)
+
+    def relative_cost_residual(self, weights: np.ndarray) -> float:
+        """|e| / |z'Qz| over the stack at the game itself: the residual norm that all laws report."""
+        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
+        return float(np.linalg.norm(self.game_residuals(weights)[0]) / np.linalg.norm(cost))
+
+    def settling_residual(self, weights: np.ndarray) -> float:
+        """|e| over the size of the terms that cancel in it, in [0, 1]: what tells a settled critic.
+
+        Against z'Qz alone, rounding would never count as settled where Q is small beside the value.
+        """
+        residuals, size = self.game_residuals(weights)
+        return float(np.linalg.norm(residuals) / np.linalg.norm(size))
+
+    def game_residuals(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual of the game's Hamilton-Jacobi-Isaacs equation with all of ∇V = ∂ψ'W, and its size, (N_h,) each.
+
+        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in). Size: the sum of the
+        magnitudes of its terms.
+        """
+        gradient = np.einsum("jmi,m->ji", self.gradient, weights)
+        change = gradient * self.drifts
+        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
+        _, policy_cost = self._policies(0.5 * gradient, GAME)
+        return change.sum(axis=1) + cost - policy_cost, np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
+
+
+def control_root(game: Game) -> np.ndarray:
+    """G with G G' = B R⁻¹B', (n, m)."""
+    root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
+    return root
+
+
+def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
+    """N with σ̄ N = ē in the least-squares sense, (M,): W - N is the full policy-iteration step.
+
+    σ̄ = σ/n, ē = e/n. Solved by QR without dropping singular values: near the edge of stability σ̄ is nearly
+    singular, and the direction that a pseudo-inverse with a tolerance would drop is the one that matters.
+    Raises numpy.linalg.LinAlgError when σ̄ is singular.
+    """
+    orthogonal, triangular = np.linalg.qr(found.regressors / normaliser[:, None])
+    return np.linalg.solve(triangular, orthogonal.T @ (found.residuals / normaliser))

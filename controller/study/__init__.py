@@ -1,0 +1,1 @@
+"""The paper's update law in every setting, run as a study."""

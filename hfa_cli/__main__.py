@@ -1,0 +1,7 @@
+"""`python -m hfa_cli`: the command `hfa` without its script."""
+
+import sys
+
+from hfa_cli.main import main
+
+sys.exit(main())

@@ -1,0 +1,122 @@
+"""The one gate to CasADi Functions: compiles the equations once a variant and checks what passes through.
+
+A CasADi Function broadcasts scalars, takes a row for a column and turns a missing input into zero; here every
+argument is checked for its shape and every result for finiteness.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.aerodynamics import Loads, aircraft_loads
+from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
+from hfa_model.dynamics import rates
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import Variant, variant_named
+from hfa_model.vectors import INPUTS, STATES, Input, State
+
+_AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
+
+
+class CompiledDynamics:
+    """Functions of (x (7,), u (5,), p) for one variant; p is a vector in the order of `Parameters`."""
+
+    def __init__(self, variant: Variant) -> None:
+        self.variant = variant
+        self._x, self._u, self._p = (
+            ca.SX.sym(name, size)
+            for name, size in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
+        )
+        self._state = State(*ca.vertsplit(self._x))
+        self._input = Input(*ca.vertsplit(self._u))
+        self._parameters = Parameters(*ca.vertsplit(self._p))
+        self._rates = ca.vertcat(*rates(self._state, self._input, self._parameters, variant))
+
+    @cached_property
+    def rates(self) -> ca.Function:
+        """(x, u, p) -> dX/dt, (7,)."""
+        return ca.Function("rates", [self._x, self._u, self._p], [self._rates])
+
+    @cached_property
+    def jacobians(self) -> ca.Function:
+        """(x, u, p) -> dX/dt, ∂/∂x (7, 7), ∂/∂u (7, 5), by algorithmic differentiation: exact."""
+        jacobians = [ca.jacobian(self._rates, self._x), ca.jacobian(self._rates, self._u)]
+        return ca.Function("jacobians", [self._x, self._u, self._p], [self._rates, *map(ca.densify, jacobians)])
+
+    @cached_property
+    def loads(self) -> ca.Function:
+        """(x, u, p) -> lift, drag, pitching moment, hinge moment, thrust, then the center's and an outer panel's
+        loads in the order of `PanelLoads`."""
+        loads = aircraft_loads(self._state, self._input, density(self._state.altitude), self._parameters, self.variant)
+        flat = [*(getattr(loads, name) for name in _AIRCRAFT_LOADS), *loads.center, *loads.outer]
+        return ca.Function("loads", [self._x, self._u, self._p], [ca.vertcat(*flat)])
+
+
+@lru_cache(maxsize=8)
+def compiled_dynamics(variant: Variant) -> CompiledDynamics:
+    """The compiled equations of a variant; compiled at the first call."""
+    return CompiledDynamics(variant)
+
+
+class Aircraft:
+    """Parameters and a variant of the equations, bound together: what flies.
+
+    `rates`, `jacobians` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
+    shape is wrong, an entry is not finite or the state lies outside the model.
+    """
+
+    def __init__(self, parameters: Parameters, dynamics: str | Variant = "published") -> None:
+        self.parameters = parameters
+        self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
+        self._functions = compiled_dynamics(self.variant)
+        self._p = np.array(parameters, dtype=float)
+
+    def rates(self, x: Any, u: Any) -> np.ndarray:
+        """dX/dt, (7,)."""
+        return self._finite(self._functions.rates(*self._checked(x, u), self._p), "rates").ravel()
+
+    def jacobians(self, x: Any, u: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """dX/dt (7,), ∂/∂x (7, 7), ∂/∂u (7, 5)."""
+        value, A, B = self._functions.jacobians(*self._checked(x, u), self._p)
+        return self._finite(value, "rates").ravel(), self._finite(A, "∂/∂x"), self._finite(B, "∂/∂u")
+
+    def loads(self, x: Any, u: Any) -> Loads:
+        """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
+        from hfa_model.aerodynamics import PanelLoads
+
+        flat = self._finite(self._functions.loads(*self._checked(x, u), self._p), "loads").ravel().tolist()
+        first, second = len(_AIRCRAFT_LOADS), len(_AIRCRAFT_LOADS) + len(PanelLoads._fields)
+        totals = dict(zip(_AIRCRAFT_LOADS, flat[:first], strict=True))
+        return Loads(**totals, center=PanelLoads(*flat[first:second]), outer=PanelLoads(*flat[second:]))
+
+    def _checked(self, x: Any, u: Any) -> tuple[np.ndarray, np.ndarray]:
+        state, control = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
+            if vector.shape != (len(names),):
+                raise BadInputError(f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}")
+            if not np.isfinite(vector).all():
+                name = names[int(np.argmin(np.isfinite(vector)))]
+                raise BadInputError(f"{kind} {name} is not finite; give a number")
+        check_in_range(State(*state.tolist()))
+        return state, control
+
+    def _finite(self, value: Any, what: str) -> np.ndarray:
+        array = np.array(value)
+        if not np.isfinite(array).all():
+            raise FloatingPointError(f"{what} of the {self.variant.name} dynamics are not finite")
+        return array
+
+
+def check_in_range(x: State) -> None:
+    """BadInputError when a state lies where the equations mean nothing."""
+    if x.speed <= 0.0:
+        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
+    if not 0.0 <= x.altitude <= HIGHEST_ALTITUDE:
+        raise BadInputError(f"altitude is {x.altitude:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
+    if not abs(x.dihedral) < np.pi / 2:
+        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must lie within -90 and 90 deg")

@@ -1,0 +1,1 @@
+"""What every room leans on: errors, files, tables, checks, workers and stores."""

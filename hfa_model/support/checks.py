@@ -1,0 +1,55 @@
+"""One judged number: what was measured, what it may be, and what it means when it is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from hfa_model.support.text import columns
+
+
+class Check(NamedTuple):
+    """A named number with the limit it was held against; `reason` is empty when `ok`."""
+
+    name: str
+    value: float
+    limit: float
+    ok: bool
+    reason: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; a number that is not finite becomes None."""
+        return self._asdict() | {"value": finite_or_none(self.value), "limit": finite_or_none(self.limit)}
+
+
+def at_most(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value <= limit; a value that is not a number fails."""
+    return _judged(name, value, limit, bool(value <= limit), reason)
+
+
+def at_least(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value >= limit; a value that is not a number fails."""
+    return _judged(name, value, limit, bool(value >= limit), reason)
+
+
+def below(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value < limit, strictly; a value that is not a number fails."""
+    return _judged(name, value, limit, bool(value < limit), reason)
+
+
+def finite_or_none(value: float) -> float | None:
+    """JSON has no infinity: None stands for a number that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def checks_text(checks: Iterable[Check]) -> str:
+    """One row a check, then the reason of each that failed."""
+    found = tuple(checks)
+    rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", "pass" if check.ok else "FAIL") for check in found]
+    reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
+    return "\n".join([columns(("check", "value", "limit", "verdict"), rows), *reasons])
+
+
+def _judged(name: str, value: float, limit: float, ok: bool, reason: str) -> Check:
+    return Check(name, float(value), float(limit), ok, "" if ok else reason)

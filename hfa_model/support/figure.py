@@ -1,0 +1,41 @@
+"""Pictures: an empty figure drawn without a display, and files that are the same for the same data."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfa_model.support.files import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as PNG, the same bytes for the same data."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=130, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as .png or .svg, whole or not at all."""
+    from matplotlib import rc_context
+
+    kind = path.suffix[1:].lower()
+    # The same result shall be the same file: no date, no random identifiers.
+    unstamped = {"Date": None} if kind == "svg" else {"Software": None}
+    settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": unstamped}
+    with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
+        figure.savefig(stream, **settings)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of that size in inches, drawn without a display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure

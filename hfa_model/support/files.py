@@ -1,0 +1,66 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
+    """A binary stream whose content becomes `path` when the block ends without an error; else nothing remains.
+
+    Writes to a temporary file beside the target, then renames. BadInputError when the folder does not exist
+    or cannot be written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise BadInputError(f"cannot write {target}: it is a folder; name a file")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:
+        raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result is an ordinary one
+        os.replace(temporary, target)
+    finally:
+        Path(temporary).unlink(missing_ok=True)  # gone already where it became the target
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a UTF-8 text file whole or not at all."""
+    with written_whole(path) as stream:
+        stream.write(text.encode("utf-8"))
+
+
+def save_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays to a .npz file through a temporary file beside it and a rename.
+
+    Raises BadInputError when the folder does not exist or cannot be written.
+    """
+    with written_whole(path) as stream:
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
+
+
+def load_npz(path: str | Path) -> dict[str, np.ndarray]:
+    """Read every array of a .npz file. Raises BadInputError when it is missing or not such a file."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return dict(data.items())
+    except FileNotFoundError as error:
+        raise BadInputError(f"no file {path}") from error
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError, AttributeError, TypeError) as error:
+        raise BadInputError(f"{path} is not a readable .npz file") from error

@@ -1,0 +1,268 @@
+"""What `hfa` answers: text for people, JSON for scripts, and the exit codes of its checks."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import Terminal, hfa
+
+from hfa_cli.main import COMMANDS, DONE, FAILED
+from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters, save_parameters
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.point.condition import BALANCED
+
+LINEAR_MODEL_KEYS = {
+    *("schema", "dihedral_deg", "dynamics", "operating_point", "states", "inputs", "state_units", "input_units"),
+    *("A", "B", "modes"),
+}
+
+
+def answer(*words: str, code: int = DONE) -> dict[str, Any]:
+    """What `hfa words... --json` prints; it must be one JSON object and nothing else."""
+    result = hfa(*words, "--json")
+    assert result.code == code
+    data = json.loads(result.out, parse_constant=pytest.fail)
+    assert isinstance(data, dict)
+    return data
+
+
+def text(*words: str, code: int = DONE) -> str:
+    """What `hfa words...` prints for a person: no escape codes, nothing on standard error."""
+    result = hfa(*words)
+    assert (result.code, result.err) == (code, "")
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", result.out)
+    assert all(line == line.rstrip() for line in result.out.splitlines())
+    return result.out
+
+
+def test_help_names_every_command_and_every_command_has_help() -> None:
+    overview = text("--help")
+    assert text() == overview
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} +\w", overview, re.M)
+        assert text(command, "--help").startswith(f"usage: hfa {command} ")
+
+
+def test_version() -> None:
+    assert re.fullmatch(r"hfa \d+\.\d+\.\d+\n", text("--version"))
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_trim_text(dynamics: str) -> None:
+    said = text("trim", "--dihedral", "10", "--dynamics", dynamics)
+    assert said.startswith(f"Trim, {dynamics} dynamics: trimmed\n")
+    for name, unit in (STATE_UNITS._asdict() | INPUT_UNITS._asdict()).items():
+        shown = unit.replace("rad", "deg")
+        assert re.search(rf"^{name} +-?\d+\.\d{{5}} +{shown}( |$)", said, re.M), name
+    for name in BALANCED:
+        assert re.search(rf"^rate of {name} +-?\d\.\d\de[-+]\d\d ", said, re.M), name
+    for name in ("lift", "drag", "thrust", "lift/drag", "pitching moment", "hinge moment"):
+        assert re.search(rf"^{name} +-?\d", said, re.M), name
+    assert re.search(r"^input +value +unit +margin$", said, re.M)
+
+
+def test_trim_json() -> None:
+    data = answer("trim", "--dihedral", "10")
+    point = data["operating_point"]
+    assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)
+    assert data["dynamics"] == point["dynamics"] == "published"
+    assert list(point["states"]) == list(point["state_units"]) == list(STATES)
+    assert list(point["inputs"]) == list(point["input_units"]) == list(data["margins"]) == list(INPUTS)
+    assert list(point["residuals"]) == list(data["scaled_residuals"]) == list(BALANCED)
+    assert max(map(abs, data["scaled_residuals"].values())) <= data["balance_limit"] == 1e-10
+    assert (point["states"]["speed"], point["states"]["altitude"]) == (68.0, 40000.0)
+    assert point["states"]["alpha"] == point["states"]["pitch"] == pytest.approx(np.radians(2.8), rel=1e-15)
+
+
+def test_degrees_go_in_and_radians_come_out() -> None:
+    words = ("--dihedral", "10", "--gamma", "-1.5", "--hold", "aileron_center=2", "--limit", "elevator_outer=-25:25")
+    point = answer("trim", *words)["operating_point"]
+    assert point["states"]["dihedral"] == pytest.approx(np.radians(10.0), rel=1e-15)
+    assert point["states"]["pitch"] - point["states"]["alpha"] == pytest.approx(np.radians(-1.5), rel=1e-12)
+    assert point["inputs"]["aileron_center"] == pytest.approx(np.radians(2.0), rel=1e-15)
+    margin = np.radians(25.0) - abs(point["inputs"]["elevator_outer"])
+    assert answer("trim", *words)["margins"]["elevator_outer"] == pytest.approx(margin, rel=1e-12)
+
+
+def test_hold_and_free_change_the_unknowns() -> None:
+    held = answer("trim", "--dihedral", "10", "--free", "alpha", "--hold", "aileron_outer=0")["operating_point"]
+    assert held["inputs"]["aileron_outer"] == 0.0
+    assert held["states"]["alpha"] != pytest.approx(np.radians(2.8), rel=1e-3)
+    glide = answer("trim", "--dihedral", "10", "--free", "gamma", "--hold", "throttle=0")["operating_point"]
+    assert glide["inputs"]["throttle"] == 0.0
+    assert glide["states"]["pitch"] < glide["states"]["alpha"]
+
+
+def test_a_saved_point_starts_the_next_trim(tmp_path: Path) -> None:
+    for command in ("trim", "linearize"):
+        saved = tmp_path / f"{command}.json"
+        assert hfa(command, "--dihedral", "10", "-o", str(saved)).code == DONE
+        again = answer("trim", "--dihedral", "10", "--start", str(saved))["operating_point"]
+        first = json.loads(saved.read_text(encoding="utf-8"))["operating_point"]
+        np.testing.assert_allclose(
+            list(again["inputs"].values()), list(first["inputs"].values()), rtol=1e-9, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("angle", ["5", "10", "15"])
+def test_linearize_text(angle: str) -> None:
+    said = text("linearize", "--dihedral", angle)
+    assert f"dihedral {angle} deg, published dynamics (x' = A x + B u, x = X - X0, u = U - U0)" in said
+    assert re.search(rf"^A +{' +'.join(LINEAR_STATES)}$", said, re.M)
+    assert re.search(rf"^B +{' +'.join(INPUTS)}$", said, re.M)
+    for name in LINEAR_STATES:
+        assert len(re.findall(rf"^{name}( +-?\d+\.\d{{4}}){{5,6}}$", said, re.M)) == 2, name
+    for name in (*LINEAR_STATES, *INPUTS):
+        assert re.search(rf"^{name} +-?\d+\.\d{{5}} +\S+$", said, re.M), name
+    for mode in ("short period", "phugoid", "dihedral"):
+        assert re.search(rf"^{mode}.* -?\d+\.\d{{4}}", said, re.M)
+    assert ("half units" in said) == (angle != "10")
+    assert "Largest uncertainty band of an entry: " in said
+    assert "\nA and B in rad, ft, s; the offsets X0 and U0 in the units beside them\n" in said
+
+
+def test_linearize_json_keeps_the_contract() -> None:
+    data = answer("linearize", "--dihedral", "15")
+    assert set(data) >= LINEAR_MODEL_KEYS
+    assert {"states", "inputs", "residuals"} <= set(data["operating_point"])
+    assert (data["states"], data["inputs"]) == (list(LINEAR_STATES), list(INPUTS))
+    assert data["state_units"] == [getattr(STATE_UNITS, name) for name in LINEAR_STATES]
+    assert data["input_units"] == list(INPUT_UNITS)
+    assert (np.shape(data["A"]), np.shape(data["B"])) == ((6, 6), (6, 5))
+    assert (np.shape(data["A_band"]), np.shape(data["B_band"])) == ((6, 6), (6, 5))
+    assert np.abs(np.subtract(data["A"], data["printed"]["A"])).max() < 1.5e-4
+    eigenvalues = np.linalg.eigvals(data["A"])
+    for mode in data["modes"]:
+        assert np.abs(eigenvalues - complex(*mode["eigenvalue"])).min() < 1e-9
+    assert sum(2 if mode["eigenvalue"][1] else 1 for mode in data["modes"]) == 6
+    assert "printed" not in answer("linearize", "--dihedral", "15", "--speed", "70")
+
+
+def test_linearize_full_has_the_altitude() -> None:
+    full, six = (answer("linearize", "--dihedral", "15", *words) for words in (("--full",), ()))
+    assert full["states"] == list(STATES)
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    np.testing.assert_array_equal(np.array(full["A"])[np.ix_(rows, rows)], six["A"])
+    np.testing.assert_array_equal(np.array(full["B"])[rows], six["B"])
+
+
+def test_beyond_the_papers_range_every_answer_says_so() -> None:
+    note = "beyond the paper's range"
+    assert note in text("trim", "--dihedral", "16")
+    assert note in text("linearize", "--dihedral", "16")
+    assert note not in text("trim", "--dihedral", "15")
+    assert note in answer("linearize", "--dihedral", "16")["warnings"][0]
+    assert answer("linearize", "--dihedral", "15")["warnings"] == []
+    assert note in hfa("sweep", "--dihedral", "14:16:1").err
+    assert hfa("sweep", "--dihedral", "14:15:1").err == ""
+
+
+def test_sweep_text_and_json() -> None:
+    said = text("sweep", "--dihedral", "0:15:5")
+    assert said.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
+    assert re.search(
+        r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\) 1/s$", said, re.M
+    )
+    data = answer("sweep", "--dihedral", "0:15:5")
+    np.testing.assert_allclose(np.degrees(data["values"]).ravel(), [0, 5, 10, 15], atol=1e-12)
+    single = answer("linearize", "--dihedral", "15")
+    np.testing.assert_allclose(data["A"][3], single["A"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(data["B"][3], single["B"], rtol=1e-9, atol=1e-9)
+    for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
+        found = np.sort_complex([complex(*pair) for pair in pairs])
+        np.testing.assert_allclose(found, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9)
+
+
+def test_sweep_in_two_variables_runs_the_last_one_fastest() -> None:
+    data = answer("sweep", "--dihedral", "0,10", "--speed", "64:72:4")
+    assert (data["variables"], data["variable_units"]) == (["dihedral", "speed"], ["rad", "ft/s"])
+    expected = [(dihedral, speed) for dihedral in (0, 10) for speed in (64, 68, 72)]
+    np.testing.assert_allclose(np.array(data["values"]) * [180 / np.pi, 1], expected, atol=1e-12)
+    points = np.array(data["operating_states"])
+    np.testing.assert_allclose(points[:, [STATES.index("dihedral"), STATES.index("speed")]], data["values"], atol=0)
+
+
+def test_sweep_takes_ranges_that_begin_with_a_minus() -> None:
+    assert answer("sweep", "--dihedral", "-4:4:4")["reasons"] == ["", "", ""]
+    assert answer("sweep", "--dihedral", "-4,4")["reasons"] == ["", ""]
+
+
+def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
+    table = tmp_path / "sweep.csv"
+    data = answer("sweep", "--speed", "20,68", "-o", str(table))
+    assert data["reasons"][0].startswith("no trim")
+    assert data["reasons"][1] == ""
+    assert {value for row in data["A"][0] for value in row} == {None}
+    assert None not in {value for row in data["A"][1] for value in row}
+    rows = table.read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 4, "the schema, the header, and a row a point"
+    assert ",failed," in rows[2]
+    assert ",trimmed," in rows[3]
+    said = text("sweep", "--speed", "20,68")
+    assert "1 of 2 points trimmed" in said
+    assert re.search(r"^20( +-)+$", said, re.M)
+    assert "20: no trim" in said
+
+
+def test_sweep_without_a_single_trim_exits_1() -> None:
+    said = text("sweep", "--speed", "1:5:1", code=FAILED)
+    assert "0 of 5 points trimmed" in said
+    assert answer("sweep", "--speed", "1:5:1", code=FAILED)["reasons"][0].startswith("no trim")
+
+
+def test_progress_is_for_terminals_alone() -> None:
+    words = ("sweep", "--speed", "1:5:1")
+    quiet, terminal = hfa(*words), hfa(*words, err=Terminal())
+    assert quiet.err == ""
+    assert quiet.out == terminal.out
+    assert "sweep: 100 %" in terminal.err
+    assert terminal.err.endswith("\r\033[K")
+    assert "\n" not in terminal.err
+
+
+def test_regenerate_passes_with_the_shipped_parameters() -> None:
+    said = text("regenerate")
+    assert said.endswith("Both pairs regenerated: yes\n")
+    assert said.count(" pass\n") == 8
+    assert "FAIL" not in said
+    data = answer("regenerate")
+    assert data["ok"] is True
+    assert [case["dihedral_deg"] for case in data["cases"]] == [15.0, 5.0]
+    assert [len(case["entries"]) for case in data["cases"]] == [66, 66]
+    assert max(abs(entry["half_units"]) for case in data["cases"] for entry in case["entries"]) < 1.3
+
+
+@pytest.mark.parametrize("name", Parameters._fields)
+def test_regenerate_fails_with_one_parameter_changed_by_one_percent(tmp_path: Path, name: str) -> None:
+    shipped = default_parameters()
+    changed = shipped.values._replace(**{name: 1.01 * getattr(shipped.values, name)})
+    path = tmp_path / "changed.toml"
+    save_parameters(replace(shipped, values=changed), path, "one parameter changed")
+    assert load_parameters(path).values == changed
+    result = hfa("regenerate", "--parameters", str(path))
+    assert (result.code, result.err) == (FAILED, "")
+    assert "FAIL" in result.out
+    assert result.out.endswith("Both pairs regenerated: NO\n")
+
+
+def test_regenerate_fails_with_newton() -> None:
+    data = answer("regenerate", "--dynamics", "newton", code=FAILED)
+    assert data["ok"] is False
+    assert {check["ok"] for case in data["cases"] for check in case["checks"]} == {True, False}
+
+
+def test_without_covariance_there_are_no_bands(tmp_path: Path) -> None:
+    shipped = default_parameters()
+    path = tmp_path / "bare.toml"
+    save_parameters(ParameterSet(shipped.values, dict.fromkeys(shipped.sources, "assumed")), path, "")
+    words = ("linearize", "--dihedral", "10", "--parameters", str(path))
+    assert "No uncertainty bands: they are known for the six printed states" in text(*words)
+    data, with_bands = answer(*words), answer("linearize", "--dihedral", "10")
+    assert "A_band" not in data
+    np.testing.assert_array_equal(data["A"], with_bands["A"])

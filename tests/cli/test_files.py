@@ -1,0 +1,277 @@
+"""Files that `hfa` writes: full precision, names, units, offsets and schema; the same bytes every time."""
+
+from __future__ import annotations
+
+import csv
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import hfa
+from scipy.io import loadmat
+
+from hfa_cli.main import DONE, FAILED
+from hfa_cli.output import write
+from hfa_model.support.store import open_store
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+
+SUFFIXES = ("json", "npz", "mat", "csv")
+COMMANDS = {
+    "trim": ("trim", "--dihedral", "11.1"),
+    "linearize": ("linearize", "--dihedral", "11.1"),
+    "full": ("linearize", "--dihedral", "11.1", "--full", "--dynamics", "newton"),
+    "sweep": ("sweep", "--dihedral", "0:20:4"),
+    "failing": ("sweep", "--speed", "20,68"),
+    "plane": ("sweep", "--dihedral", "0:20:10", "--speed", "66,70"),
+    "regenerate": ("regenerate",),
+}
+
+
+def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
+    """The file that a command writes, and the JSON that it prints beside."""
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.{suffix}"
+    result = hfa(*COMMANDS[name], "--json", "-o", str(path))
+    assert result.code == DONE
+    assert [entry.name for entry in folder.iterdir()] == [path.name], "nothing else, and no temporary file"
+    return path, json.loads(result.out)
+
+
+def numbers(data: Any, key: str = "") -> dict[str, float]:
+    """Every number of a tree of JSON data by its path; null is nan, true and false are 1 and 0."""
+    if isinstance(data, dict):
+        return {path: value for name, item in data.items() for path, value in numbers(item, f"{key}/{name}").items()}
+    if isinstance(data, list):
+        return numbers(dict(enumerate(data)), key)
+    if data is None:
+        return {key: np.nan}
+    return {} if isinstance(data, str) else {key: float(data)}
+
+
+def texts(data: Any) -> list[str]:
+    """Every string of a tree of JSON data, in order."""
+    if isinstance(data, dict):
+        data = list(data.values())
+    if isinstance(data, list):
+        return [text for item in data for text in texts(item)]
+    return [data] if isinstance(data, str) else []
+
+
+def plain(value: Any) -> Any:
+    """What `loadmat` makes of structs, cells and arrays, as JSON data."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
+    if isinstance(value, np.ndarray):
+        return [plain(item) for item in value]
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def flat(data: Any) -> list[float]:
+    return list(numbers(data).values())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_json_file_is_what_json_prints(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "json")
+    assert json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail) == data
+    assert data["schema"].startswith("hfa.")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "npz")
+    with np.load(path, allow_pickle=False) as archive:
+        arrays = {key: archive[key] for key in archive}
+    assert str(arrays["schema"]) == data["schema"]
+    found = [value for array in arrays.values() if array.dtype.kind in "fib" for value in array.ravel().tolist()]
+    np.testing.assert_array_equal(found, flat(data))
+    words = [value for array in arrays.values() if array.dtype.kind == "U" for value in array.ravel().tolist()]
+    assert words == texts(data)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "mat")
+    loaded = plain(loadmat(path, simplify_cells=True))
+    assert list(loaded) == list(data)
+    np.testing.assert_array_equal(flat(loaded), flat(data))
+    assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
+
+
+def test_linear_model_files_carry_names_units_and_offsets(tmp_path: Path) -> None:
+    path, data = written(tmp_path / "mat", "linearize", "mat")
+    loaded = loadmat(path, simplify_cells=True)
+    with np.load(written(tmp_path / "npz", "linearize", "npz")[0]) as archive:
+        for source in (loaded, archive):
+            assert tuple(str(name).strip() for name in source["states"]) == LINEAR_STATES
+            assert tuple(str(name).strip() for name in source["inputs"]) == INPUTS
+            units = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
+            assert tuple(str(unit).strip() for unit in source["state_units"]) == units
+            assert tuple(str(unit).strip() for unit in source["input_units"]) == INPUT_UNITS
+            np.testing.assert_array_equal(source["A"], data["A"])
+            np.testing.assert_array_equal(source["B"], data["B"])
+            np.testing.assert_array_equal(source["A_band"], data["A_band"])
+            np.testing.assert_array_equal(source["state_offsets"], data["state_offsets"])
+            np.testing.assert_array_equal(source["input_offsets"], data["input_offsets"])
+    point = data["operating_point"]
+    assert data["state_offsets"] == [point["states"][name] for name in LINEAR_STATES]
+    assert data["input_offsets"] == [point["inputs"][name] for name in INPUTS]
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        assert next(stream).startswith("# schema: hfa.")
+        rows = list(csv.DictReader(stream, strict=True))
+    # A sweep's columns carry their units in brackets: "A(alpha, speed) [(rad/s)/(ft/s)]".
+    return [{name.partition(" [")[0]: cell for name, cell in row.items()} for row in rows]
+
+
+def test_trim_csv(tmp_path: Path) -> None:
+    path, data = written(tmp_path, "trim", "csv")
+    point, rows = data["operating_point"], rows_of(path)
+    for kind, plural in (("state", "states"), ("input", "inputs"), ("residual", "residuals")):
+        assert {row["name"]: float(row["value"]) for row in rows if row["kind"] == kind} == point[plural]
+    units = STATE_UNITS._asdict() | INPUT_UNITS._asdict()
+    assert all(row["unit"] == units[row["name"]] for row in rows if row["kind"] != "residual")
+
+
+def test_linearize_csv(tmp_path: Path) -> None:
+    path, data = written(tmp_path, "linearize", "csv")
+    rows = rows_of(path)
+    for matrix, columns in (("A", data["states"]), ("B", data["inputs"])):
+        found = {(row["row"], row["column"]): row for row in rows if row["matrix"] == matrix}
+        for i, state in enumerate(data["states"]):
+            for j, column in enumerate(columns):
+                assert float(found[state, column]["value"]) == data[matrix][i][j]
+                assert float(found[state, column]["band"]) == data[f"{matrix}_band"][i][j]
+    assert [float(row["value"]) for row in rows if row["matrix"] == "X0"] == data["state_offsets"]
+    assert [float(row["value"]) for row in rows if row["matrix"] == "U0"] == data["input_offsets"]
+    assert {row["unit"] for row in rows if (row["row"], row["column"]) == ("speed", "alpha")} == {"(ft/s^2)/(rad)"}
+
+
+@pytest.mark.parametrize("name", ["sweep", "plane", "failing"])
+def test_sweep_csv(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "csv")
+    rows = rows_of(path)
+    assert len(rows) == len(data["values"])
+    for index, row in enumerate(rows):
+        assert [float(row[variable]) for variable in data["variables"]] == data["values"][index]
+        assert row["reason"] == data["reasons"][index]
+        assert row["status"] == ("failed" if row["reason"] else "trimmed")
+        A = np.array([[float(row[f"A({i}, {j})"]) for j in data["states"]] for i in data["states"]])
+        B = np.array([[float(row[f"B({i}, {j})"]) for j in data["inputs"]] for i in data["states"]])
+        np.testing.assert_array_equal(A, np.array(data["A"][index], dtype=float))
+        np.testing.assert_array_equal(B, np.array(data["B"][index], dtype=float))
+        point = [float(row[f"state {state}"]) for state in STATES]
+        np.testing.assert_array_equal(point, np.array(data["operating_states"][index], dtype=float))
+
+
+def test_regenerate_csv(tmp_path: Path) -> None:
+    path, data = written(tmp_path, "regenerate", "csv")
+    entries = [(case["dihedral_deg"], entry) for case in data["cases"] for entry in case["entries"]]
+    for row, (angle, entry) in zip(rows_of(path), entries, strict=True):
+        assert (float(row["dihedral_deg"]), row["entry"]) == (angle, entry["name"])
+        assert (float(row["printed"]), float(row["computed"])) == (entry["printed"], entry["computed"])
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("name", COMMANDS)
+def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str) -> None:
+    first, data = written(tmp_path / "first", name, suffix)
+    # Another day: nothing in a file may tell when it was written.
+    monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    second, again = written(tmp_path / "second", name, suffix)
+    assert again == data
+    assert second.read_bytes() == first.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat", "csv"])
+def test_files_have_the_rights_of_ordinary_files(tmp_path: Path, suffix: str) -> None:
+    ordinary = tmp_path / "ordinary"
+    ordinary.touch()
+    path, _ = written(tmp_path / "new", "trim", suffix)
+    assert path.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_a_suffix_in_capitals_is_the_same_format(tmp_path: Path) -> None:
+    assert (
+        written(tmp_path / "a", "trim", "JSON")[0].read_bytes()
+        == written(tmp_path / "b", "trim", "json")[0].read_bytes()
+    )
+
+
+def test_a_store_in_capitals_is_a_store(tmp_path: Path) -> None:
+    path = tmp_path / "a.ZARR"
+    assert hfa("sweep", "--dihedral", "0:5:1", "-o", str(path)).code == DONE
+    assert (path.is_dir(), open_store(path).missing()) == (True, [])
+
+
+def test_no_format_is_written_for_want_of_another(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no format"):
+        write(tmp_path / "a.zarr", {"schema": "hfa.sweep/1"}, lambda: (("a",), [(1.0,)]))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "newton.json"
+    assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
+    assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
+
+
+@pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG\r\n\x1a\n"), ("svg", b"<?xml")])
+def test_picture_of_a_sweep(tmp_path: Path, suffix: str, start: bytes) -> None:
+    path = tmp_path / f"locus.{suffix}"
+    result = hfa("sweep", "--speed", "70", "--dihedral", "0:20:5", "--picture", str(path))
+    assert (result.code, list(tmp_path.iterdir())) == (DONE, [path])
+    assert path.read_bytes().startswith(start)
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_two_runs_draw_the_same_picture(tmp_path: Path, suffix: str) -> None:
+    paths = [tmp_path / f"{name}.{suffix}" for name in ("first", "second")]
+    for path in paths:
+        assert hfa("sweep", "--dihedral", "0:20:5", "--picture", str(path)).code == DONE
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_report_folder(tmp_path: Path) -> None:
+    folders = tmp_path / "first", tmp_path / "second"
+    for folder in folders:
+        result = hfa("report", "--folder", str(folder))
+        assert (result.code, result.err) == (DONE, "")
+        assert "Both printed pairs regenerated: yes" in result.out
+        assert {path.name for path in folder.iterdir()} == {
+            *("report.html", "numbers.json", "regeneration.png", "root_locus.png", "critic.png")
+        }
+    for path in folders[0].iterdir():
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+    data = json.loads((folders[0] / "numbers.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert data["ok"] is True
+    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"])) == (2, 41)
+
+
+def test_report_prints_its_numbers_as_json_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    result = hfa("report", "--folder", str(folder), "--json")
+    assert (result.code, result.err) == (DONE, "")
+    assert json.loads(result.out) == json.loads((folder / "numbers.json").read_text(encoding="utf-8"))
+    alone = hfa("report", "--json")
+    assert (alone.code, alone.out, list(tmp_path.iterdir())) == (DONE, result.out, [folder])
+
+
+def test_report_page_is_self_contained_and_tells_the_verdict(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert hfa("report", "-o", str(page)).code == DONE
+    html = page.read_text(encoding="utf-8")
+    assert 'are <strong class="yes">regenerated</strong>' in html
+    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 3
+    assert not any(word in html for word in ("http://", "https://", "<script", "<link"))
+    assert hfa("report", "-o", str(page), "--dynamics", "newton").code == FAILED
+    assert "NOT regenerated" in page.read_text(encoding="utf-8")
+    assert list(tmp_path.iterdir()) == [page]

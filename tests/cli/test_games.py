@@ -1,0 +1,306 @@
+"""`hfa solve`, `hfa learn`, `hfa verify`: numbers, keys, exit codes, files, interruptions, pictures, wrong critics."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import Result, Terminal, hfa
+from game_answers import AT_15, HISTORY, LABELS, QUICK, answer
+from game_files import SMALL, small, stored
+from scipy.io import loadmat
+
+from controller.game.zero_sum import Game, published_game
+from controller.laws.learn import LAWS
+from hfa_cli.main import DONE, FAILED, INTERRUPTED
+from hfa_model import Aircraft, default_parameters
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+# Solve.
+
+
+@pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
+def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
+    data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
+    assert set(data) >= {"schema", "P", "K", "delta", "delta_min", "certificate", "meaning", "disk_margin"} | LABELS
+    aircraft = Aircraft(default_parameters().values, dynamics)
+    model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(float(degrees)))))
+    exact = solve_game(published_game(model.A, model.B))
+    np.testing.assert_array_equal(data["P"], exact.P)
+    np.testing.assert_array_equal(data["K"], exact.K)
+    assert data["delta"] == 200.0
+    assert 100.0 < data["delta_min"] < 120.0
+    assert data["delta_margin"] == 200.0 / data["delta_min"]
+    assert data["certificate"]["ok"] is True
+    assert all(check["ok"] for check in (*data["certificate"]["checks"], *data["meaning"]))
+    assert (data["states"], data["inputs"]) == (list(LINEAR_STATES), list(INPUTS))
+    assert data["state_units"] == [getattr(STATE_UNITS, name) for name in LINEAR_STATES]
+    assert data["input_units"] == list(INPUT_UNITS)
+    assert list(data["loop_margins"]) == list(INPUTS)
+
+
+def test_solve_without_disturbance_is_lqr(game: Game) -> None:
+    from scipy.linalg import solve_continuous_are
+
+    data = answer("solve", *AT_15, "--delta", "inf")
+    assert data["delta"] is None
+    P = solve_continuous_are(game.A, game.B, game.Q, game.R)
+    np.testing.assert_allclose(data["P"], P, rtol=0, atol=1e-9 * np.abs(P).max())
+    assert np.abs(data["disturbance_gain"]).max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("delta", "failed"),
+    [("100", "the Hamiltonian has an eigenvalue on the imaginary axis"), ("113.5", "P is indefinite")],
+)
+def test_solve_below_the_smallest_delta_gives_no_P_and_says_what_would_do(delta: str, failed: str) -> None:
+    result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
+    assert (result.code, result.out) == (FAILED, "")
+    assert result.err.count("\n") == 1
+    assert failed in result.err
+    assert f"delta = {delta} is below delta_min = 113.5486; ask for a larger delta" in result.err
+    assert list(Path().iterdir()) == []
+
+
+def test_solve_a_thousandth_above_the_smallest_delta() -> None:
+    assert answer("solve", *AT_15, "--delta", str(1.001 * 113.5486))["certificate"]["ok"] is True
+
+
+# Plants of the user's own.
+
+
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("solve", "json"), ("solve", "npz"), ("solve", "mat"), ("learn", "npz"), ("verify", "mat")]
+)
+def test_a_plant_from_a_file_in_every_format(command: str, suffix: str) -> None:
+    data = answer(command, "--model", small(f"plant.{suffix}"))
+    exact = solve_game(Game(**{key: np.array(value) if key != "delta" else value for key, value in SMALL.items()}))
+    np.testing.assert_allclose(data["P"], exact.P, rtol=1e-12)
+    np.testing.assert_allclose(data["K"], exact.K, rtol=1e-12)
+    assert data["plant"] == f"plant.{suffix}"
+    assert (data["states"], data["inputs"], data["state_units"]) == (["x1", "x2"], ["u1"], ["", ""])
+    assert data["delta"] == 3.0
+
+
+def test_a_linear_model_of_ours_is_a_plant_too(game: Game) -> None:
+    assert hfa("linearize", *AT_15, "-o", "model.mat").code == DONE
+    np.testing.assert_array_equal(answer("solve", "--model", "model.mat")["P"], solve_game(game).P)
+
+
+def test_options_count_before_the_file() -> None:
+    plant = small("plant.json")
+    changed = answer("solve", "--model", plant, "--Q", "4,2", "--R", "1", "--delta", "6")
+    doubled = answer("solve", "--model", small("doubled.json", Q=[[4.0, 0.0], [0.0, 2.0]], R=[[1.0]], delta=6.0))
+    assert changed["P"] == doubled["P"]
+    assert changed["P"] != answer("solve", "--model", plant)["P"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"E": None},
+        {"E": [[0.0], [0.0]]},
+        {"E": [[], []]},
+        {"delta": math.inf},
+        {"Q": [[0.0, 0.0], [0.0, 1.0]]},
+        {"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "E": None},
+        {"A": [[-1.0, 0.0, 0.0], [0.2, -2.0, 0.0], [0.0, 0.3, -4.0]], "B": [[1.0], [0.5], [0.2]], "E": None}
+        | {"Q": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
+    ],
+    ids=["E not given", "E zero", "E empty", "delta inf", "one free state", "one state", "two free states"],
+)
+def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
+    plant = small("plant.json", **changes)
+    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
+    assert answer("learn", "--model", plant, *QUICK, "-o", "learned.json")["converged"] is True
+    assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
+
+
+def test_eight_states_three_inputs_in_units_that_nobody_would_choose() -> None:
+    rng = np.random.default_rng(0)
+    units = 10.0 ** rng.uniform(-3.0, 3.0, 8)
+    A, B = rng.standard_normal((8, 8)), rng.standard_normal((8, 3))
+    plant = stored(
+        "plant.npz",
+        A=A * units[:, None] / units,
+        B=B * units[:, None],
+        E=np.diag(units),
+        Q=np.diag(units**-2.0),
+        R=np.eye(3),
+    )
+    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
+    assert answer("verify", "--model", plant, *QUICK)["ok"] is True
+
+
+# Learn.
+
+
+def test_learn_prints_the_outcome_and_keeps_the_history_for_files() -> None:
+    printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
+    assert set(printed) >= {"schema", "law", "P", "K", "W", "converged", "certificates", "settling_time"} | LABELS
+    assert HISTORY.isdisjoint(printed)
+    assert printed["converged"] is True
+    assert all(row["ok"] for row in printed["certificates"])
+    assert printed["settling_time"] <= printed["settings"]["predefined_time"] == 10.0
+    filed = json.loads(Path("run.json").read_text(encoding="utf-8"))
+    assert {key: value for key, value in filed.items() if key not in HISTORY} == printed
+    assert set(filed) - set(printed) == HISTORY
+    assert np.shape(filed["weights"]) == (101, 21)
+    assert filed["weights"][0] == pytest.approx([100.0] * 21, rel=1e-14)
+    assert filed["weights"][-1] == printed["W"]
+
+
+def test_learn_writes_the_same_history_in_every_format() -> None:
+    plant = small("plant.json")
+    for suffix in ("json", "npz", "mat", "csv"):
+        assert hfa("learn", "--model", plant, *QUICK, "-o", f"run.{suffix}").code == DONE
+    data = json.loads(Path("run.json").read_text(encoding="utf-8"))
+    with np.load("run.npz") as archive:
+        matlab = loadmat("run.mat", simplify_cells=True)
+        for name in (*HISTORY, "W", "P", "K", "delta"):
+            np.testing.assert_array_equal(archive[name], data[name])
+            np.testing.assert_array_equal(matlab[name], np.squeeze(data[name]))
+        assert str(archive["schema"]) == matlab["schema"] == data["schema"]
+    with Path("run.csv").open(encoding="utf-8", newline="") as stream:
+        assert next(stream) == f"# schema: {data['schema']}\n"
+        rows = list(csv.DictReader(stream))
+    assert [float(row["time"]) for row in rows] == data["times"]
+    assert [[float(row[f"W{i}"]) for i in (1, 2, 3)] for row in rows] == data["weights"]
+
+
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("learn", "npz"), ("learn", "mat"), ("solve", "npz"), ("solve", "mat")]
+)
+def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
+    plant = small("plant.json")
+    assert hfa(command, "--model", plant, "-o", f"critic.{suffix}").code == DONE
+    data = answer("verify", "--model", plant, "--weights", f"critic.{suffix}")
+    assert data["ok"] is True
+    assert data["P_rel_error"] <= 1e-13
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_a_number_that_is_not_there_is_nan_in_binary_files(suffix: str) -> None:
+    """The first residual of integral learning is infinite: no policy has been evaluated yet."""
+    plant = small("plant.json")
+    assert hfa("learn", "--model", plant, "--law", "irl", "-o", f"run.{suffix}").code == DONE
+    load = np.load if suffix == "npz" else loadmat
+    residuals = np.ravel(load(f"run.{suffix}")["law_residual_norm"])
+    assert np.isnan(residuals[0])
+    assert np.isfinite(residuals[1:]).all()
+
+
+def test_learn_irl_needs_a_stabilizing_start() -> None:
+    assert answer("verify", "--dihedral", "5", "--law", "irl")["ok"] is True
+    failed = answer("verify", *AT_15, "--law", "irl", code=FAILED)
+    assert "starts from a policy that does not stabilize (abscissa of A - B K +0.0156" in failed["diagnosis"]
+    start = answer("learn", *AT_15, *QUICK, "--Q", "1000,1000,1000,1000,1000,1000", "--delta", "inf")["W"]
+    words = ("--law", "irl", "--set", f"initial_weights={','.join(map(repr, start))}")
+    assert answer("verify", *AT_15, *words)["ok"] is True
+
+
+def test_the_published_law_as_printed_overflows() -> None:
+    for degrees in ("5", "15"):
+        for command in ("learn", "verify"):
+            result = hfa(command, "--dihedral", degrees, "--law", "published", "--json", "-o", "run.json")
+            assert (result.code, result.out) == (FAILED, "")
+            assert result.err.count("\n") == 1
+            for word in ("overflowed at step", "lambda_0", "alpha2", "explicit step below", "use law 'certified'"):
+                assert word in result.err
+    assert list(Path().iterdir()) == []
+
+
+def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
+    settings = ("gains=100,100", "coordinates=scaled", "predefined_time=0.1", "step=1e-3", "basis=quadratic")
+    words = [part for text in settings for part in ("--set", text)]
+    data = answer("learn", *AT_15, "--law", "published", *words, code=FAILED)
+    assert data["settings"]["gains"] == [100.0, 100.0]
+    assert data["settings"]["basis"] == "quadratic"
+    assert data["status"].startswith("failed: ")
+    words = ["--set", "disturbance_measured=no", "--set", "intervals=60", "--seed", "3"]
+    data = answer("learn", "--dihedral", "5", "--law", "irl", *words, code=FAILED)
+    assert (data["settings"]["disturbance_measured"], data["settings"]["intervals"], data["seed"]) == (False, 60, 3)
+
+
+# Interrupted and resumed.
+
+RUNS = {
+    "certified": QUICK,
+    "published": (
+        "--set",
+        "gains=1,1",
+        "--set",
+        "basis=quadratic",
+        "--set",
+        "step=0.001",
+        "--set",
+        "coordinates=scaled",
+    ),
+    "irl": (),
+}
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, fraction: float, *words: str) -> Result:
+    """`hfa words...` on a terminal with Ctrl-C when that fraction of the run is done."""
+
+    def stop(done: float, message: str) -> None:
+        if done >= fraction:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_cli.learning.show_learning", stop)
+        return hfa(*words, err=Terminal())
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("fraction", [pytest.param(0.1, marks=pytest.mark.slow), 0.6])
+def test_a_resumed_run_gives_the_same_bytes(law: str, fraction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
+    whole = hfa(*words, "-o", "whole.json")
+    stopped = interrupted(monkeypatch, fraction, *words, "--save", "state.npz", "-o", "part.json")
+    assert (stopped.code, stopped.out) == (INTERRUPTED, "")
+    assert stopped.err.endswith("hfa: interrupted\n")
+    assert not Path("part.json").exists()
+    resumed = hfa(*words, "--resume", "state.npz", "-o", "resumed.json")
+    assert resumed == whole
+    assert Path("resumed.json").read_bytes() == Path("whole.json").read_bytes()
+
+
+def test_verify_resumes_too_and_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("verify", "--model", small("plant.json"), *QUICK)
+    assert interrupted(monkeypatch, 0.5, *words, "--save", "state.npz").code == INTERRUPTED
+    assert hfa(*words, "--resume", "state.npz") == hfa(*words)
+
+
+def test_a_state_is_refused_by_another_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert hfa("learn", *AT_15, *QUICK, "--save", "state.npz").code == DONE
+    for words in (("--dihedral", "14"), (*AT_15, "--seed", "1"), (*AT_15, "--delta", "201"), (*AT_15, "--law", "irl")):
+        quick = () if "irl" in words else QUICK
+        result = hfa("learn", *words, *quick, "--resume", "state.npz")
+        assert (result.code, result.out) == (2, "")
+        assert "state.npz is of a run with another game, stack, law, settings or version" in result.err
+
+
+def test_progress_is_shown_on_a_terminal_alone() -> None:
+    words = ("learn", "--model", small("plant.json"), *QUICK)
+    quiet, terminal = hfa(*words), hfa(*words, err=Terminal())
+    assert quiet.err == ""
+    assert quiet.out == terminal.out
+    assert "learn: 100 %" in terminal.err
+    assert terminal.err.endswith("\r\033[K")
+    assert "\n" not in terminal.err

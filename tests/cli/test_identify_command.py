@@ -1,0 +1,130 @@
+"""`hfa identify`: one run, held against the committed parameters, the documents and its own files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from cli import Result, hfa, hfa_process
+from documents import ROOT, blocks_of, commands_of, difference
+
+from hfa_cli.commands import identify
+from hfa_model.parameters import default_parameters, load_parameters
+from trim.identification.evidence import Identification, run_identification
+
+COMMITTED = ROOT / "hfa_model"
+FILES = ("parameters.toml", "parameters_rival.toml")
+
+
+class Run(NamedTuple):
+    """What one run said, the folder that it wrote into, and what it had found."""
+
+    result: Result
+    folder: Path
+    found: Identification
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("identify")
+    found = []
+
+    def kept(*arguments: Any) -> Identification:
+        found.append(run_identification(*arguments))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identify, "run_identification", kept)
+        result = hfa("identify", "--write", str(folder), "-o", str(folder / "evidence.json"))
+    return Run(result, folder, found[0])
+
+
+def test_the_run_ends_well_and_leaves_its_three_files_alone(identified: Run) -> None:
+    assert (identified.result.code, identified.result.err) == (0, "")
+    assert sorted(path.name for path in identified.folder.iterdir()) == ["evidence.json", *FILES]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_it_writes_the_committed_parameters(identified: Run, name: str) -> None:
+    # Not the same bits: another processor rounds the linear algebra in another order.
+    found, committed = (load_parameters(folder / name) for folder in (identified.folder, COMMITTED))
+    assert found.sources == committed.sources
+    assert found.notes == committed.notes
+    assert found.values._asdict() == pytest.approx(committed.values._asdict(), rel=1e-8)
+    assert found.structure == pytest.approx(committed.structure, rel=1e-6)
+    assert found.standard_errors == pytest.approx(committed.standard_errors, rel=1e-4)
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".TOML"])
+def test_the_output_may_be_the_parameters(
+    identified: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(identify, "run_identification", lambda *_: identified.found)
+    path = tmp_path / f"mine{suffix}"
+    assert hfa("identify", "-o", str(path)).code == 0
+    written, committed = load_parameters(path), load_parameters(identified.folder / "parameters.toml")
+    assert written.values == committed.values
+
+
+def test_another_value_would_be_noticed() -> None:
+    committed = default_parameters().values
+    off = committed._replace(panel_span=committed.panel_span * (1 + 1e-7))
+    assert off._asdict() != pytest.approx(committed._asdict(), rel=1e-8)
+
+
+def test_the_json_file_holds_the_same_parameters(identified: Run) -> None:
+    data = json.loads((identified.folder / "evidence.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    shipped = default_parameters()
+    values = {name: row["value"] for name, row in data["parameters"].items()}
+    assert values == pytest.approx(shipped.values._asdict(), rel=1e-8)
+    errors = {name: row["standard_error"] for name, row in data["parameters"].items() if row["standard_error"]}
+    assert errors == pytest.approx(shipped.standard_errors, rel=1e-4)
+    assert len(data["entries"]) == 132
+    assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(data["sum_of_squares"])
+    rival = load_parameters(COMMITTED / "parameters_rival.toml")
+    assert data["rival"]["structure"] == pytest.approx(rival.structure, rel=1e-6)
+
+
+def test_its_entries_are_those_of_regenerate_under_the_same_names(identified: Run) -> None:
+    ours = json.loads((identified.folder / "evidence.json").read_text(encoding="utf-8"))["entries"]
+    cases = json.loads(hfa("regenerate", "--json").out)["cases"]
+    theirs = [entry for case in cases for entry in case["entries"]]
+    assert len(ours) == len(theirs) == 132
+    for one, other in zip(ours, theirs, strict=True):
+        assert set(other) <= set(one)
+        assert (one["name"], one["printed"]) == (other["name"], other["printed"])
+        assert one["computed"] == pytest.approx(other["computed"], rel=1e-7, abs=1e-12)
+
+
+def test_the_documents_show_what_it_prints(identified: Run) -> None:
+    shown = [
+        command
+        for path in sorted((ROOT / "docs").glob("*.md"))
+        for block in blocks_of(path.read_text(encoding="utf-8"))
+        if block.language == "console"
+        for command in commands_of(block)
+        if command.text == "hfa identify"
+    ]
+    assert shown
+    for command in shown:
+        assert difference(command.expected, identified.result.out) == ""
+
+
+@pytest.mark.slow
+def test_another_process_writes_the_same_files(identified: Run, tmp_path: Path) -> None:
+    result = hfa_process("identify", "--write", ".", "-o", "evidence.json", folder=tmp_path, PYTHONHASHSEED="7")
+    assert result == identified.result
+    for name in ("evidence.json", *FILES):
+        assert (tmp_path / name).read_bytes() == (identified.folder / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_a_parameters_file_is_an_output_too(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    result = hfa("identify", "--seed", "3", "-o", str(path))
+    assert (result.code, result.err) == (0, "")
+    assert load_parameters(path).values._asdict() == pytest.approx(default_parameters().values._asdict(), rel=1e-7)
+    assert hfa("regenerate", "--parameters", str(path)).code == 0

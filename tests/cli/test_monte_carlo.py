@@ -1,0 +1,96 @@
+"""The command `hfa monte-carlo`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_model.parameters import default_parameters
+from hfa_model.support.store import open_store
+from hfa_model.vectors import LINEAR_STATES
+
+PARAMETERS = default_parameters().values
+
+
+# The command.
+
+NAMED = ("monte-carlo", "--dihedral", "15", "--law", "exact")
+BASE = (*NAMED, "--duration", "0.1")
+
+
+def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
+    store = str(tmp_path / "a.zarr")
+    words = (*BASE, "--members", "8", "--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
+    result = hfa(*words, "--json", "-o", store)
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert (data["schema"], data["members"], data["held"]) == ("hfa.monte-carlo-summary/1", 8, 8)
+    kept = open_store(Path(store))
+    peaks = kept.read("peak_error")[:, LINEAR_STATES.index("alpha")]
+    assert data["peak_error"]["alpha"] == pytest.approx(np.quantile(peaks, data["quantiles"]).tolist())
+    assert data["errors"]["panel_mass"]["deviation"] == pytest.approx(kept.read("factors").std(ddof=1))
+    again = hfa(*words, "--resume", "-o", store)
+    assert "held their envelope: 8 of 8" in again.out
+    assert f"{np.degrees(data['peak_error']['alpha'][3]):.4g}" in again.out
+    assert "members not kept" in hfa(*words).out
+
+
+def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) -> None:
+    file = tmp_path / "gain.npz"
+    np.savez(file, K=-gain)
+    away = hfa("monte-carlo", "--dihedral", "15", "--members", "2", "--gain", str(file), "--initial", "alpha=1")
+    assert away.code == 1
+    assert "held their envelope: 0 of 2" in away.out
+    assert "left it, by the state that left first: " in away.out
+    np.savez(file, P=np.eye(6))
+    assert_refused(hfa("monte-carlo", "--dihedral", "15", "--gain", str(file)), 2, "there is no K")
+
+
+def test_the_printed_critic_is_lost_at_once_and_the_helped_one_holds() -> None:
+    words = ("monte-carlo", "--dihedral", "15", "--members", "1", "--duration", "0.05", "--step", "1e-4")
+    lost = hfa(*words, "--initial", "alpha=1", "--law", "published")
+    assert (lost.code, "0 of 1" in lost.out) == (1, True)
+    held = hfa(*words, "--initial", "alpha=1", "--law", "published-helped")
+    assert (held.code, "1 of 1" in held.out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("--error", "wings=0.1"), ("unknown parameter 'wings'",)),
+        (("--error", "panel_mass=-0.1"), ("panel_mass", "-0.1")),
+        (("--error", "panel_mass"), ("NAME=VALUE",)),
+        (("--noise", "altitude=1"), ("noise of state 'altitude'",)),
+        (("--turbulence", "3"), ("SIGMA:SCALE",)),
+        (("--turbulence", "0:1750"), ("turbulence",)),
+        (("--members", "0"), ("--members",)),
+        (("--plant", "rigid"), ("unknown plant 'rigid'", "nonlinear, linear")),
+        (("--step", "0.03"), ("tick", "whole number")),
+        (("--duration", "-1"), ("duration",)),
+        (("--turbulence", "1:0.01"), ("scale is 0.01 ft",)),
+        (("--step", "0"), ("step",)),
+        (("--initial", "speed=-60"), ("begins with speed",)),
+        (("--resume",), ("-o FILE.zarr",)),
+        (("--set", "predefined_time=2"), ("--set", "exact")),
+        (("--gain", "missing.npz"), ("--gain",)),
+        (("-o", "members.csv"), (".zarr",)),
+        (("--scheduler", "nowhere"), ("nowhere",)),
+    ],
+    ids=lambda value: " ".join(value),
+)
+def test_bad_input_is_one_line(words: tuple[str, ...], named: tuple[str, ...]) -> None:
+    assert_refused(hfa(*NAMED, *words), 2, *named)
+
+
+def test_a_flight_that_fills_the_memory_is_refused() -> None:
+    words = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "2", "--duration", "1e8")
+    assert_refused(hfa(*words), 2, "duration is 1e+08 s", "must not exceed 10000 s")
+
+
+def test_an_unknown_law_is_refused_with_the_known_ones() -> None:
+    words = ("monte-carlo", "--dihedral", "15", "--law", "magic")
+    assert_refused(hfa(*words), 2, "unknown law 'magic'", "published-helped")

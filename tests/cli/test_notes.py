@@ -1,0 +1,103 @@
+"""Beyond the paper's range of dihedral every command says so: once, on standard error, and in its data."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa
+
+from hfa_model.parameters import default_parameters
+from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_report import plan_warnings
+
+NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
+SHORT = ("--law", "exact", "--duration", "0.1")
+COMMANDS = {
+    "solve": ("solve",),
+    "learn": ("learn", "--set", "predefined_time=2"),
+    "verify": ("verify", "--set", "predefined_time=2"),
+    "fly": ("fly", *SHORT),
+    "map": ("fly", "--law", "exact", "--map", "m.png", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
+    "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
+}
+LIMIT = np.radians(15.0)
+
+
+def sweep_note(points: int) -> str:
+    return f"{points} points lie beyond the paper's range of dihedral, which ends at 15 deg"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    beyond = hfa(*COMMANDS[name], "--dihedral", "16", "--json")
+    assert beyond.err == f"hfa: note: {NOTE}\n"
+    assert json.loads(beyond.out)["warnings"] == [NOTE]
+    within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
+    assert within.err == ""
+    assert json.loads(within.out)["warnings"] == []
+
+
+def test_a_plant_of_the_user_has_no_range(tmp_path: Path) -> None:
+    plant = tmp_path / "plant.json"
+    plant.write_text('{"A": [[0, 1], [-1, -1]], "B": [[0], [1]], "Q": [[1, 0], [0, 1]], "R": [[1]]}', encoding="utf-8")
+    result = hfa("solve", "--model", str(plant), "--json")
+    assert (result.err, json.loads(result.out)["warnings"]) == ("", [])
+
+
+def test_a_schedule_says_so_when_it_ends_beyond() -> None:
+    result = hfa("fly", "--dihedral", "5", "--to", "16", "--over", "5", "--points", "3", "--law", "exact", "--json")
+    assert result.err == f"hfa: note: {NOTE}\n"
+    assert json.loads(result.out)["warnings"] == [NOTE]
+
+
+def test_a_sweep_has_its_notes_in_its_data_and_files(tmp_path: Path) -> None:
+    path = tmp_path / "far.json"
+    result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", str(path))
+    assert result.err == f"hfa: note: {sweep_note(3)}\n"
+    assert json.loads(result.out)["warnings"] == json.loads(path.read_text(encoding="utf-8"))["warnings"]
+    assert json.loads(result.out)["warnings"] == [sweep_note(3)]
+    assert json.loads(hfa("sweep", "--dihedral", "0:15:5", "--json").out)["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("ranges", "points"),
+    [
+        (("--dihedral", "14:20:2"), 3),
+        (("--dihedral", "14,16", "--speed", "66,67,68"), 3),
+        (("--dihedral", "16:18", "--samples", "5"), 5),
+        (("--dihedral", "0:15:5"), 0),
+        (("--speed", "66:70:1"), 0),
+    ],
+    ids=["range", "list", "samples", "within", "no dihedral"],
+)
+def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], points: int) -> None:
+    import zarr
+
+    path = tmp_path / "far.zarr"
+    result = hfa("sweep", *ranges, "--json", "-o", str(path))
+    expected = [sweep_note(points)] if points else []
+    assert result.err == "".join(f"hfa: note: {note}\n" for note in expected)
+    assert json.loads(result.out)["warnings"] == expected
+    assert zarr.open_group(str(path), mode="r").attrs["warnings"] == expected
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [
+        Steps(0.0, LIMIT / 30, 41),
+        Steps(-2 * LIMIT, LIMIT / 7, 29),
+        Steps(1.5 * LIMIT, LIMIT, 4),
+        Steps(-3 * LIMIT, LIMIT / 2, 3),
+        Steps(-LIMIT, LIMIT / 3, 7),
+    ],
+)
+def test_a_grid_is_counted_as_if_its_points_were_made(axis: Steps) -> None:
+    plan = SweepPlan({"speed": (66.0, 68.0), "dihedral": axis}, default_parameters().values, "published")
+    points = int((np.abs(plan.values(0, plan.count)[:, 1]) > LIMIT * (1 + 1e-9)).sum())
+    assert plan_warnings(plan) == ([sweep_note(points)] if points else [])

@@ -1,0 +1,189 @@
+"""`hfa reproduce`: what it writes, that it can go on where it was stopped, and that it says the same twice."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import Terminal, assert_refused, hfa
+from experiment_readings import SHORT, reading_file
+
+from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from verification.experiments import reproduction as reproduce, result_folder as store
+from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED
+from verification.experiments.flown_laws import PRINTED
+from verification.experiments.reproduction import EXPERIMENTS
+
+FIGURES = {"5.1": range(3, 11), "5.2": range(11, 14), "5.3": range(14, 22), "5.4": range(22, 24)}
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return reading_file(tmp_path_factory.mktemp("reading"), SHORT)
+
+
+@pytest.fixture(scope="module")
+def finished(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All experiments, one second each."""
+    folder = tmp_path_factory.mktemp("all") / "out"
+    result = hfa("reproduce", "all", "-o", str(folder), "--reading", str(short))
+    assert (result.code, result.err) == (DONE, "")
+    assert len(result.out.splitlines()) == 2 + sum(len(one.claims) for one in EXPERIMENTS.values())
+    return folder
+
+
+def table_of(folder: Path) -> dict[str, Any]:
+    table: dict[str, Any] = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
+    return table
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.mark.parametrize("section", EXPERIMENTS)
+def test_every_figure_is_there_with_its_data(finished: Path, section: str) -> None:
+    names = {f"figure-{number:02d}" for number in FIGURES[section]}
+    expected = {f"{name}.{suffix}" for name in names for suffix in ("png", "npz")} | {"result.json"}
+    assert {path.name for path in (finished / section).iterdir()} == expected
+    for name in names:
+        with np.load(finished / section / f"{name}.npz") as data:
+            lines = {key.rpartition(" _ ")[0] for key in data.files}
+            assert lines
+            for line in lines:
+                assert len(data[f"{line} _ x"]) == len(data[f"{line} _ y"]) > 0
+        assert (finished / section / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_picture_shows_the_flight(finished: Path) -> None:
+    with np.load(finished / "5.1" / "figure-03.npz") as data:
+        command = next(data[key] for key in data.files if key.endswith("command _ y"))
+        times = next(data[key] for key in data.files if key.endswith("command _ x"))
+        speed = next(data[key] for key in data.files if key.endswith("exact + feed-forward _ y"))
+    np.testing.assert_allclose(command, 7.0 + 0.01 * times + 2.0 * np.sin(0.5 * times), rtol=1e-12)
+    assert speed[0] == 5.0
+    assert abs(speed[-1] - command[-1]) < 0.1
+
+
+def test_the_table_holds_every_claim_and_every_flight(finished: Path) -> None:
+    table = table_of(finished)
+    assert [one["number"] for one in table["claims"]] == [c.number for e in EXPERIMENTS.values() for c in e.claims]
+    assert sum(table["verdicts"].values()) == len(table["claims"])
+    for one in table["claims"]:
+        assert one["verdict"] in (CONFIRMED, NOT_CONFIRMED, NOT_JUDGED)
+        holds = one["findings"][one["subject"]]["holds"]
+        assert one["verdict"] == NOT_JUDGED or holds == (one["verdict"] == CONFIRMED)
+        assert one["reason"]
+    assert {flight["law"] for flight in table["lost_flights"]} == {PRINTED}
+    assert table["own_failures"] == []
+    assert len(table["lost_flights"]) == sum(
+        flight["law"] == PRINTED for one in table["experiments"] for flight in one["flights"]
+    )
+    markdown = (finished / "claims.md").read_text(encoding="utf-8")
+    assert all(f"| {one['number']} |" in markdown for one in table["claims"])
+
+
+def test_numbers_of_claims_are_unique() -> None:
+    numbers = [claim.number for one in EXPERIMENTS.values() for claim in one.claims]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_resuming_flies_nothing_again(finished: Path, short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = contents(finished)
+
+    def refuse(*_: Any) -> None:
+        raise AssertionError("flown again")
+
+    monkeypatch.setattr(reproduce, "fly", refuse)
+    result = hfa("reproduce", "all", "-o", str(finished), "--reading", str(short), "--resume", "--json")
+    assert result.code == DONE
+    assert json.loads(result.out) == table_of(finished)
+    assert contents(finished) == before
+    with pytest.raises(AssertionError, match="flown again"):
+        hfa("reproduce", "5.4", "-o", str(finished), "--resume")  # another reading is another experiment
+    with pytest.raises(AssertionError, match="flown again"):
+        hfa("reproduce", "5.4", "-o", str(finished), "--reading", str(short))
+    monkeypatch.setattr(store, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(AssertionError, match="flown again"):
+        hfa("reproduce", "all", "-o", str(finished), "--reading", str(short), "--resume")
+    assert contents(finished) == before
+
+
+def test_the_same_run_gives_the_same_bits(finished: Path, short: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "again"
+    assert hfa("reproduce", "5.4", "-o", str(folder), "--reading", str(short)).code == DONE
+    again = contents(folder / "5.4")
+    assert len(again) == 5
+    assert again == contents(finished / "5.4")
+
+
+def test_a_damaged_result_is_made_anew(short: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "5.4", "-o", str(tmp_path / "out"), "--reading", str(short), "--resume")
+    assert hfa(*words).code == DONE
+    before = contents(tmp_path / "out")
+    (tmp_path / "out" / "5.4" / "figure-22.png").unlink()
+    (tmp_path / "out" / "5.4" / "stray").write_text("old")
+    assert hfa(*words).code == DONE
+    assert contents(tmp_path / "out") == before
+    (tmp_path / "out" / "5.4" / "result.json").write_text("{")
+    assert hfa(*words).code == DONE
+    assert contents(tmp_path / "out") == before
+
+
+def test_an_interruption_leaves_nothing_half_written(
+    short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "save", interrupt)
+    result = hfa("reproduce", "5.4", "-o", str(tmp_path / "out"), "--reading", str(short))
+    assert result.code == INTERRUPTED
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_progress_is_for_a_terminal(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, folder: store.result_of(outcome, ()))
+    terminal = Terminal()
+    words = ("reproduce", "5.4", "-o", str(tmp_path), "--reading", str(short))
+    assert hfa(*words, err=terminal).code == DONE
+    assert "reproduce 5.4:  50 %" in terminal.getvalue()
+    assert terminal.getvalue().endswith("\r\033[K")
+    assert hfa(*words).err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("5.5", "-o", "out"), "no experiment '5.5'"),
+        (("5.1",), "-o"),
+        (("5.1", "-o", "nowhere/out"), "cannot make the folder"),
+        (("5.1", "-o", "file"), "cannot make the folder"),
+        (("5.1", "-o", "out", "--matrices", "guessed"), "unknown matrices 'guessed'"),
+        (("5.1", "-o", "out", "--reading", "none.toml"), "cannot be read"),
+        (("5.1", "-o", "out", "--reading", "file"), "is missing"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: tuple[str, ...], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert_refused(hfa("reproduce", *words), BAD_INPUT, named)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_law_of_ours_that_is_lost_is_a_failure(tmp_path: Path) -> None:
+    """A wrong plant is unstable under every gain: the exact law is lost, and the exit code says so."""
+    unstable = {"factors = [0.0, 0.1, 0.3, -0.2]": "factors = [0.0, 0.1, 0.3, -30.0]"}
+    path = reading_file(tmp_path, SHORT | unstable)
+    result = hfa("reproduce", "5.3", "-o", str(tmp_path / "out"), "--reading", str(path), "--json")
+    assert result.code == FAILED
+    table = json.loads(result.out)
+    assert "5.3: 5 deg, exact, A - 30 A" in table["own_failures"]
+    invariant = next(one for one in table["claims"] if one["number"] == "5.3-2")
+    assert invariant["verdict"] == NOT_CONFIRMED
+    assert not any(found["holds"] for found in invariant["findings"].values())

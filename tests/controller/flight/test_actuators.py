@@ -1,0 +1,114 @@
+"""Actuators: a first-order lag that respects its limits, and nothing at all when they are off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller.flight.actuators import ActuatedPolicy, Actuators
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.plants import LinearPlant
+from controller.flight.policies import GainPolicy, gain_constants
+from controller.flight.signals import Signal, zero
+from controller.flight.simulate import Scenario
+from hfa_model.published import published_models
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, Input
+
+N, M = 6, len(INPUTS)
+NO_GAIN = np.zeros((M, N))
+FREE = Actuators(Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M))
+LIMITED = Actuators(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
+
+
+def flown(
+    actuators: Actuators | None,
+    command: Signal,
+    *,
+    gain: np.ndarray = NO_GAIN,
+    start: np.ndarray | None = None,
+    trim: np.ndarray | None = None,
+) -> Flight:
+    """Two seconds of the printed model at 15 degrees under u = -K z + command."""
+    model = published_models()[0]
+    policy: GainPolicy | ActuatedPolicy = GainPolicy(command)
+    if actuators is not None:
+        policy = ActuatedPolicy(policy, actuators, np.zeros(M) if trim is None else trim)
+    loop = CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), policy, zero(N), zero(N), zero(N)))
+    initial = np.zeros(N) if start is None else start
+    return loop.fly(initial, lambda _: gain_constants(gain), step=0.001, steps_per_tick=100, ticks=20)
+
+
+def constant(*values: float) -> Signal:
+    return Signal(np.array(values), np.zeros(M))
+
+
+def test_without_limits_it_is_a_first_order_lag() -> None:
+    flight = flown(FREE, constant(1.0, -2.0, 3.0, 0.0, 5.0))
+    expected = (1.0 - np.exp(-flight.times / 0.1))[:, None] * np.array([1.0, -2.0, 3.0, 0.0, 5.0])
+    np.testing.assert_allclose(flight.inputs, expected, atol=1e-9)
+
+
+def test_positions_and_rates_stay_within_their_limits() -> None:
+    command = constant(10.0, -10.0, 0.3, -0.05, 0.0)
+    limited, free = flown(LIMITED, command), flown(FREE, command)
+    assert limited.inputs.max() <= 0.4
+    assert limited.inputs.min() >= -0.5
+    rates = np.diff(limited.inputs, axis=0) / 0.001
+    assert np.abs(rates).max() <= 1.0 + 1e-9
+    # The limits were needed, and are used: the command wants more, and the fastest moves at the limit.
+    assert np.abs(free.inputs).max() > 9.0
+    assert np.abs(rates).max() == pytest.approx(1.0)
+    np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
+
+
+def test_positions_are_absolute_about_the_trim() -> None:
+    trim = np.array([0.3, 0.0, 0.0, -0.4, 0.0])
+    flight = flown(LIMITED, constant(10.0, 10.0, 0.0, -10.0, 0.0), trim=trim)
+    np.testing.assert_allclose(flight.inputs[-1] + trim, [0.4, 0.4, 0.0, -0.5, 0.0], atol=1e-6)
+
+
+def test_fast_actuators_without_limits_are_no_actuators() -> None:
+    """The closed loop with actuators comes to the one without them, in proportion to the lag."""
+    gain = np.zeros((M, N))
+    gain[4, 2] = -1.0
+    start = np.array([0.5, 0.01, 0.01, 0.0, 0.0, 0.0])
+    plain = flown(None, zero(M), gain=gain, start=start)
+    off = []
+    for lag in (0.02, 0.01, 0.005):
+        fast = Actuators(Input(*[lag] * M), FREE.lowest, FREE.highest, FREE.rate)
+        off.append(float(np.abs(flown(fast, zero(M), gain=gain, start=start).states - plain.states).max()))
+    assert off[0] < 0.1
+    np.testing.assert_allclose(np.array(off[:-1]) / off[1:], 2.0, rtol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"lag": Input(0.1, 0.0, 0.1, 0.1, 0.1)}, "lag of aileron_center is 0.0"),
+        ({"lag": Input(*[np.inf] * M)}, "lag of throttle is inf"),
+        ({"rate": Input(1.0, 1.0, -1.0, 1.0, 1.0)}, "rate limit of aileron_outer is -1"),
+        ({"highest": Input(1.0, 1.0, 1.0, -0.5, 1.0)}, "positions of elevator_center"),
+    ],
+)
+def test_actuators_that_cannot_move_are_refused(change: dict[str, Input], said: str) -> None:
+    values = {"lag": LIMITED.lag, "lowest": LIMITED.lowest, "highest": LIMITED.highest, "rate": LIMITED.rate}
+    with pytest.raises(BadInputError, match=said):
+        Actuators(**(values | change))
+
+
+def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
+    lag = Input(0.5, *[0.0003] * (M - 1))
+    fast = Actuators(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
+    fast.refuse_step(0.00075)
+    said = rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least 0\.0004 s"
+    with pytest.raises(BadInputError, match=said):
+        fast.refuse_step(0.001)
+    with pytest.raises(BadInputError, match=said):
+        Scenario(actuators=fast)
+    assert Scenario(step=0.0005, actuators=fast).actuators is fast
+
+
+def test_a_trim_that_the_actuators_cannot_hold_is_refused() -> None:
+    with pytest.raises(BadInputError, match=r"elevator_outer is 0\.7 at trim"):
+        ActuatedPolicy(GainPolicy(zero(M)), LIMITED, np.array([0.0, 0.0, 0.0, 0.0, 0.7]))

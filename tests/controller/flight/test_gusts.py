@@ -1,0 +1,248 @@
+"""Moving air: it enters through the loads alone, from the right direction, and turbulence has the right statistics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from random_points import random_points
+
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.integrator import integrate
+from controller.flight.plants import LinearPlant
+from controller.flight.policies import GainPolicy
+from controller.flight.signals import zero
+from hfa_model import kinematics
+from hfa_model.aerodynamics import aircraft_loads
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates, rates_from_loads
+from hfa_model.parameters import Parameters
+from hfa_model.published import published_models
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import VARIANTS, Newton, Variant
+from hfa_model.vectors import LINEAR_STATES, RATE_SCALES, STATES, Input, State
+from verification.physics.lagrangian import lagrangian_rates
+
+# The model.
+
+
+def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    updrafts = np.random.default_rng(seed).uniform(-40.0, 40.0, count)
+    return list(zip(*random_points(count, seed=seed), updrafts.tolist(), strict=True))
+
+
+@pytest.fixture(scope="module")
+def judge(parameters: Parameters) -> ca.Function:
+    """(x, u, updraft) -> dX/dt by the Euler-Lagrange equations."""
+    x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(Input._fields)), ca.SX.sym("w")
+    state = State(*ca.vertsplit(x))
+    found = lagrangian_rates(state, Input(*ca.vertsplit(u)), density(state.altitude), parameters, w)
+    return ca.Function("judge", [x, u, w], [ca.vertcat(*found)])
+
+
+def disagreement(judge: ca.Function, parameters: Parameters, sign: float = 1.0) -> float:
+    """Largest difference of a rate of `newton`, relative to the rate or, near zero, to its scale."""
+    worst = 0.0
+    for x, u, w in points(300, seed=3):
+        expected = np.array(judge(x, u, w)).ravel()
+        found = np.array(rates(State(*x.tolist()), Input(*u.tolist()), parameters, Newton(), sign * w))
+        worst = max(worst, float((np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES)).max()))
+    return worst
+
+
+def test_newton_in_moving_air_equals_the_euler_lagrange_equations(judge: ca.Function, parameters: Parameters) -> None:
+    assert disagreement(judge, parameters) <= 1e-11
+
+
+def test_a_gust_from_the_wrong_side_is_seen(judge: ca.Function, parameters: Parameters) -> None:
+    assert disagreement(judge, parameters, sign=-1.0) > 1.0
+
+
+def test_a_gust_that_is_not_turned_into_body_axes_is_seen(
+    judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kinematics, "_forward", lambda x, updraft: x.speed * ca.cos(x.alpha))
+    assert disagreement(judge, parameters) > 1e-3
+
+
+def test_drag_at_the_speed_over_ground_is_seen(
+    judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hfa_model.aerodynamics.airspeed", lambda x, updraft: x.speed)
+    assert disagreement(judge, parameters) > 1e-3
+
+
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
+def test_no_gust_changes_no_bit(parameters: Parameters, variant: Variant) -> None:
+    for x, u, _ in points(50, seed=1):
+        state, control = State(*x.tolist()), Input(*u.tolist())
+        still = rates(state, control, parameters, variant)
+        assert rates(state, control, parameters, variant, 0.0) == still
+        # A gust of 0 that is not known to be 0 goes the other way to the airspeed, and arrives at the same.
+        np.testing.assert_allclose(
+            rates(state, control, parameters, variant, np.float64(0.0)), still, rtol=1e-13, atol=1e-13
+        )
+
+
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
+def test_moving_air_acts_through_the_loads_alone(parameters: Parameters, variant: Variant) -> None:
+    for x, u, w in points(50, seed=2):
+        state, control = State(*x.tolist()), Input(*u.tolist())
+        loads = aircraft_loads(state, control, density(state.altitude), parameters, variant, w)
+        assert rates(state, control, parameters, variant, w) == rates_from_loads(state, loads, parameters, variant)
+        still, moved = (rates(state, control, parameters, variant, each) for each in (0.0, w))
+        for name in ("altitude", "pitch", "dihedral"):
+            assert getattr(moved, name) == getattr(still, name)
+        assert abs(moved.alpha - still.alpha) > 1e-6
+        vacuum = [aircraft_loads(state, control, 0.0, parameters, variant, each) for each in (0.0, w)]
+        assert vacuum[0] == vacuum[1]
+
+
+def test_flight_in_rising_air_is_flight_in_still_air_seen_from_the_ground(parameters: Parameters) -> None:
+    """Galileo: with the air and the aircraft both moving up by w, accelerations in the inertial frame are the same."""
+
+    def acceleration(x: State, rate: State) -> np.ndarray:
+        """d/dt of the velocity over ground, north and up."""
+        gamma, gamma_rate = x.pitch - x.alpha, rate.pitch - rate.alpha
+        along, across = np.array([np.cos(gamma), np.sin(gamma)]), np.array([-np.sin(gamma), np.cos(gamma)])
+        return rate.speed * along + x.speed * gamma_rate * across
+
+    for x, u, w in points(100, seed=5):
+        still, control = State(*x.tolist()), Input(*u.tolist())
+        gamma = still.pitch - still.alpha
+        north, up = still.speed * np.cos(gamma), still.speed * np.sin(gamma) + w
+        moving = still._replace(speed=float(np.hypot(north, up)), alpha=still.pitch - float(np.arctan2(up, north)))
+        one = rates(still, control, parameters, Newton())
+        two = rates(moving, control, parameters, Newton(), w)
+        np.testing.assert_allclose(acceleration(moving, two), acceleration(still, one), rtol=1e-9, atol=1e-9)
+        assert two.pitch_rate == pytest.approx(one.pitch_rate, rel=1e-9, abs=1e-9)
+        assert two.dihedral_rate == pytest.approx(one.dihedral_rate, rel=1e-9, abs=1e-9)
+        assert two.altitude == pytest.approx(one.altitude + w, rel=1e-9, abs=1e-9)
+
+
+# The 1-cosine gust.
+
+
+def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
+    gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
+    times = np.linspace(0.0, 10.0, 1001)
+    values = np.array([float(gust.updraft(t, None, None)) for t in times])
+    assert values.min() == pytest.approx(-10.0)
+    assert times[np.argmin(values)] == pytest.approx(2.0 + 400.0 / 80.0 / 2)
+    assert np.all(values[(times <= 2.0) | (times >= 7.0)] == 0.0)
+    assert np.all(values[(times > 2.01) & (times < 6.99)] < 0.0)
+    assert values.sum() * 0.01 == pytest.approx(-10.0 * 5.0 / 2, rel=1e-6)
+
+
+# Turbulence.
+
+
+def sampled(gust: Gust, interval: float, ticks: int) -> np.ndarray:
+    """w at the ticks of a flight, by the integrator of the loop."""
+    t, y, p = ca.SX.sym("t"), ca.SX.sym("y", gust.memory_size), ca.SX.sym("p", gust.constants_size)
+    rate = ca.Function("air", [t, y, p], [ca.densify(gust.memory_rate(t, y, p))])
+    path = integrate(rate, gust.start(), gust.constants, step=interval / 5, steps_per_tick=5, ticks=ticks)
+    out: Any = ca.Function("out", [y], [gust.updraft(t, y, p)])
+    return np.array(out.map(ticks + 1)(path.states[::5].T)).ravel()
+
+
+def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:
+    return Dryden(intensity=5.0, scale=34.0, speed=68.0, interval=interval, ticks=ticks, seed=seed)
+
+
+@pytest.mark.parametrize(("interval", "ticks"), [(0.05, 80_000), (0.5, 10_000)])
+def test_turbulence_has_the_variance_that_was_asked_for(interval: float, ticks: int) -> None:
+    """Some 4,000 independent samples: the standard error of the variance is 2 percent."""
+    gust = turbulence(interval, ticks)
+    w = sampled(gust, interval, ticks)
+    assert np.var(w) == pytest.approx(gust.intensity**2, rel=0.08)
+    assert abs(w.mean()) < 5 * gust.intensity / np.sqrt(4000)
+
+
+def test_noise_of_variance_one_over_the_tick_would_be_wrong_for_long_ticks() -> None:
+    """What the exact variance is good for: ticks as long as the time scale of the turbulence."""
+    for interval, right in ((0.5, False), (0.005, True)):
+        gust = turbulence(interval, 20_000)
+        noise = np.array([gust.constants(tick)[0] for tick in range(gust.ticks)])
+        assert (abs(np.var(noise) * interval - 1.0) < 0.05) == right
+
+
+def test_turbulence_has_the_dryden_spectrum() -> None:
+    from scipy.signal import welch
+
+    spectra = []
+    for seed in range(3):
+        gust = turbulence(0.05, 80_000, seed)
+        frequencies, found = welch(sampled(gust, 0.05, gust.ticks), fs=20.0, nperseg=4096)
+        spectra.append(found)
+    mean = np.mean(spectra, axis=0)
+    reduced = gust.scale * 2 * np.pi * frequencies / gust.speed
+    # One-sided in Hz: Φ(Ω) dΩ with Ω = 2π f / V. A first-order lag of the same variance and scale: the test can tell.
+    dryden = gust.intensity**2 * 2 * gust.scale / gust.speed * (1 + 3 * reduced**2) / (1 + reduced**2) ** 2
+    lag = gust.intensity**2 * 4 * gust.scale / gust.speed / (1 + reduced**2)
+    for low, high in ((0.02, 0.1), (0.1, 0.3), (0.3, 1.0), (1.0, 2.0)):
+        band = (frequencies >= low) & (frequencies < high)
+        assert mean[band].mean() == pytest.approx(dryden[band].mean(), rel=0.12)
+        assert mean[band].mean() != pytest.approx(lag[band].mean(), rel=0.12)
+
+
+def test_turbulence_begins_stationary() -> None:
+    output = []
+    for seed in range(400):
+        gust = turbulence(0.05, 1, seed)
+        output.append(float(gust.updraft(0.0, gust.start(), None)))
+    assert np.std(output) == pytest.approx(5.0, rel=0.15)
+
+
+def test_turbulence_is_its_seed() -> None:
+    one, same, other = (sampled(turbulence(0.05, 50, seed), 0.05, 50) for seed in (7, 7, 8))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("intensity", [1e-300, 1e-160, 1e200])
+@pytest.mark.parametrize("scale", [0.69, 1750.0, 6.7e5])
+def test_turbulence_is_proportional_to_its_intensity(intensity: float, scale: float) -> None:
+    weak, unit = (Dryden(sigma, scale, 68.0, 0.01, 20, 3) for sigma in (intensity, 1.0))
+    assert np.array_equal(weak.start(), unit.start())
+    assert np.array_equal(weak.constants(4), unit.constants(4))
+    assert weak.updraft(0.0, weak.start(), None) == pytest.approx(
+        intensity * unit.updraft(0.0, unit.start(), None), rel=1e-12, abs=0.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: OneMinusCosine(0.0, 1.0, 68.0), "length is 0"),
+        (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
+        (lambda: OneMinusCosine(10.0, 1.0, -1.0), "speed is -1"),
+        (lambda: Dryden(0.0, 1750.0, 68.0, 0.01, 10, 0), "intensity is 0"),
+        (lambda: Dryden(1.0, np.inf, 68.0, 0.01, 10, 0), "scale is inf"),
+        (lambda: Dryden(1.0, 1750.0, 68.0, 0.01, 10, -1), "seed is -1"),
+        (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
+        (lambda: Dryden(1.0, 0.67, 68.0, 0.01, 10, 0), r"scale is 0\.67 ft"),
+        (lambda: Dryden(1.0, 1e12, 68.0, 0.01, 10, 0), r"scale is 1e\+12 ft"),
+    ],
+)
+def test_what_is_no_gust_is_refused(make: Any, said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        make()
+
+
+def test_the_six_state_linear_model_refuses_a_gust() -> None:
+    model = published_models()[0]
+    nothing = zero(len(LINEAR_STATES))
+    loop = ClosedLoop(
+        LinearPlant(model.A, model.B),
+        GainPolicy(zero(len(Input._fields))),
+        nothing,
+        nothing,
+        nothing,
+        OneMinusCosine(100.0, 1.0, 68.0),
+    )
+    with pytest.raises(BadInputError, match="knows no gusts"):
+        CompiledLoop(loop)

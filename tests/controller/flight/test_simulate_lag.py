@@ -1,0 +1,119 @@
+"""How much lag of its actuators the linear policy stands: eigenvalues, long flights, and the rows that say so."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controller.flight.actuators import Actuators
+from controller.flight.envelope import flight_envelope
+from controller.flight.gain_plan import GainPlan
+from controller.flight.signals import Signal
+from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.game.zero_sum import published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import default_parameters
+from hfa_model.vectors import LINEAR_STATES, Input
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import CONTROL_LIMITS, level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"
+WEIGHTS = ("the paper's weights", "R x 100")
+
+
+@dataclass(frozen=True, eq=False)
+class Trimmed:
+    """The newton aircraft at one dihedral."""
+
+    aircraft: Aircraft
+    point: OperatingPoint
+    model: LinearModel
+
+
+@cache
+def trimmed(degrees: float) -> Trimmed:
+    aircraft = Aircraft(default_parameters().values, "newton")
+    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+    return Trimmed(aircraft, point, linearize(aircraft, point))
+
+
+@cache
+def gain(weights: str) -> np.ndarray:
+    """The exact gain at 15 degrees."""
+    model = trimmed(15.0).model
+    game = published_game(model.A, model.B)
+    return solve_game(game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)).K
+
+
+def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
+    """Of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
+    loop = np.block([[model.A, model.B], [-K / lag, -np.eye(len(K)) / lag]])
+    return float(np.linalg.eigvals(loop).real.max())
+
+
+def largest_lag(model: LinearModel, K: np.ndarray) -> float:
+    """The lag at which the loop loses its stability, s, by bisection."""
+    low, high = 0.001, 0.3
+    assert abscissa(model, K, low) < 0.0 < abscissa(model, K, high)
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        low, high = (middle, high) if abscissa(model, K, middle) < 0.0 else (low, middle)
+    return low
+
+
+def flown(weights: str, lag: float, seconds: float) -> NonlinearFlight:
+    """A command of one degree behind actuators of that lag, 60 deg/s for the surfaces."""
+    at = trimmed(15.0)
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    actuators = Actuators(Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4))
+    command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
+    scenario = Scenario(duration=seconds, reference=Signal(command, np.zeros(len(command))), actuators=actuators)
+    envelope = flight_envelope(at.aircraft.parameters, at.point)
+    return fly(at.aircraft, at.point, GainPlan("exact", gain(weights)[None]), scenario, envelope)
+
+
+def stated(row: str) -> tuple[float, ...]:
+    """The two lags of the row of docs/nonlinear.md that begins so, s."""
+    text = DOCUMENT.read_text(encoding="utf-8")
+    found = re.findall(rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE)
+    assert len(found) == 1, row
+    return tuple(float(number) for number in found[0])
+
+
+def rounded_down(lag: float) -> float:
+    """To a millisecond, so that the stated lag is one that is stood."""
+    return math.floor(1000.0 * lag) / 1000.0
+
+
+@pytest.mark.parametrize("degrees", [15.0, 16.0])
+def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float) -> None:
+    found = tuple(rounded_down(largest_lag(trimmed(degrees).model, gain(weights))) for weights in WEIGHTS)
+    assert stated(f"lag of all actuators, eigenvalues at {degrees:g} deg") == found
+
+
+def test_less_dihedral_stands_more_lag() -> None:
+    one, other = (rounded_down(largest_lag(trimmed(14.0).model, gain(weights))) for weights in WEIGHTS)
+    assert f"At 14 degrees more is stood, {one:.3f} s and {other:.3f} s." in DOCUMENT.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(weights: str) -> None:
+    limit = stated("lag of all actuators, flown 200 s")[WEIGHTS.index(weights)]
+    assert flown(weights, limit, 200.0).departure is None
+    assert flown(weights, limit + 0.002, 200.0).departure is not None
+
+
+def test_a_lag_that_only_a_short_flight_stands_is_seen() -> None:
+    """0.18 s is unstable, and lasts nine seconds."""
+    assert abscissa(trimmed(15.0).model, gain(WEIGHTS[1]), 0.18) > 0.5
+    assert flown(WEIGHTS[1], 0.18, 8.0).departure is None
+    assert flown(WEIGHTS[1], 0.18, 12.0).departure is not None

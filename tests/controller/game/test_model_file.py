@@ -1,0 +1,205 @@
+"""A user's plant and critic from files: what is read, what is filled in, what is refused and in which words."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
+
+from controller.game.model_file import load_critic, load_game, parse_diagonal
+from controller.game.zero_sum import Game
+from hfa_model.published import published_models
+from hfa_model.support.errors import BadInputError
+
+A2 = [[0.0, 1.0], [-2.0, -3.0]]
+B2 = [[0.0], [1.0]]
+Q2, R1 = [[2.0, 0.0], [0.0, 1.0]], [[4.0]]
+
+
+def _json(path: Path, content: Any) -> Path:
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def model() -> dict[str, np.ndarray]:
+    return {"A": published_models()[0].A, "B": published_models()[0].B}
+
+
+def _same(one: Game, other: Game) -> bool:
+    matrices = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in "ABEQR")
+    return matrices and one.delta == other.delta
+
+
+def test_every_format_gives_the_same_game(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    extra = {"E": np.eye(6)[:, :2], "Q": 2.0 * np.eye(6), "R": 3.0 * np.eye(5), "delta": 321.0}
+    full = model | extra
+    np.savez(tmp_path / "plant.npz", **full)
+    savemat(tmp_path / "plant.mat", full)
+    savemat(tmp_path / "sparse.MAT", full | {"A": csc_matrix(full["A"])})
+    _json(tmp_path / "plant.json", {key: np.asarray(value).tolist() for key, value in full.items()})
+    expected = Game(**full)
+    for name in ("plant.npz", "plant.mat", "sparse.MAT", "plant.json"):
+        assert _same(load_game(tmp_path / name), expected), name
+
+
+def test_what_is_missing_comes_from_the_paper(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    np.savez(tmp_path / "plant.npz", **model)
+    game = load_game(str(tmp_path / "plant.npz"))
+    assert np.array_equal(game.E, np.eye(6))
+    assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
+    assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
+    assert game.delta == 200.0
+
+
+def test_an_argument_counts_before_the_file(tmp_path: Path) -> None:
+    path = _json(tmp_path / "plant.json", {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 5.0})
+    assert load_game(path).delta == 5.0
+    game = load_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
+    assert np.array_equal(game.Q, np.eye(2))
+    assert game.R[0, 0] == 9.0
+    assert game.delta == math.inf
+
+
+def test_another_size_needs_its_own_weights(tmp_path: Path) -> None:
+    path = _json(tmp_path / "plant.json", {"A": A2, "B": B2})
+    with pytest.raises(BadInputError, match="the model has 2 states and the Q of the paper is for 6; give Q"):
+        load_game(path)
+    with pytest.raises(BadInputError, match="the model has 1 inputs and the R of the paper is for 5; give R"):
+        load_game(path, Q=np.eye(2))
+    assert load_game(path, Q=np.eye(2), R=np.eye(1)).delta == 200.0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"B": B2}, r"there is no A; a model file holds A and B \(found: B\)"),
+        ({"A": A2, "Q": Q2}, r"there is no B; .* \(found: A, Q\)"),
+        ({}, r"there is no A; .*\(the file is empty\)"),
+        ([1, 2], "cannot be read as .json .*must be an object"),
+        ({"A": "fast", "B": B2}, "A has 0 dimension"),
+        ({"A": [["a", "b"], ["c", "d"]], "B": B2, "Q": Q2, "R": R1}, "A is not a matrix of real numbers"),
+        ({"A": [[1.0], [2.0, 3.0]], "B": B2}, "A has rows that differ in length"),
+        ({"A": [[1.0, None], [0.0, 1.0]], "B": B2, "Q": Q2, "R": R1}, "A is not a matrix of real numbers"),
+        ({"A": [[1.0, math.nan], [0.0, 1.0]], "B": B2, "Q": Q2, "R": R1}, r"A\[0\]\[1\] is nan"),
+        ({"A": A2, "B": [0.0, 1.0]}, "B has 1 dimension"),
+        ({"A": [[1.0, 2.0]], "B": B2, "Q": Q2, "R": R1}, "A is 1 x 2; it must be square|Q is"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": "big"}, "delta must be one number"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [1.0, 2.0]}, "delta must be one number"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": -1.0}, "delta is -1.0; it must be a positive number"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "E": [[1.0]]}, "E is 1 x 1"),
+    ],
+)
+def test_bad_models_are_refused_in_one_line(tmp_path: Path, content: Any, message: str) -> None:
+    path = _json(tmp_path / "plant.json", content)
+    with pytest.raises(BadInputError, match=message) as refusal:
+        load_game(path)
+    assert str(refusal.value).startswith(f"{path}: ")
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("load", [load_game, load_critic])
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
+@pytest.mark.parametrize("damage", [b"", b"this is not such a file\nat all", b"PK\x03\x04broken", b"\x00\xff" * 300])
+def test_damaged_files_are_refused_in_one_line(tmp_path: Path, load: Any, suffix: str, damage: bytes) -> None:
+    path = tmp_path / f"plant{suffix}"
+    path.write_bytes(damage)
+    with pytest.raises(BadInputError, match=r"cannot be read as|there is no A|there is no W") as refusal:
+        load(path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_truncated_files_are_refused(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    np.savez(tmp_path / "plant.npz", **model)
+    savemat(tmp_path / "plant.mat", model, do_compression=True)
+    for name in ("plant.npz", "plant.mat"):
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(BadInputError, match=r"cannot be read|there is no"):
+            load_game(tmp_path / name)
+
+
+def test_pickled_objects_are_not_loaded(tmp_path: Path) -> None:
+    np.savez(tmp_path / "plant.npz", A=np.array([{"a": 1}], dtype=object), B=np.eye(1))
+    with pytest.raises(BadInputError, match=r"cannot be read as \.npz"):
+        load_game(tmp_path / "plant.npz")
+
+
+def test_complex_matrices_are_refused(tmp_path: Path) -> None:
+    savemat(tmp_path / "plant.mat", {"A": np.array(A2) * 1j, "B": B2, "Q": Q2, "R": R1})
+    with pytest.raises(BadInputError, match="A is not a matrix of real numbers"):
+        load_game(tmp_path / "plant.mat")
+
+
+def test_missing_file_unknown_suffix_and_new_matlab_files(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match=r"plant.json: there is no such file"):
+        load_game(tmp_path / "plant.json")
+    with pytest.raises(BadInputError, match=r"there is no such file"):
+        load_game(tmp_path.rename(tmp_path.with_suffix(".npz")))  # a folder
+    with pytest.raises(BadInputError, match=r"the suffix '.xlsx' is not known; use .json, .npz, .mat"):
+        load_game("plant.xlsx")
+
+
+def test_matlab_73_files_say_how_to_save(tmp_path: Path) -> None:
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema 1.00 ."
+    (tmp_path / "plant.mat").write_bytes(
+        header.ljust(116) + b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
+    )
+    with pytest.raises(BadInputError, match="save with the option -v7"):
+        load_game(tmp_path / "plant.mat")
+
+
+# Critics --------------------------------------------------------------------------------------------------------
+
+
+def test_critics_are_read_by_what_they_hold(tmp_path: Path) -> None:
+    W, P, K = np.arange(21.0), np.eye(6), np.ones((5, 6))
+    np.savez(tmp_path / "all.npz", W=W, P=P, K=K)
+    savemat(tmp_path / "row.mat", {"W": W})
+    savemat(tmp_path / "value.mat", {"P": P, "K": K})
+    _json(tmp_path / "gain.json", {"K": K.tolist(), "delta": 200.0, "certificate": {"ok": True}})
+    held = {"all.npz": (W, P, K), "row.mat": (W, None, None), "value.mat": (None, P, K), "gain.json": (None, None, K)}
+    for name, parts in held.items():
+        for read, expected in zip(load_critic(tmp_path / name), parts, strict=True):
+            assert read is expected if expected is None else np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"A": A2}, r"there is no W, P or K; .* \(found: A\)"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one column"),
+        ({"W": ["a"]}, "W does not consist of real numbers"),
+        ({"W": []}, "W is empty"),
+        ({"W": [1.0, math.inf]}, "entries that are not finite"),
+        ({"P": [1.0, 2.0]}, "P has 1 dimension"),
+        ({"K": [[1.0], [2.0, 3.0]]}, "K has rows that differ in length"),
+    ],
+)
+def test_bad_critics_are_refused_in_one_line(tmp_path: Path, content: Any, message: str) -> None:
+    path = _json(tmp_path / "critic.json", content)
+    with pytest.raises(BadInputError, match=message) as refusal:
+        load_critic(path)
+    assert "\n" not in str(refusal.value)
+
+
+# Diagonals on the command line ----------------------------------------------------------------------------------
+
+
+def test_diagonals_are_parsed() -> None:
+    assert np.array_equal(parse_diagonal("Q", "1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
+    assert np.array_equal(parse_diagonal("R", "4"), [[4.0]])
+
+
+@pytest.mark.parametrize(
+    ("text", "entry"), [("1,two,3", "entry 2 is 'two'"), ("", "entry 1 is ''"), ("1,,2", "entry 2 is ''")]
+)
+def test_bad_diagonals_are_refused(text: str, entry: str) -> None:
+    with pytest.raises(BadInputError, match=f"Q: {entry}; give the diagonal as numbers"):
+        parse_diagonal("Q", text)

@@ -1,0 +1,126 @@
+"""The game as a value: what it refuses, and the policies that follow from a value matrix."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from game_samples import game_models
+
+from controller.game.zero_sum import LARGEST, Game, published_game
+from hfa_model.published import published_models
+from hfa_model.support.errors import BadInputError
+
+SMALL: dict[str, Any] = {
+    "A": [[0.0, 1.0], [-2.0, -3.0]],
+    "B": [[0.0], [1.0]],
+    "E": [[1.0], [0.5]],
+    "Q": [[2.0, 0.0], [0.0, 1.0]],
+    "R": [[4.0]],
+    "delta": 2.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"A": [[1.0, 2.0]]}, "A is 1 x 2; it must be square"),
+        ({"A": [1.0, 2.0]}, "A has 1 dimension"),
+        ({"A": 5.0}, "A has 0 dimension"),
+        ({"A": [[1.0, 2.0], [3.0]]}, "A is not a matrix of real numbers: its rows differ in length"),
+        ({"A": [["1", "2"], ["3", "4"]]}, "A is not a matrix of real numbers"),
+        ({"A": [[1j, 0.0], [0.0, 1.0]]}, "A is not a matrix of real numbers"),
+        ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
+        ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A has an entry of 1e\+150; entries must not exceed 1e\+100"),
+        ({"A": np.zeros((0, 0))}, "a game needs a state and an input"),
+        ({"B": np.zeros((2, 0))}, "a game needs a state and an input"),
+        ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
+        ({"E": [[1.0]]}, "E is 1 x 1; with this A and B it must be 2 x 1"),
+        ({"Q": [[1.0]]}, "Q is 1 x 1; with this A and B it must be 2 x 2"),
+        ({"R": [[1.0, 0.0], [0.0, 1.0]]}, "R is 2 x 2; with this A and B it must be 1 x 1"),
+        ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
+        ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
+        ({"R": [[0.0]]}, "R is not positive definite"),
+        ({"R": [[-1.0]]}, "R is not positive definite"),
+        ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
+        ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
+        ({"delta": 0.0}, "delta is 0.0; it must be a positive number"),
+        ({"delta": -1.0}, "delta is -1.0; it must be a positive number"),
+        ({"delta": math.nan}, "delta is nan; it must be a positive number"),
+        ({"delta": "200"}, "delta is 200; it must be a positive number"),
+        ({"delta": 1e-60}, r"1/delta\^2 must not exceed"),
+        ({"delta": 1e300}, r"delta is 1e\+300; it must not exceed 1e\+50; give inf"),
+        ({"delta": 10**400}, "it must not exceed 1e.50; give inf"),
+    ],
+)
+def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError, match=message) as refusal:
+        Game(**(SMALL | change))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]])
+def test_weights_of_very_different_size_are_definite(R: Any) -> None:
+    assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
+
+
+def test_the_largest_delta_is_nearly_none() -> None:
+    most, none = (Game(**(SMALL | {"delta": delta})).S for delta in (1e50, math.inf))
+    np.testing.assert_allclose(most, none, rtol=1e-15, atol=1e-99)
+
+
+def test_policies_follow_from_the_value() -> None:
+    game, P = Game(**SMALL), np.array([[3.0, 1.0], [1.0, 2.0]])
+    np.testing.assert_allclose(game.gain(P), [[0.25, 0.5]], rtol=1e-15)
+    np.testing.assert_allclose(game.disturbance_gain(P), [[3.5 / 4.0, 2.0 / 4.0]], rtol=1e-15)
+    np.testing.assert_allclose(game.S, [[-0.25, -0.125], [-0.125, 0.25 - 0.0625]], rtol=1e-15)
+    exact = np.array(SMALL["A"]).T @ P + P @ np.array(SMALL["A"]) + game.Q - P @ game.S @ P
+    np.testing.assert_allclose(game.residual(P), exact, rtol=1e-15)
+
+
+def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
+    """u = -K z and d = L z are where z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) has no slope in u and d."""
+    for game in game_models().values():
+        rng = np.random.default_rng(4)
+        root, z = rng.standard_normal((6, 6)), rng.standard_normal(6)
+        P = root @ root.T
+        u, d = -game.gain(P) @ z, game.disturbance_gain(P) @ z
+        np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=1e-12)
+
+
+def test_without_disturbance_the_disturbance_has_no_part() -> None:
+    game = Game(**SMALL).with_delta(math.inf)
+    assert np.array_equal(game.S, game.S_control)
+    assert not game.disturbance_gain(np.eye(2)).any()
+
+
+def test_a_game_cannot_be_changed_from_outside() -> None:
+    A = np.array(SMALL["A"])
+    game = Game(**(SMALL | {"A": A}))
+    A[0, 0] = 7.0
+    assert game.A[0, 0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        game.A[0, 0] = 7.0
+    assert game.with_delta(3.0).delta == 3.0
+    assert game.delta == 2.0
+
+
+def test_published_game_has_the_settings_of_the_paper() -> None:
+    model = published_models()[0]
+    game = published_game(model.A, model.B)
+    assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
+    assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
+    assert np.array_equal(game.E, np.eye(6))
+    assert game.delta == 200.0
+    assert published_game(model.A, model.B, delta=150.0).delta == 150.0
+    with pytest.raises(BadInputError, match="Q is 6 x 6; with this A and B it must be 2 x 2"):
+        published_game(np.eye(2), np.ones((2, 1)))
+    with pytest.raises(BadInputError, match="A has 0 dimension"):
+        published_game(np.array(3.0), model.B)
+
+
+def test_the_limit_of_size_leaves_room_for_products() -> None:
+    assert math.isfinite(LARGEST**3)

@@ -1,0 +1,311 @@
+"""The certified law: exact solution in predefined time, from anywhere, or a clear refusal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from game_samples import game_models, random_game
+from learning_samples import (
+    PUBLISHED,
+    QUADRATIC,
+    abscissa,
+    assert_exact,
+    build,
+    lq,
+    published,
+    random_start,
+)
+from reference_riccati import reference_solution, relative_error
+
+from controller.game.basis import BASES, basis
+from controller.game.zero_sum import Game
+from controller.laws.certified import CertifiedSettings, certified_law
+from controller.laws.learn import learn
+from controller.laws.run import run
+from controller.laws.scalar_law import after, decay_rate
+from controller.samples.recording import Stack, flight_pool, random_pool
+from controller.samples.stack_equations import GAME, LQ, Problem
+from hfa_model.support.errors import NoSolutionError
+
+# The solution.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("start", [100.0, 0.0])
+def test_published_models_from_the_papers_start(name: str, start: float) -> None:
+    game, exact = published(name)
+    result = learn(game, initial_weights=start)
+    assert_exact(result, exact, limit=1e-11)
+    assert result.times[-1] == 10.0
+    assert result.weights[0] == pytest.approx(np.full(21, start))
+    assert len(result.certificates) == 7
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize(
+    ("predefined_time", "tick"),
+    [
+        (0.5, 0.001),
+        (0.5, 0.1),
+        (2.0, 0.1),
+        (10.0, 0.1),
+        (60.0, 0.1),
+        pytest.param(2.0, 0.001, marks=pytest.mark.slow),
+        pytest.param(10.0, 0.001, marks=pytest.mark.slow),
+        pytest.param(60.0, 0.001, marks=pytest.mark.slow),
+    ],
+)
+def test_settles_within_any_predefined_time(name: str, predefined_time: float, tick: float) -> None:
+    game, exact = published(name)
+    result = learn(game, predefined_time=predefined_time, tick=tick)
+    assert_exact(result, exact)
+    assert result.times[-1] == predefined_time
+    assert result.settling_time <= predefined_time
+
+
+@pytest.mark.parametrize("name", game_models())
+def test_every_model_of_the_aircraft(name: str) -> None:
+    game = game_models()[name]
+    assert_exact(learn(game, tick=0.1), reference_solution(game))
+
+
+def assert_every_start_ends_right(indices: range) -> None:
+    wrong, stabilizing = [], 0
+    for index in indices:
+        game, exact = published(PUBLISHED[index // 4 % 2])
+        weights = random_start(index, game, exact.P)
+        stabilizing += abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < 0.0
+        samples = 21 + index % 80
+        result = learn(game, seed=index, tick=0.2, samples=samples, initial_weights=tuple(weights))
+        errors = relative_error(result.P, exact.P), relative_error(result.K, exact.K)
+        if not (result.converged and max(errors) <= 1e-9 and result.settling_time <= 10.0):
+            wrong.append((index, errors, result.status))
+    assert wrong == []
+    assert 0.05 * len(indices) < stabilizing < 0.95 * len(indices)
+
+
+def test_a_hundred_random_starts_end_at_the_solution() -> None:
+    assert_every_start_ends_right(range(100))
+
+
+@pytest.mark.slow
+def test_a_thousand_random_starts_end_at_the_solution() -> None:
+    assert_every_start_ends_right(range(1000))
+
+
+@pytest.mark.parametrize("size", [1e6, -1e6, 1e20, -1e60])
+def test_absurd_starts_end_at_the_solution(size: float) -> None:
+    game, exact = published(PUBLISHED[1])
+    assert_exact(learn(game, tick=0.2, initial_weights=size), exact)
+
+
+@pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
+def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
+    game, exact = published(PUBLISHED[0])
+    result = learn(game, basis=name, tick=0.1)
+    assert_exact(result, exact)
+    assert result.weights.shape[1] == basis(name, 6).size
+    assert np.abs(result.weights[-1][21:]).max() < 1e-9 * np.abs(result.weights[-1]).max()
+    assert np.all(result.weights[0] == pytest.approx(100.0))
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_random_games_are_solved_or_refused_rightly(scaled: bool) -> None:
+    rng = np.random.default_rng(5)
+    solved = refused = 0
+    for index in range(24):
+        game = random_game(rng, scaled=scaled)
+        exact = reference_solution(game)
+        if exact.exists:
+            result = learn(game, seed=index, tick=0.2, initial_weights=0.0)
+            assert relative_error(result.P, exact.P) < 1e-7
+            assert result.converged or "Newton correction" in result.status
+            solved += result.converged
+        else:
+            with pytest.raises(NoSolutionError):
+                learn(game, seed=index, tick=0.2, initial_weights=0.0)
+            refused += 1
+    assert solved >= 5
+    assert refused >= 5
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
+    game, exact = lq(name)
+    assert_exact(learn(game, tick=0.1), exact)
+
+
+def test_one_state() -> None:
+    """2 a p + q - (b²/r - 1/δ²) p² = 0."""
+    game = Game(A=[[0.5]], B=[[2.0]], E=[[1.0]], Q=[[3.0]], R=[[1.0]], delta=2.0)
+    result = learn(game, tick=0.1)
+    s = 4.0 - 0.25
+    assert result.P[0, 0] == pytest.approx((0.5 + np.sqrt(0.25 + 3.0 * s)) / s, rel=1e-12)
+    assert result.converged
+
+
+# The law.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("start", [100.0, -3.0])
+def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) -> None:
+    game, _ = published(name)
+    law = certified_law(game, CertifiedSettings(initial_weights=start, tick=0.05), seed=0)
+    residual = run(law).history["law_residual_norm"]
+    rate = decay_rate(law.stage_time, 0.8, 0.9)
+    in_stage = range(int(0.9 * law.stage_time / 0.05) - 1)
+    reached = [(residual[tick + 1], after(residual[tick], rate, 0.8, 0.05)) for tick in in_stage]
+    moving = [(found, exact) for found, exact in reached if exact > 0.0]
+    assert len(moving) > 20
+    assert max(abs(found / exact - 1.0) for found, exact in moving) < 1e-7
+    assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
+
+
+def test_riccati_residual_contracts_as_a_whole() -> None:
+    """R(P(t)) = c(t) R(P₀) of the flow; sub-steps leave it by an amount that falls with the tick."""
+    game, exact = lq(PUBLISHED[1])
+
+    def departure(tick: float) -> float:
+        weights = tuple(QUADRATIC.weights(3.0 * exact.P))
+        law = certified_law(game, CertifiedSettings(initial_weights=weights, tick=tick, predefined_time=4.0), seed=0)
+        history = run(law).history
+        middle = round(0.3 / tick)
+        first, later = (game.residual(QUADRATIC.matrix(history["weights"][row])) for row in (0, middle))
+        ratio = float(np.sum(first * later) / np.sum(first * first))
+        assert 0.01 < ratio < 0.5
+        return float(np.linalg.norm(later - ratio * first) / np.linalg.norm(later))
+
+    coarse, fine = departure(0.05), departure(0.0125)
+    assert fine < 0.35 * coarse
+    assert fine < 0.05
+
+
+def test_policies_are_stabilizing_throughout_stage_one() -> None:
+    game, _ = published(PUBLISHED[0])
+    law = certified_law(game, CertifiedSettings(tick=0.05), seed=0)
+    finished = run(law)
+    discount = float(finished.memory["first_discount"])
+    assert discount > 0.5
+    for weights in finished.history["weights"][: law.ticks // 2]:
+        assert abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < discount
+
+
+def test_discount_only_where_the_start_does_not_stabilize() -> None:
+    first = {
+        (name, start): learn(published(name)[0], tick=0.1, initial_weights=start).diagnostics["discount_at_start"]
+        for name in PUBLISHED
+        for start in (0.0, 100.0)
+    }
+    unstable = {name: abscissa(published(name)[0].A) for name in PUBLISHED}
+    assert unstable["15 deg"] > 0.0 > unstable["5 deg"]
+    assert first["5 deg", 0.0] == 0.0
+    assert first["15 deg", 0.0] == pytest.approx(unstable["15 deg"] + 0.5, rel=1e-3)
+    assert first["15 deg", 100.0] > 0.5
+    assert first["5 deg", 100.0] > 0.5
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
+    """∂e_j/∂W = σ_j where the value is quadratic, with any policy terms re-evaluated: remainder of order 2."""
+    game, exact = published(PUBLISHED[0])
+    equations = build(game, name)
+    weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
+    direction = np.random.default_rng(1).normal(size=equations.basis.size) * np.abs(weights).max()
+    for problem in (GAME, LQ, Problem(0.7, 0.3)):
+        found = equations.at(weights, problem)
+        remainders = [
+            np.linalg.norm(
+                equations.at(weights + h * direction, problem).residuals
+                - found.residuals
+                - h * found.regressors @ direction
+            )
+            for h in (1e-5, 1e-6)
+        ]
+        assert np.log10(remainders[0] / remainders[1]) == pytest.approx(2.0, abs=0.01)
+        wrong = found.regressors + 0.1 * np.abs(found.regressors).max()
+        missed = [
+            np.linalg.norm(
+                equations.at(weights + h * direction, problem).residuals - found.residuals - h * wrong @ direction
+            )
+            for h in (1e-5, 1e-6)
+        ]
+        assert np.log10(missed[0] / missed[1]) < 1.9
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
+    game, _ = published(PUBLISHED[1])
+    equations = build(game, name)
+    rng = np.random.default_rng(2)
+    weights, step = rng.normal(size=(2, equations.basis.size)) * 100.0
+    problem = Problem(0.4, 0.6)
+    found = equations.at(weights, problem)
+    linear, quadratic = equations.along_step(weights, step, found, problem)
+    for f in (0.3, 1.0, -2.0):
+        exact = equations.at(weights - f * step, problem).residuals
+        assert np.linalg.norm(found.residuals + f * linear + f * f * quadratic - exact) < 1e-12 * np.linalg.norm(exact)
+
+
+def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
+    game, exact = published(PUBLISHED[0])
+    equations = build(game)
+    P, problem = 0.7 * exact.P, Problem(0.3, 0.4)
+    S = game.S_control - 0.4 * game.S_disturbance / game.delta**2
+    A = game.A - 0.3 * np.eye(6)
+    residual = A.T @ P + P @ A + game.Q - P @ S @ P
+    z = equations.states * equations.scales
+    found = equations.at(equations.scaled(QUADRATIC.weights(P)), problem).residuals
+    assert found == pytest.approx(np.sum((z @ residual) * z, axis=1), rel=1e-9)
+
+
+# What it uses.
+
+
+def test_learning_reads_the_recorded_data_and_not_A() -> None:
+    """The same stack under a game with another A gives the same bits; the certificates then refuse the answer."""
+    game, _ = published(PUBLISHED[0])
+    stack = random_pool(game, 200, seed=1)
+    other = replace(game, A=game.A - 0.5 * np.eye(6))
+    right, wrong = (learn(g, tick=0.2, pool=stack) for g in (game, other))
+    assert np.array_equal(right.weights, wrong.weights)
+    assert right.converged
+    assert "Riccati residual" in wrong.status
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("duration", [5.0, 20.0])
+def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
+    game, exact = published(name)
+    for seed in range(3):
+        assert_exact(learn(game, tick=0.2, pool=flight_pool(game, 500, duration, seed)), exact)
+
+
+def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    import control
+    import scipy.linalg
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a Riccati solver was called")
+
+    for module, names in ((scipy.linalg, ("solve_continuous_are", "solve_discrete_are")), (control, ("care", "lqr"))):
+        for name in names:
+            monkeypatch.setattr(module, name, refuse)
+    with pytest.raises(AssertionError):
+        scipy.linalg.solve_continuous_are(np.eye(1), np.eye(1), np.eye(1), np.eye(1))
+    assert learn(published(PUBLISHED[0])[0], tick=0.2).converged
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-2])
+def test_noisy_derivatives_give_a_stabilizing_gain_and_no_certificate(noise: float) -> None:
+    for name in PUBLISHED:
+        game, exact = published(name)
+        pool = random_pool(game, 500, seed=3)
+        disturbed = np.random.default_rng(4).normal(size=pool.drifts.shape) * pool.drifts.std(axis=0)
+        result = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + noise * disturbed))
+        assert result.status.startswith("failed: relative Riccati residual")
+        assert relative_error(result.P, exact.P) < 5.0 * noise
+        assert abscissa(game.A - game.B @ result.K) < 0.0
+        assert result.diagnostics["drift_misfit"] == pytest.approx(noise, rel=0.2)

@@ -1,0 +1,224 @@
+"""The certified law at its limits: starts at the edge of stability, games without a value, bad requests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from learning_samples import PUBLISHED, QUADRATIC, assert_exact, build, lq, published, stable_game, start_at_the_edge
+from reference_riccati import reference_solution, relative_error
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from controller.laws import certified, policy_iteration, ramp
+from controller.laws.certified import CertifiedLaw, CertifiedSettings, certified_law
+from controller.laws.learn import learn
+from controller.laws.policy_iteration import Point, stabilizing_step
+from controller.samples.recording import random_pool, record
+from controller.samples.stack_equations import LQ, Problem, StackEquations, newton_step
+from hfa_model.support.errors import BadInputError, NoSolutionError
+
+# The edge of stability.
+
+
+def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
+    """Newton direction of the LQ problem with 60 digits, scaled coordinates."""
+    import mpmath
+
+    outer = np.outer(equations.scales, equations.scales)
+    P = equations.basis.matrix(weights)
+    A = game.A * equations.scales[None, :] / equations.scales[:, None]
+    with mpmath.workdps(60):
+        A_, P_ = mpmath.matrix(A.tolist()), mpmath.matrix(P.tolist())
+        S_, Q_ = mpmath.matrix(equations.S_control.tolist()), mpmath.matrix((game.Q * outer).tolist())
+        closed, residual = A_ - S_ * P_, A_.T * P_ + P_ * A_ + Q_ - P_ * S_ * P_
+        n = len(A)
+        operator = mpmath.zeros(n * n)
+        for i in range(n):
+            for j in range(n):
+                for k in range(n):
+                    operator[i * n + j, k * n + j] += closed[k, i]
+                    operator[i * n + j, i * n + k] += closed[k, j]
+        flat = mpmath.matrix([residual[i, j] for i in range(n) for j in range(n)])
+        step = mpmath.lu_solve(operator, flat)
+        return equations.basis.weights(np.array([float(x) for x in step]).reshape(n, n))
+
+
+def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
+    """Why directions come from QR: the singular value that a tolerance drops is the one that matters."""
+    game, exact = lq(PUBLISHED[1])
+    errors = []
+    for seed in range(5):
+        equations = build(game, seed=seed)
+        weights = equations.scaled(start_at_the_edge(game, exact.P, seed, margin=1e-11))
+        found = equations.at(weights, LQ)
+        n = np.sqrt(1.0 + np.sum(found.regressors**2, axis=1))
+        truncated = np.linalg.pinv(found.regressors / n[:, None]) @ (found.residuals / n)
+        right = exact_direction(game, equations, weights)
+        errors.append([relative_error(step, right) for step in (truncated, newton_step(found, n))])
+    truncated_errors, qr_errors = np.array(errors).T
+    assert np.median(truncated_errors) > 0.9
+    assert np.median(qr_errors) < 0.02
+
+
+@pytest.mark.parametrize("margin", [1e-1, 1e-4, 1e-8, 1e-12])
+def test_starts_at_the_edge_of_stability_end_at_the_solution(margin: float) -> None:
+    for seed in range(6):
+        game, exact = published(PUBLISHED[seed % 2])
+        start = tuple(start_at_the_edge(game, exact.P, seed, margin))
+        assert_exact(learn(game, seed=seed, tick=0.2, initial_weights=start), exact)
+
+
+def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The planted cause: truncated directions, and every start with a negative abscissa trusted."""
+
+    def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:
+        rows, right = found.regressors / normaliser[:, None], found.residuals / normaliser
+        step: np.ndarray = np.linalg.pinv(rows) @ right
+        return step
+
+    def unguarded(equations: StackEquations, here: Point, step: np.ndarray, fraction: float) -> Point:
+        return Point(here.weights - fraction * step, here.problem, here.solves + 1)
+
+    monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
+    for module in (certified, policy_iteration):
+        monkeypatch.setattr(module, "newton_step", truncated)
+        monkeypatch.setattr(module, "stabilizing_step", unguarded)
+    ends = []
+    for seed in range(6):
+        game, exact = lq(PUBLISHED[seed % 2])
+        start = tuple(start_at_the_edge(game, exact.P, seed, margin=1e-11))
+        try:
+            result = learn(game, seed=seed, tick=0.2, initial_weights=start)
+        except NoSolutionError:
+            ends.append("refused")
+            continue
+        right = relative_error(result.P, exact.P) <= 1e-9
+        assert result.converged == right
+        ends.append("right" if right else "failed")
+    assert "failed" in ends or "refused" in ends
+
+
+# No solution, and bad requests.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_too_small_a_delta_is_refused_with_the_smallest_one(name: str) -> None:
+    game, _ = published(name)
+    with pytest.raises(NoSolutionError, match=r"delta = 50 is too small.*raise delta") as refusal:
+        learn(game.with_delta(50.0), tick=0.1)
+    least = float(str(refusal.value).split("ends at delta = ")[1].split(";")[0])
+    assert reference_solution(game.with_delta(1.001 * least)).exists
+    assert not reference_solution(game.with_delta(0.999 * least)).exists
+    assert learn(game.with_delta(1.001 * least), tick=0.1).converged
+    with pytest.raises(NoSolutionError, match="too small"):
+        learn(game.with_delta(0.999 * least), tick=0.1)
+
+
+def test_tiny_delta_is_refused_at_once() -> None:
+    with pytest.raises(NoSolutionError, match=r"delta = 1e-20 is too small"):
+        learn(stable_game(delta=1e-20), tick=0.1)
+
+
+def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
+    game = Game(A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf)
+    with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.3.*stabilizable"):
+        learn(game, tick=0.1)
+
+
+def test_a_direction_that_keeps_no_stability_is_refused() -> None:
+    game, exact = lq(PUBLISHED[0])
+    equations = build(game)
+    here = Point(equations.scaled(QUADRATIC.weights(-exact.P)), LQ, 0)
+    assert equations.margin(here.weights, LQ) < 0.0
+    with pytest.raises(NoSolutionError, match=r"no step .* keeps the recorded plant stable"):
+        stabilizing_step(equations, here, np.zeros(21), 1.0)
+
+
+def test_a_step_too_long_is_halved_until_it_stabilizes() -> None:
+    game, exact = lq(PUBLISHED[0])
+    equations = build(game)
+    here = Point(equations.scaled(QUADRATIC.weights(exact.P)), LQ, 5)
+    step = equations.scaled(QUADRATIC.weights(4.0 * exact.P))
+    moved = stabilizing_step(equations, here, step, 1.0)
+    assert moved.solves == 6
+    assert equations.margin(moved.weights, LQ) > 0.0
+    fractions = (here.weights - moved.weights)[0] / step[0]
+    assert fractions == pytest.approx(0.5 ** round(-np.log2(fractions)))
+    assert fractions < 1.0
+
+
+def test_a_singular_stack_ends_the_iteration_without_convergence() -> None:
+    game = stable_game()
+    stack = record(game, np.array([[1.0, 0.0]] * 5))
+    equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
+    here = Point(np.zeros(3), LQ, 0)
+    end, converged = policy_iteration.iterate(equations, here, np.ones(5), to_the_floor=False)
+    assert not converged
+    assert end == here
+
+
+def test_a_singular_stack_stops_the_ramp() -> None:
+    game = stable_game()
+    stack = record(game, np.array([[1.0, 0.0]] * 5))
+    equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
+    with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
+        ramp.lower_discount(equations, Point(np.zeros(3), Problem(1.0, 0.0), 0), 0.5, np.ones(5))
+    with pytest.raises(NoSolutionError, match="ends at delta = inf"):
+        ramp.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
+
+
+def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:
+    yield {"predefined_time": 0.0}, "predefined_time is 0.0"
+    yield {"predefined_time": -2.0}, "predefined_time is -2.0"
+    yield {"predefined_time": np.inf}, "predefined_time is inf"
+    yield {"tick": 0.0}, "tick is 0.0"
+    yield {"tick": 11.0}, "must not exceed the predefined time"
+    yield {"eta": 1.0}, "eta is 1.0"
+    yield {"theta": 0.0}, "theta is 0.0"
+    yield {"samples": 20}, "20 samples cannot determine 21 weights"
+    yield {"samples": 0}, "samples is 0"
+    yield {"samples": 30.5}, "samples is 30.5"
+    yield {"pool_samples": 40}, "the pool holds 40 samples and 50 were asked for"
+    yield {"pool_samples": -1}, "pool_samples is -1"
+    yield {"pool_samples": 10**11}, "pool_samples is 100000000000; it must not exceed 100000"
+    yield {"pool": 40}, "pool must be a Stack"
+    yield {"basis": "cubic"}, "unknown basis 'cubic'"
+    yield {"initial_weights": (1.0, 2.0)}, r"initial weights are \(2,\); basis 'quadratic' has 21"
+    yield {"initial_weights": np.nan}, "initial weight 0 is nan"
+    yield {"initial_weights": 1e61}, r"initial weight 0 is 1e\+61"
+
+
+@pytest.mark.parametrize(("options", "message"), bad_settings())
+def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
+        learn(published(PUBLISHED[0])[0], **options)
+
+
+def test_a_stack_of_too_low_rank_is_refused() -> None:
+    game, _ = published(PUBLISHED[0])
+    flat = random_pool(game, 100, seed=0).states.copy()
+    flat[:, 5] = 0.3 * flat[:, 4]
+    with pytest.raises(BadInputError, match="the recorded stack has rank 15 of 21"):
+        learn(game, pool=record(game, flat))
+
+
+def test_time_is_cut_at_the_predefined_time() -> None:
+    game, exact = published(PUBLISHED[0])
+    result = learn(game, predefined_time=1.0, tick=0.3)
+    assert result.times == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
+    assert_exact(result, exact)
+
+
+def test_a_law_is_a_value() -> None:
+    """Advancing twice from the same memory gives the same bits and leaves the memory alone."""
+    game, _ = published(PUBLISHED[0])
+    law: CertifiedLaw = certified_law(game, CertifiedSettings(tick=0.1), seed=0)
+    memory = law.start()
+    before = {name: value.copy() for name, value in memory.items()}
+    once, again = law.advance(0, memory), law.advance(0, memory)
+    assert all(np.array_equal(once[name], again[name]) for name in once)
+    assert all(np.array_equal(before[name], memory[name]) for name in memory)
+    assert not np.array_equal(once["weights"], memory["weights"])

@@ -1,0 +1,172 @@
+"""The certificates of a learned value see every planted error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
+
+from controller.game.basis import basis
+from controller.game.learning_result import Certificate, Excitation
+from controller.game.zero_sum import Game
+from controller.laws.certify import certificates, newton_correction, positivity, relative_residual, settling_time
+from controller.laws.learn import learn
+from controller.samples.recording import choose, random_pool, record
+from controller.samples.stack_equations import StackEquations
+
+
+def failures(game: Game, weights: np.ndarray, richness: Excitation | None = None, name: str = "quadratic") -> list[str]:
+    """Names of the certificates that do not hold for W'ψ(z)."""
+    functions = basis(name, len(game.A))
+    stack = choose(random_pool(game, 300, 0), functions, functions.size + 5)
+    equations = StackEquations.build(game, functions, stack, stack.channel_scales())
+    found = richness or equations.excitation(equations.scaled(weights))
+    return [row.name for row in certificates(game, equations, weights, found) if not row.ok]
+
+
+def other_root(game: Game) -> np.ndarray:
+    """A symmetric root of the Riccati equation that does not stabilize: one mode taken from the wrong half."""
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    values, vectors = np.linalg.eig(H)
+    real = [i for i in range(len(values)) if abs(values[i].imag) < 1e-9]
+    stable_real = max((i for i in real if values[i].real < 0.0), key=lambda i: values[i].real)
+    mirror = min(real, key=lambda i: abs(values[i] + values[stable_real]))
+    chosen = [i for i in range(len(values)) if values[i].real < 0.0 and i != stable_real] + [mirror]
+    n = len(game.A)
+    P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
+    return (P + P.T) / 2.0
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_exact_solution_passes(name: str) -> None:
+    game, exact = published(name)
+    assert failures(game, QUADRATIC.weights(exact.P)) == []
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_small_errors_of_P_are_seen_and_sized(name: str) -> None:
+    game, exact = published(name)
+    error = np.random.default_rng(0).normal(size=(6, 6)) * np.sqrt(np.outer(np.diag(exact.P), np.diag(exact.P)))
+    error = 1e-7 * (error + error.T) * np.linalg.norm(exact.P) / np.linalg.norm(error)
+    assert "next Newton correction over |P|" in failures(game, QUADRATIC.weights(exact.P + error))
+    relative = np.linalg.norm(error) / np.linalg.norm(exact.P)
+    assert newton_correction(game, exact.P + error, np.ones(6)) == pytest.approx(relative, rel=0.01)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_wrong_root_has_a_small_residual_and_fails(name: str) -> None:
+    game, _ = published(name)
+    wrong = other_root(game)
+    assert relative_residual(game, wrong, np.ones(6)) < 1e-9
+    found = failures(game, QUADRATIC.weights(wrong))
+    assert "abscissa of A - S P [1/s]" in found
+    assert "relative Riccati residual" not in found
+
+
+def test_a_poor_stack_fails_whatever_the_residual() -> None:
+    game, exact = published(PUBLISHED[0])
+    poor = Excitation(rank=20, size=21, samples=50, smallest_eigenvalue=1e-30, condition=1e12, rounding=1e-27)
+    assert failures(game, QUADRATIC.weights(exact.P), poor) == ["rank of the stack", "smallest eigenvalue of Sigma"]
+
+
+def test_indefinite_and_zero_values_fail() -> None:
+    game = stable_game()
+    assert "smallest eigenvalue of scaled P over the largest" in failures(game, np.array([1.0, 0.0, -1.0]))
+    assert "smallest eigenvalue of scaled P over the largest" in failures(game, np.zeros(3))
+    assert "next Newton correction over |P|" in failures(game, np.zeros(3))
+
+
+def test_a_value_of_zero_is_allowed_where_nothing_costs() -> None:
+    """Second state: no cost, not controlled. P = diag(p, 0) with 2 a p + q - p² = 0."""
+    game = Game(
+        A=np.diag([-1.0, -2.0]), B=[[1.0], [0.0]], E=[[1.0], [0.0]], Q=np.diag([3.0, 0.0]), R=[[1.0]], delta=np.inf
+    )
+    assert failures(game, np.array([1.0, 0.0, 0.0])) == []
+
+
+def test_weights_beyond_the_quadratic_ones_fail() -> None:
+    game, exact = published(PUBLISHED[0])
+    functions = basis("paper", 6)
+    weights = functions.weights(exact.P)
+    assert failures(game, weights, name="paper") == []
+    weights[-1] = 10.0
+    assert failures(game, weights, name="paper") == ["largest weight beyond the quadratic ones"]
+
+
+def test_singular_closed_loop_has_no_correction() -> None:
+    game = Game(A=[[1.0]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf)
+    assert newton_correction(game, np.array([[1.0]]), np.ones(1)) == np.inf
+
+
+def test_relations_are_what_they_say() -> None:
+    rows = {relation: Certificate("x", 1.0, relation, 1.0).ok for relation in ("<", "<=", ">", ">=")}
+    assert rows == {"<": False, "<=": True, ">": False, ">=": True}
+    assert not any(Certificate("x", np.nan, relation, 1.0).ok for relation in rows)
+    assert str(Certificate("rank", 20.0, ">=", 21.0)) == "rank is 20 and must be >= 21"
+
+
+def test_settling_time_is_the_last_entry_below_the_limit() -> None:
+    times = np.arange(5.0)
+    assert settling_time(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1e-13])) == 3.0
+    assert settling_time(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1.0])) == np.inf
+    assert settling_time(times, np.full(5, 1e-12)) == 0.0
+    assert settling_time(times, np.array([1.0, 1e-12, np.nan, 1e-12, 1e-12])) == 3.0
+
+
+def test_singular_weights_are_told_from_definite_ones_beyond_rounding() -> None:
+    """Q = C'C that is not diagonal: its smallest eigenvalue is rounding of either sign, and so is that of P."""
+    rng = np.random.default_rng(18)
+    signs = set()
+    for _ in range(40):
+        T = rng.standard_normal((3, 3))
+        A, C = T @ np.diag([-1.0, -2.0, 0.5]) @ np.linalg.inv(T), np.linalg.inv(T)[1:]
+        Q = C.T @ C
+        game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf)
+        result = learn(game, tick=0.1)
+        assert result.converged, result.status
+        row = positivity(game, result.P, np.ones(3))
+        assert (row.relation, row.limit) == (">=", -1e-10)
+        signs.add(row.value > 0.0)
+    assert signs == {True, False}
+    definite = replace(game, Q=np.diag([1.0, 1e-9, 1.0]))
+    assert positivity(definite, np.eye(3), np.ones(3)).relation == ">"
+    assert not positivity(definite, np.diag([1.0, 1.0, 0.0]), np.ones(3)).ok
+    assert not positivity(game, np.diag([1.0, 1.0, -1e-9]), np.ones(3)).ok
+
+
+@pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
+def test_a_right_critic_settles_whatever_the_size_of_the_costs(Q: float, R: float) -> None:
+    game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
+    result = learn(game, tick=0.1)
+    s = 1.0 / R - 1.0 / game.delta**2
+    assert result.P[0, 0] == pytest.approx((1.0 + np.sqrt(1.0 + Q * s)) / s, rel=1e-14)
+    assert result.converged
+    assert result.settling_time <= 9.5
+
+
+def test_the_settling_residual_is_relative_to_its_terms() -> None:
+    game, exact = published(PUBLISHED[0])
+    stack = random_pool(game, 30, 3)
+    equations = StackEquations.build(game, QUADRATIC, stack, stack.channel_scales())
+    at = {
+        factor: equations.settling_residual(equations.scaled(QUADRATIC.weights(factor * exact.P)))
+        for factor in (0.0, 1.0, 1.001, 1e9)
+    }
+    assert at[0.0] == 1.0
+    assert at[1.0] < 1e-14
+    assert 1e-6 < at[1.001] < 1e-3
+    assert 0.5 < at[1e9] <= 1.0
+
+
+def test_reported_residual_is_that_of_the_game() -> None:
+    game, exact = published(PUBLISHED[0])
+    stack = record(game, random_pool(game, 30, 3).states)
+    equations = StackEquations.build(game, QUADRATIC, stack, stack.channel_scales())
+    P = 1.1 * exact.P
+    z = stack.states
+    expected = np.linalg.norm(np.sum((z @ game.residual(P)) * z, axis=1)) / np.linalg.norm(
+        np.sum((z @ game.Q) * z, axis=1)
+    )
+    assert equations.relative_cost_residual(equations.scaled(QUADRATIC.weights(P))) == pytest.approx(expected, rel=1e-9)

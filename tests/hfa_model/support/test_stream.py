@@ -1,0 +1,232 @@
+"""Large sweeps: any slice of a plan, the same bits wherever they run, nothing lost to a kill."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+from hfa_model import BadInputError, default_parameters
+from hfa_model.support import store, stream
+from hfa_model.support.store import create_store, open_store
+from hfa_model.support.stream import run_and_write
+from hfa_model.support.workers import Workers
+from trim.sweeps import stored_sweep
+from trim.sweeps.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
+from trim.sweeps.stored_sweep import SweepJob, status_counts, stream_sweep
+from trim.sweeps.sweep_plan import Steps, SweepPlan
+
+PARAMETERS = default_parameters().values
+
+
+def _plan(points: int = 40) -> SweepPlan:
+    axes = {"dihedral": tuple(np.radians(np.linspace(0, 20, points)).tolist()), "speed": (25.0, 60.0, 68.0, 75.0)}
+    return SweepPlan(axes, PARAMETERS, "published")
+
+
+@pytest.fixture
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(stored_sweep, "CHUNK", 30)
+
+
+def _same(first, second) -> bool:
+    names = SweepJob(_plan()).layout.arrays
+    return all(np.array_equal(first.read(name), second.read(name), equal_nan=name != "status") for name in names)
+
+
+def test_a_plan_gives_any_slice_of_the_whole():
+    plan = _plan(7)
+    whole = plan.values(0, plan.count)
+    assert plan.count == 28
+    assert np.array_equal(whole[10:13], plan.values(10, 13))
+    assert np.array_equal(whole[:4, 1], [25.0, 60.0, 68.0, 75.0])
+    samples = SweepPlan({"dihedral": (0.0, 0.3), "panel_mass": (8.0, 10.0)}, PARAMETERS, "newton", samples=64, seed=5)
+    table = samples.values(0, 64)
+    # A Latin hypercube has exactly one point in each of its 64 strata of each variable.
+    for column, (low, high) in enumerate(samples.axes.values()):
+        strata = np.floor((table[:, column] - low) / (high - low) * 64).astype(int)
+        assert sorted(strata) == list(range(64))
+    assert samples.identity != SweepPlan(samples.axes, PARAMETERS, "newton", samples=64, seed=6).identity
+
+
+@pytest.mark.parametrize(
+    ("axes", "samples", "complaint"),
+    [
+        ({}, 0, "nothing to sweep"),
+        ({"wind": (1.0,)}, 0, "cannot sweep 'wind'"),
+        ({"panel_mass": (-1.0, 2.0)}, 0, "must be positive"),
+        ({"dihedral": (0.2, 0.1)}, 5, "lowest:highest"),
+        ({"dihedral": (0.1, 0.2)}, 20_000_000, "samples is 20000000; it must lie between 0 and 10,000,000"),
+        ({"dihedral": Steps(0.0, 1e-9, 10**7), "speed": Steps(60.0, 1e-6, 10**7)}, 0, r"1e\+14 points, at most 1,0"),
+    ],
+)
+def test_a_wrong_plan_says_what_is_wrong(axes, samples, complaint):
+    with pytest.raises(BadInputError, match=complaint):
+        SweepPlan(axes, PARAMETERS, "published", samples=samples)
+    with pytest.raises(BadInputError, match="aristotle"):
+        SweepPlan({"dihedral": (0.1, 0.2)}, PARAMETERS, "aristotle")
+
+
+def test_each_point_of_a_chunk_carries_its_status():
+    values = np.array([[0.1, 68.0], [0.1, 30.0], [0.1, -5.0]])
+    chunk = run_chunk(("dihedral", "speed"), values, PARAMETERS, "published")
+    assert chunk.status.tolist() == [TRIMMED, BEYOND_LIMITS, NO_TRIM]
+    assert np.isfinite(chunk.A[0]).all()
+    assert np.isnan(chunk.A[1:]).all()
+    assert chunk.limiting[0] == -1
+    assert chunk.limiting[1] >= 0
+    # The eigenvalues are those of A, fastest first.
+    assert np.all(np.diff(np.abs(chunk.eigenvalues[0])) <= 1e-9)
+    assert np.prod(chunk.eigenvalues[0]) == pytest.approx(np.linalg.det(chunk.A[0]), abs=1e-9)
+
+
+def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks):
+    one = stream_sweep(_plan(), tmp_path / "one.zarr")
+    two = stream_sweep(_plan(), tmp_path / "two.zarr", count=2)
+    assert status_counts(one, 160)["missing"] == status_counts(two, 160)["missing"] == 0
+    assert _same(one, two)
+
+
+def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, monkeypatch):
+    whole = stream_sweep(_plan(), tmp_path / "whole.zarr")
+
+    class Stop(Exception):
+        pass
+
+    def stop_after_three(done: int, total: int) -> None:
+        if done == 3:
+            raise Stop
+
+    with pytest.raises(Stop):
+        stream_sweep(_plan(), tmp_path / "part.zarr", progress=stop_after_three)
+    left = open_store(tmp_path / "part.zarr").missing()
+    assert len(left) == 3
+    ran = []
+    monkeypatch.setattr(stored_sweep, "run_chunk", lambda *task: ran.append(1) or run_chunk(*task))
+    resumed = stream_sweep(_plan(), tmp_path / "part.zarr", resume=True)
+    assert len(ran) == len(left)
+    assert _same(whole, resumed)
+
+
+def test_a_store_is_neither_overwritten_nor_continued_by_another_plan(tmp_path, small_chunks):
+    stream_sweep(_plan(8), tmp_path / "a.zarr")
+    with pytest.raises(BadInputError, match="exists"):
+        stream_sweep(_plan(8), tmp_path / "a.zarr")
+    with pytest.raises(BadInputError, match="another sweep"):
+        stream_sweep(_plan(9), tmp_path / "a.zarr", resume=True)
+    with pytest.raises(BadInputError, match="not a sweep store"):
+        stream_sweep(_plan(9), tmp_path / "nothing.zarr", resume=True)
+
+
+def test_a_store_is_not_continued_by_another_version(tmp_path, small_chunks, monkeypatch):
+    stream_sweep(_plan(8), tmp_path / "a.zarr")
+    monkeypatch.setattr(store, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(BadInputError, match=r"was begun by version \d.* and this is 0\.0\.9"):
+        stream_sweep(_plan(8), tmp_path / "a.zarr", resume=True)
+    assert open_store(tmp_path / "a.zarr").missing() == []  # any version reads it
+
+
+def test_a_worker_that_does_not_see_the_store_sends_its_rows(tmp_path, small_chunks, monkeypatch):
+    whole = stream_sweep(_plan(), tmp_path / "whole.zarr")
+    sent = []
+
+    def from_afar(path, *task):
+        rows = run_and_write(tmp_path / "elsewhere" / path.name, *task)
+        sent.append(rows is not None)
+        return rows
+
+    monkeypatch.setattr(stream, "run_and_write", from_afar)
+    assert _same(whole, stream_sweep(_plan(), tmp_path / "far.zarr"))
+    assert sent == [True] * 6
+
+
+def test_a_worker_does_not_write_into_a_copy_of_the_store(tmp_path, small_chunks):
+    """A copy, left on the worker's own disk at the same path, would swallow the rows."""
+    plan = _plan()
+    copy = create_store(tmp_path / "a.zarr", SweepJob(plan).layout)
+    task = (0, stored_sweep.run_points, SweepJob(plan).task(0, 30))
+    with copy.session() as mark:
+        assert run_and_write(tmp_path / "a.zarr", "another mark", *task) is not None
+        assert np.isnan(copy.read("values")).all()
+        assert run_and_write(tmp_path / "a.zarr", mark, *task) is None
+    assert np.isfinite(copy.read("values", slice(30))).all()
+    assert 0 in copy.missing()
+    assert run_and_write(tmp_path / "a.zarr", mark, *task) is not None
+
+
+def test_a_store_names_its_columns(tmp_path, small_chunks):
+    import zarr
+
+    stream_sweep(_plan(4), tmp_path / "a.zarr")
+    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
+    assert attributes["schema"] == "hfa.sweep-store/1"
+    assert attributes["variables"] == ["dihedral", "speed"]
+    assert attributes["variable_units"] == ["rad", "ft/s"]
+    assert attributes["state_units"][0] == "ft/s"
+    assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
+
+
+def _die_once(flag: str, value: int) -> int:
+    """Kill this very process the first time that value 3 comes along."""
+    if value == 3 and not os.path.exists(flag):
+        with open(flag, "w"):
+            pass
+        os.kill(os.getpid(), signal.SIGKILL)
+    return value * value
+
+
+def test_a_killed_worker_loses_nothing(tmp_path):
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    crew = Workers(lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")), 2)
+    flag = str(tmp_path / "died")
+    results = dict(crew.run(_die_once, [(value, (flag, value)) for value in range(8)]))
+    assert os.path.exists(flag)
+    assert results == {value: value * value for value in range(8)}
+
+
+def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chunks):
+    script = textwrap.dedent(
+        f"""
+        import time
+        from pathlib import Path
+        from tests.test_stream import _plan
+        from trim.sweeps import stored_sweep
+        from hfa_model.support import stream
+        stored_sweep.CHUNK = 30
+        stored_sweep.stream_sweep(_plan(), Path({str(tmp_path / "killed.zarr")!r}), progress=lambda *_: time.sleep(0.3))
+        """
+    )
+    process = subprocess.Popen([sys.executable, "-c", script])
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        time.sleep(0.05)
+        if len(list(tmp_path.glob("killed.zarr/done/c/*"))) >= 2:
+            break
+    process.kill()
+    process.wait()
+    killed = open_store(tmp_path / "killed.zarr")
+    assert 0 < len(killed.missing()) < 6
+    resumed = stream_sweep(_plan(), tmp_path / "killed.zarr", resume=True)
+    assert _same(resumed, stream_sweep(_plan(), tmp_path / "whole.zarr"))
+
+
+def test_a_dask_cluster_gives_the_same_bits(tmp_path, small_chunks):
+    distributed = pytest.importorskip("distributed")
+    serial = stream_sweep(_plan(), tmp_path / "serial.zarr")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
+        spread = stream_sweep(_plan(), tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
+    assert _same(serial, spread)
+
+
+def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    import hfa_model.support.workers as executors
+
+    with pytest.raises(BadInputError, match="no Dask scheduler answers"), executors._dask_client("tcp://127.0.0.1:9"):
+        pass

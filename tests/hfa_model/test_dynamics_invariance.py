@@ -1,0 +1,141 @@
+"""What must not change the physics: the units, a common scale of mass; and what a stiff hinge must reduce it to."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from random_points import random_points
+
+from hfa_model.aerodynamics import aircraft_loads
+from hfa_model.aircraft import Aircraft
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates_from_loads
+from hfa_model.parameters import FIELDS, Field, Parameters
+from hfa_model.variants import VARIANTS, Published, Variant
+from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, RATE_UNITS, STATE_UNITS, Input, State
+from trim.linear.compare import eigenvalue_errors
+from trim.linear.linearize import linearize
+from trim.point.condition import BALANCED, TrimCondition, level_flight, release
+from trim.point.solve import find_operating_point
+
+
+def unit_size(unit: str, length: float, mass: float, time: float) -> float:
+    """How many new units one old unit is, for the units written in `FIELDS` and `vectors.py`."""
+    base = {"ft": length, "slug": mass, "s": time, "lbf": mass * length / time**2, "rad": 1.0, "1": 1.0}
+    above, _, below = unit.partition("/")
+    size = 1.0
+    for text, sign in ((above, 1), (below, -1)):
+        for word in text.split():
+            name, _, power = word.partition("^")
+            size *= base[name] ** (sign * int(power or 1))
+    return size
+
+
+def change_of_units_error(variant: Variant, parameters: Parameters, fields: Parameters, *new: float) -> float:
+    """Largest relative error of the rates when everything is first converted to units of `new` sizes."""
+
+    def converted(values: Any, units: Any) -> list[float]:
+        return [value * unit_size(unit, *new) for value, unit in zip(values, units, strict=True)]
+
+    p = Parameters(*converted(parameters, [field.unit for field in fields]))
+    worst = 0.0
+    for state, control in zip(*random_points(50, seed=7), strict=True):
+        air = density(state[2])
+        x, u = State(*state.tolist()), Input(*control.tolist())
+        before = rates_from_loads(x, aircraft_loads(x, u, air, parameters, variant), parameters, variant)
+        x = State(*converted(x, STATE_UNITS))
+        u = Input(*converted(u, INPUT_UNITS))
+        loads = aircraft_loads(x, u, air * unit_size("slug/ft^3", *new), p, variant)
+        after = np.array(rates_from_loads(x, loads, p, variant))
+        expected = np.array(converted(before, RATE_UNITS))
+        scales = np.array(converted(RATE_SCALES, RATE_UNITS))
+        worst = max(worst, float((np.abs(after - expected) / np.maximum(np.abs(expected), scales)).max()))
+    return worst
+
+
+SI = (0.3048, 14.593902937206364, 1.0)
+SI_WITH_MINUTES = (0.3048, 14.593902937206364, 1 / 60)
+
+
+@pytest.mark.parametrize("new", [SI, SI_WITH_MINUTES])
+@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
+def test_a_change_of_units_leaves_the_physics_alone(
+    parameters: Parameters, variant: Variant, new: tuple[float, float, float]
+) -> None:
+    assert change_of_units_error(variant, parameters, FIELDS, *new) <= 1e-12
+
+
+@pytest.mark.parametrize("name", Parameters._fields)
+def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
+    """A parameter that declared a unit of time too many would fail the test above."""
+    unit = re.sub(r"(/|$)", r" s\1", getattr(FIELDS, name).unit, count=1)
+    wrong = FIELDS._replace(**{name: Field(unit, "")})
+    assert change_of_units_error(Published(), parameters, wrong, *SI_WITH_MINUTES) > 1e-6
+
+
+# What the linear models cannot know: a common scale of mass, and chord against coefficients.
+
+
+def scaled(p: Parameters, factor: float, *, up: tuple[str, ...], down: tuple[str, ...]) -> Parameters:
+    changes = {name: getattr(p, name) * factor for name in up} | {name: getattr(p, name) / factor for name in down}
+    return p._replace(**changes)
+
+
+def heavier(p: Parameters, factor: float) -> Parameters:
+    """All masses and all forces times `factor`; C_D = C_D0 + κ C_L² needs κ over `factor`."""
+    inertias = ("panel_mass", "inertia_roll", "inertia_pitch", "inertia_yaw")
+    coefficients = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
+    others = ("hinge_stiffness", "hinge_damping", "thrust_per_throttle")
+    return scaled(p, factor, up=(*inertias, *coefficients, *others), down=("induced_drag",))
+
+
+def longer_chord(p: Parameters, factor: float) -> Parameters:
+    """Area times coefficient kept: C_L, C_D0 over `factor`, C_M (area times chord) twice, tail area times it."""
+    once = scaled(
+        p,
+        factor,
+        up=("chord", "tail_area", "induced_drag"),
+        down=("lift_slope", "aileron_lift", "zero_lift_drag", "aileron_moment", "zero_lift_moment"),
+    )
+    return scaled(once, factor, up=(), down=("aileron_moment", "zero_lift_moment"))
+
+
+@pytest.mark.parametrize("change", [heavier, longer_chord])
+def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) -> None:
+    other = Aircraft(change(aircraft.parameters, 1.7), aircraft.variant)
+    condition = level_flight(float(np.radians(15.0)))
+    one, two = (linearize(each, find_operating_point(each, condition), full=True) for each in (aircraft, other))
+    for before, after in ((one.A, two.A), (one.B, two.B)):
+        np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
+    forgotten = Aircraft(other.parameters._replace(induced_drag=aircraft.parameters.induced_drag), aircraft.variant)
+    assert np.abs(linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - one.A).max() > 1e-4
+
+
+# The rigid limit.
+
+
+def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
+    """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order 1/k."""
+    flat = level_flight(0.0)
+    held = {"aileron_outer": 0.0}
+    unhinged = tuple(name for name in BALANCED if name != "dihedral_rate")
+    rigid_condition = release(flat, hold=held)
+    rigid_condition = TrimCondition(rigid_condition.imposed, rigid_condition.free, dict.fromkeys(unhinged, 0.0))
+    # Three equations for three unknowns: throttle and both elevators, of which one is held.
+    rigid_condition = release(rigid_condition, free=("alpha",), hold={"elevator_outer": -0.05})
+    rigid_point = find_operating_point(aircraft, rigid_condition)
+    rigid = linearize(aircraft, rigid_point).select(("speed", "alpha", "pitch", "pitch_rate"))
+    reference = np.linalg.eigvals(rigid.A)
+
+    elastic_condition = release(flat, free=("alpha", "dihedral"), hold={**held, "elevator_outer": -0.05})
+    errors = []
+    for stiffness in (1e10, 1e11, 1e12):
+        stiff = Aircraft(aircraft.parameters._replace(hinge_stiffness=stiffness), aircraft.variant)
+        model = linearize(stiff, find_operating_point(stiff, elastic_condition))
+        errors.append(float(eigenvalue_errors(np.linalg.eigvals(model.A), reference).max()))
+    orders = np.log10(np.array(errors[:-1]) / errors[1:])
+    assert errors[-1] < 2e-4
+    np.testing.assert_allclose(orders, 1.0, atol=0.02)

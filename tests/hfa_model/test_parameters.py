@@ -1,0 +1,192 @@
+"""Parameters files: what is written is read back bit for bit, and every wrong file is refused in one line."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hfa_model.parameters import (
+    FIELDS,
+    Parameters,
+    ParameterSet,
+    default_parameters,
+    load_parameters,
+    save_parameters,
+)
+from hfa_model.support.errors import BadInputError
+
+
+@pytest.fixture
+def saved(tmp_path: Path, parameter_set: ParameterSet) -> Path:
+    path = tmp_path / "aircraft.toml"
+    save_parameters(parameter_set, path, "A header.\nIts second line.")
+    return path
+
+
+def edited(path: Path, pattern: str, replacement: str) -> Path:
+    """The file with exactly one place changed."""
+    text, count = re.subn(pattern, replacement, path.read_text(encoding="utf-8"), count=1, flags=re.M)
+    assert count == 1, f"{pattern!r} is not in the file"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def refusal(path: Path) -> str:
+    """The message with which a file is refused: one line that names the file."""
+    with pytest.raises(BadInputError) as caught:
+        load_parameters(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+def assert_same(one: ParameterSet, other: ParameterSet) -> None:
+    assert one.values == other.values
+    assert (one.sources, one.notes, one.structure) == (other.sources, other.notes, other.structure)
+    np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
+def test_round_trip_is_bit_for_bit(saved: Path, parameter_set: ParameterSet) -> None:
+    assert parameter_set.covariance.shape == (15, 15)
+    assert_same(load_parameters(saved), parameter_set)
+
+
+def test_round_trip_of_awkward_numbers(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    rng = np.random.default_rng(1)
+    awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
+    count = len(parameter_set.identified)
+    sizes = 10.0 ** rng.uniform(-150, 150, count + 1)
+    covariance = np.outer(sizes, sizes) * np.where(np.eye(count + 1), 1.0, 1 / 3)
+    changed = replace(parameter_set, values=awkward, covariance=covariance, structure={"factor": 0.1 + 0.2})
+    path = tmp_path / "awkward.toml"
+    save_parameters(changed, path, "")
+    assert_same(load_parameters(path), changed)
+
+
+@pytest.mark.parametrize("units", [1.0, 1e100])
+def test_a_covariance_with_a_negative_eigenvalue_is_refused(
+    tmp_path: Path, parameter_set: ParameterSet, units: float
+) -> None:
+    """Symmetric, variances on the diagonal, but two parameters that vary together by more than they vary."""
+    covariance = np.eye(len(parameter_set.identified)) * 1e-6
+    covariance[0, 1] = covariance[1, 0] = 2e-6
+    covariance[2] *= units
+    covariance[:, 2] *= units
+    path = tmp_path / "indefinite.toml"
+    save_parameters(replace(parameter_set, covariance=covariance), path, "")
+    said = refusal(path)
+    assert "[covariance] is no covariance" in said
+    assert "lowest eigenvalue is -1, " in said
+
+
+def test_parameters_that_vary_as_one_are_accepted(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    """A covariance of rank one: its other eigenvalues are zero but for rounding."""
+    direction = np.random.default_rng(2).normal(size=len(parameter_set.identified))
+    path = tmp_path / "singular.toml"
+    save_parameters(replace(parameter_set, covariance=np.outer(direction, direction)), path, "")
+    np.testing.assert_array_equal(load_parameters(path).covariance, np.outer(direction, direction))
+
+
+def test_notes_survive_quotes_and_backslashes(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    changed = replace(parameter_set, notes={"chord": 'a "quoted" \\ note\nof two lines'})
+    path = tmp_path / "noted.toml"
+    save_parameters(changed, path, "")
+    assert_same(load_parameters(path), changed)
+
+
+def test_covariance_gives_the_standard_errors(parameter_set: ParameterSet) -> None:
+    errors = parameter_set.standard_errors
+    assert tuple(errors) == parameter_set.identified
+    assert errors["panel_mass"] ** 2 == pytest.approx(parameter_set.covariance[0, 0], rel=1e-15)
+    assert all(0.0 < error < 0.01 * abs(getattr(parameter_set.values, name)) for name, error in errors.items())
+
+
+def test_the_package_brings_its_own_file() -> None:
+    loaded = default_parameters()
+    assert loaded.values.gravity == 32.2
+    assert set(loaded.sources.values()) == {"identified", "assumed", "print"}
+
+
+@pytest.mark.parametrize("value", ["-1.0", "0", "0.0", "nan", "inf", "-inf", '"8.0"', "true", "[8.0]", f"1{'0' * 400}"])
+def test_wrong_values_are_refused(saved: Path, value: str) -> None:
+    path = edited(saved, r"(?<=^\[chord\]\n)value = .*", f"value = {value}")
+    assert "[chord]" in refusal(path)
+
+
+def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
+    path = edited(saved, r"(?<=^\[zero_lift_moment\]\nvalue = ).*", "-0.03")
+    assert load_parameters(path).values.zero_lift_moment == -0.03
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "named"),
+    [
+        (r"^\[chord\]$", "[chrod]", "chrod"),
+        (r"^\[chord\]\n(.+\n)+", "", "chord"),
+        (r"(?<=^\[chord\]\n)value = .*\n", "", "chord"),
+        (r"(?<=^\[chord\]\n)(value.*\nunit = ).*", r'\g<1>"m"', "chord"),
+        (r"(?<=^\[chord\]\n)(value.*\nunit.*\nsource = ).*", r'\g<1>"guessed"', "chord"),
+        (r"(?<=^\[chord\]\n)((.+\n)+?note = ).*", r"\g<1>3", "chord"),
+        (r"\Z", "\n[rudder]\nvalue = 1.0\n", "rudder"),
+        (r"\Z", "\n[structure]\nfactor = nan\n", "factor"),
+        (r"(?<=^names = \[)\"panel_mass\"", '"chord"', "covariance"),
+        (r"^rows = \[\n.*\n", "rows = [\n", "covariance"),
+        (r"(?<=^rows = \[\n)  \[[^,]*", "  [nan", "covariance"),
+        (r"(?<=^rows = \[\n)  \[[^,]*", "  [-1.0", "covariance"),
+        (r"(?<=^rows = \[\n)  \[[^,]*", "  [inf", "covariance"),
+        (r"(?<=^rows = \[\n)(  \[[^,]*, )[^,]*", r"\g<1>1.0", "covariance"),
+        (r"(?<=^rows = \[\n)  \[[^,]*", '  ["a"', "covariance"),
+        (r"^\[covariance\]\n(.*\n)*", "[covariance]\nnames = 3\n", "covariance"),
+    ],
+)
+def test_wrong_entries_are_refused(saved: Path, pattern: str, replacement: str, named: str) -> None:
+    assert named in refusal(edited(saved, pattern, replacement))
+
+
+@pytest.mark.parametrize("name", ["chord", "structure", "covariance"])
+def test_a_number_instead_of_a_table_is_refused(saved: Path, name: str) -> None:
+    text = saved.read_text(encoding="utf-8")
+    text = re.sub(rf"^\[{name}\]\n(.+\n)+", "", text, flags=re.M)
+    saved.write_text(f"{name} = 3\n{text}", encoding="utf-8")
+    assert name in refusal(saved)
+
+
+def test_a_file_that_is_not_toml_is_refused(saved: Path) -> None:
+    saved.write_text("chord: 8.0 ft\n", encoding="utf-8")
+    assert "TOML" in refusal(saved)
+    saved.write_bytes(b"\xff\xfe\x00")
+    assert "TOML" in refusal(saved)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    assert "cannot be read" in refusal(tmp_path / "nowhere.toml")
+    assert "cannot be read" in refusal(tmp_path)
+
+
+def test_saving_into_a_missing_folder_writes_nothing(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    target = tmp_path / "missing" / "aircraft.toml"
+    with pytest.raises(BadInputError, match=re.escape(str(target))) as caught:
+        save_parameters(parameter_set, target, "")
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_saving_over_a_folder_writes_nothing(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    target = tmp_path / "aircraft.toml"
+    target.mkdir()
+    with pytest.raises(BadInputError, match=re.escape(str(target))):
+        save_parameters(parameter_set, target, "")
+    assert list(tmp_path.iterdir()) == [target]
+    assert list(target.iterdir()) == []
+
+
+def test_saving_replaces_whole_and_leaves_nothing_beside(saved: Path, parameter_set: ParameterSet) -> None:
+    changed = replace(parameter_set, values=parameter_set.values._replace(chord=9.0))
+    save_parameters(changed, saved, "")
+    assert load_parameters(saved).values.chord == 9.0
+    assert list(saved.parent.iterdir()) == [saved]

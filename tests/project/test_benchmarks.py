@@ -1,0 +1,303 @@
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that say what was stored.
+
+Nothing here asserts a time.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import __main__ as bench, flight_case, jobs_no_compiler, report
+from benchmarks.documents import arithmetic, growth_table, markdown
+from benchmarks.flight_case import Case, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
+from benchmarks.jobs_size import growth
+from benchmarks.jobs_trim import peer_point, peer_system
+from benchmarks.members_case import critic_plan, gain_plan
+from benchmarks.numpy_dynamics import six_state_rates
+from benchmarks.picture import draw
+from benchmarks.report import Row, Size
+from benchmarks.timing import Comparison, in_turn
+from controller.monte_carlo.member_flight import fly_member
+from hfa_model.aircraft import Aircraft
+from hfa_model.native import machine_code as generated
+from hfa_model.native.bound import BoundFunction
+from hfa_model.parameters import default_parameters
+from hfa_model.vectors import LINEAR_STATES, STATES
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+ROOT = Path(__file__).parents[2]
+PARAMETERS = default_parameters().values
+ALTITUDE = 40_000.0
+NEEDS_COMPILER = pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return Case()
+
+
+# Peers compute the same thing.
+
+
+def largest_difference_of_rates(peer, count: int = 200) -> float:
+    """Of the peer's six rates from those of the aircraft, in parts of the largest one, at random states and inputs."""
+    rng = np.random.default_rng(3)
+    low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
+    states = rng.uniform(low, [80.0, 0.15, 0.15, 0.3, 0.4, 0.3], size=(count, 6))
+    inputs = rng.uniform([0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5))
+    aircraft, seen = Aircraft(PARAMETERS), [STATES.index(name) for name in LINEAR_STATES]
+    full = np.insert(states, STATES.index("altitude"), ALTITUDE, axis=1)
+    ours = np.array([aircraft.rates(x, u)[seen] for x, u in zip(full, inputs, strict=True)])
+    theirs = np.array([peer(0.0, x, u, {}) for x, u in zip(states, inputs, strict=True)])
+    return float((np.abs(ours - theirs) / np.abs(ours).max(axis=0)).max())
+
+
+def test_the_dynamics_of_the_peers_are_those_of_the_aircraft() -> None:
+    assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE)) < 1e-12
+
+
+def test_other_dynamics_would_be_noticed() -> None:
+    heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
+    assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
+    assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
+
+
+@pytest.mark.filterwarnings("ignore:number of constraints")
+def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
+    found, model = peer_point(peer_system(), float(np.radians(10.0)))
+    exact = linearize(
+        Aircraft(PARAMETERS), find_operating_point(Aircraft(PARAMETERS), level_flight(float(np.radians(10.0))))
+    )
+    np.testing.assert_allclose(found.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(model.A, exact.A, atol=2e-3)  # by finite differences
+    np.testing.assert_allclose(model.B, exact.B, atol=2e-3)
+
+
+def test_the_rate_in_numpy_is_that_of_the_compiled_loop(case: Case) -> None:
+    rate, ours = python_rate(np, case.data()), case.compiled.rate
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        y = case.start * rng.uniform(0.5, 1.5, case.start.size) + np.pad(rng.normal(0, 0.1, 6), (0, 25))
+        t = rng.uniform(0.0, 20.0)
+        expected = np.array(ours(t, y, np.ones(1))).ravel()
+        np.testing.assert_allclose(rate(t, y), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+PEERS = {
+    "C by hand": pytest.param(c_flight, marks=NEEDS_COMPILER),
+    "NumPy": lambda case, steps: lambda: numpy_flight(case, steps),
+    "numba": numba_flight,
+    "JAX": jax_flight,
+}
+
+
+@pytest.mark.parametrize("make", PEERS.values(), ids=PEERS)
+def test_a_peer_flies_our_flight(case: Case, make) -> None:
+    try:
+        peer = make(case, 300)
+    except ImportError as error:
+        pytest.skip(f"not installed: {error.name}")
+    history = peer()
+    assert history.shape == (301, 31)
+    # Not to rounding: see `difference`. A setting off by a thousandth, below, differs by more.
+    assert difference(case.fly(False, 300), history) < 1e-6
+
+
+@pytest.mark.parametrize(("name", "factor"), [("eta", 1.001), ("gamma", 1.001), ("alpha1", 1.001), ("B", 1.001)])
+def test_another_flight_would_be_noticed(case: Case, monkeypatch: pytest.MonkeyPatch, name: str, factor: float) -> None:
+    data = case.data()
+    monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
+    assert difference(case.fly(False, 300), numpy_flight(case, 300)) > 5e-6
+
+
+def test_other_ways_to_write_the_stack_give_its_numbers(case: Case) -> None:
+    plain = flight_case.CriticPolicy(case.law, flight_case.zero(6))._stack
+    weights = case.start[6:]
+    expected = np.array(plain(weights)).ravel()
+    for other in (jobs_no_compiler._by_logarithm(case), jobs_no_compiler._written_out(case)):
+        bound = BoundFunction(other)
+        bound.inputs[0][:] = weights
+        bound()
+        np.testing.assert_allclose(bound.results[0], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_members_fly_the_flight_of_the_benchmark(case: Case) -> None:
+    plan = critic_plan(2, duration=0.02)
+    assert plan.law.policy.law.basis.size == 25
+    assert len(plan.law.policy.law.stack.states) == 50
+    assert (plan.course.step, critic_plan(1).course.duration, gain_plan(1).course.duration) == (1e-4, 20.0, 20.0)
+    assert fly_member(plan, 1)[1].left == -1
+    np.testing.assert_array_equal(plan.law.memory, case.start[6:])
+
+
+# Timing, table and verdict.
+
+
+def test_times_are_taken_in_turn_after_one_uncounted_round() -> None:
+    calls = []
+    timing = in_turn(lambda: calls.append("ours"), lambda: calls.append("peer"), units=2.0, repeats=3)
+    assert calls == ["ours", "peer"] * 4
+    assert timing.ours > 0.0
+    # The median of the ratios, not the ratio of the medians: each pair saw the same machine.
+    assert Comparison.of([1.0, 10.0, 2.0], [3.0, 20.0, 8.0]) == Comparison(2.0, 8.0, 3.0)
+
+
+def row(ratio: float, target: float | None) -> Row:
+    return Row("a job", "a peer", Comparison(2e-6, 2e-6 * ratio, ratio), target, "a remark")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "target", "verdict"),
+    [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO"), (5.0, None, "-")],
+)
+def test_a_figure_that_is_not_reached_says_so(ratio: float, target: float | None, verdict: str) -> None:
+    assert row(ratio, target).verdict == verdict
+    assert report.data({"a set": [row(ratio, target)]})["figures"][0]["reached"] == verdict
+    line = report.text([row(ratio, target)]).splitlines()[1]
+    assert line.split()[-1] == verdict
+    assert "2 µs" in line
+    table = markdown(report.data({"a set": [row(ratio, target)]}), with_target=target is not None)
+    assert table.endswith(f"| {verdict} |")
+
+
+def sizes(*seconds_and_memory: tuple[float, float]) -> list[Size]:
+    return [Size(10**power, *pair, 100.0) for power, pair in enumerate(seconds_and_memory, start=3)]
+
+
+def test_growth_is_linear_or_not() -> None:
+    time, memory = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2.2e-5, 310.0)))
+    assert (time.verdict, memory.verdict) == ("yes", "yes")
+    assert time.timing.ratio == pytest.approx(2.0 / 2.2)
+    slower, _ = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2.6e-5, 300.0)))
+    _, larger = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2e-5, 400.0)))
+    assert (slower.verdict, larger.verdict) == ("NO", "NO")
+
+
+def test_results_are_stored_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = {
+        "first": [row(50.0, 20.0), row(0.5, 1.0)],
+        "second": growth("points", sizes((4e-5, 70.0), (2e-5, 300.0))),
+    }
+    monkeypatch.setattr(report, "RESULTS", tmp_path / "results.json")
+    report.store({"second": rows["second"]}, list(rows))
+    report.store({"first": rows["first"]}, list(rows))
+    data = report.stored()
+    assert data == report.data(rows)
+    assert [figure["reached"] for figure in data["figures"]] == ["yes", "NO", "yes", "NO"]
+    assert data["figures"][2]["sizes"][1] == {"rows": 10_000, "seconds": 2e-5, "memory": 300.0, "disk": 100.0}
+    assert {"processor", "cores", "python", "casadi", "numpy"} <= set(data["machine"])
+    assert draw(data, tmp_path / "a.png").stat().st_size > 10_000
+    # Figures of another machine are no company for new ones.
+    monkeypatch.setattr(report, "machine", lambda: data["machine"] | {"cores": "999"})
+    assert len(report.store({"first": rows["first"]}, list(rows))["figures"]) == 2
+
+
+def test_quick_jobs_run_and_store_nothing(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
+    assert bench.main(["--quick", "trim", "gare", "size"]) == 0
+    said = capsys.readouterr().out
+    for words in ("python-control", "IPOPT", "solve_continuous_are", "members of 0.1 s into a store"):
+        assert words in said
+
+
+def test_an_unknown_set_is_one_line(capsys: pytest.CaptureFixture) -> None:
+    assert bench.main(["trim", "speed"]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "benchmarks: no set 'speed'; choose from startup, trim, gare, flight, no_compiler, monte_carlo, dask, size, "
+        "or --quick\n"
+    )
+
+
+@pytest.mark.slow
+def test_every_job_runs(capsys: pytest.CaptureFixture) -> None:
+    assert bench.main(["--quick"]) == 0
+    assert capsys.readouterr().out.count("critic learning") >= 2
+
+
+def test_the_peers_stay_out_of_the_lock() -> None:
+    def packages(path: str) -> dict[str, str]:
+        lines = (ROOT / path).read_text("utf-8").splitlines()
+        return dict(line.split("==") for line in lines if line and not line.startswith("#"))
+
+    peers = packages("benchmarks/requirements.txt")
+    assert {"numba", "jax"} <= set(peers)
+    assert all(re.fullmatch(r"[\w.]+", version) for version in peers.values())
+    assert set(peers) & set(packages("requirements.lock")) == set()
+    assert "benchmarks/requirements.txt" in (ROOT / "Makefile").read_text("utf-8")
+
+
+# What the documents say is what was stored.
+
+
+def complaints_about(readme: str, scaling: str, data: dict) -> list[str]:
+    found = []
+    if markdown(data, with_target=True) not in readme:
+        found.append("README.md does not show the stored figures: paste `python -m benchmarks.documents`")
+    parts = (markdown(data, with_target=False), growth_table(data), arithmetic(data))
+    if not all(part in scaling for part in parts):
+        found.append("docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`")
+    missed = [figure["job"] for figure in data["figures"] if figure["reached"] == "NO"]
+    return found + [f"docs/scaling.md does not explain {job!r}" for job in missed if f'"{job}"' not in scaling]
+
+
+def documents() -> tuple[str, str]:
+    return (ROOT / "README.md").read_text("utf-8"), (ROOT / "docs" / "scaling.md").read_text("utf-8")
+
+
+def test_documents_show_the_stored_figures() -> None:
+    assert complaints_about(*documents(), report.stored()) == []
+    assert "docs/pictures/benchmarks.png" in documents()[0]
+
+
+def test_documents_of_other_figures_would_be_noticed() -> None:
+    changed = json.loads(json.dumps(report.stored()))
+    for figure in changed["figures"]:
+        figure["ratio"] *= 1.1
+    assert len(complaints_about(*documents(), changed)) == 2
+    dearer = json.loads(json.dumps(report.stored()))
+    for figure in dearer["figures"]:
+        for size in figure["sizes"]:
+            size["seconds"] *= 2.0
+    assert complaints_about(*documents(), dearer) == [
+        "docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`"
+    ]
+    lost = json.loads(json.dumps(report.stored()))
+    lost["figures"][0] |= {"reached": "NO", "job": "a job that nobody explains"}
+    assert any("does not explain" in complaint for complaint in complaints_about(*documents(), lost))
+
+
+def test_the_arithmetic_of_scale() -> None:
+    points = growth("points of a sweep into a store", [Size(10, 1e-5, 99.0, 300.0), Size(1000, 1e-5, 100.0, 250.0)])
+    data = report.data({"monte_carlo": [row(2.0, None)], "size": points})
+    data["machine"]["cores"] = "4"
+    data["figures"][0]["ours"] = 0.9
+    said = " ".join(arithmetic(data).split())
+    for words in (
+        "= 10,000 core seconds = 2.8 core hours; on 1000 cores 10.0 s",
+        "1e9 / 100,000 = 10,000, 10 a core; each is 1.00 s of work and 25 MB on disk",
+        "100 MB a process",
+        "= 250 GB",
+        "250 s = 4.2 minutes",
+        "1e6 x 0.9 s x 4 processes = 1000 core hours, 60 minutes on 1000 cores.",
+    ):
+        assert words in said
+
+
+def test_every_stored_verdict_follows_from_its_figures() -> None:
+    data = report.stored()
+    assert len(data["figures"]) >= 15
+    for figure in data["figures"]:
+        timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])
+        again = replace(row(1.0, None), timing=timing, target=figure["to_reach"])
+        assert again.verdict == figure["reached"], figure["job"]
+        assert figure["ratio"] == pytest.approx(figure["peers"] / figure["ours"], rel=0.2)

@@ -1,0 +1,171 @@
+"""The documentation is true: what it shows runs and prints what it says, its links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa
+from documents import ROOT, blocks_of, commands_of, complaints, difference
+
+from hfa_cli.main import COMMANDS, DONE
+
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+#: Takes too long to run twice; test_identify_command.py runs it once and looks at the documents too.
+ELSEWHERE = ("hfa identify",)
+
+
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
+def test_blocks_run_and_print_what_is_shown(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "\n\n".join(complaints(text_of(path), elsewhere=ELSEWHERE, name=path.name)) == ""
+
+
+def test_every_document_is_read() -> None:
+    assert {path.stem for path in DOCUMENTS} >= {"README", "critics", "dynamics", "game", "identification", "trim"}
+    for path in DOCUMENTS:
+        assert blocks_of(text_of(path)), f"{path} shows nothing that can be checked"
+
+
+@pytest.mark.parametrize("path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem)
+def test_links_lead_to_files_and_headings(path: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", text_of(path)):
+        if re.match(r"https?://", link):
+            continue
+        target, _, heading = link.partition("#")
+        file = path.parent / target if target else path
+        assert file.exists(), link
+        assert not heading or heading in headings(text_of(file)), link
+
+
+def headings(document: str) -> list[str]:
+    """Anchors of the headings, as GitHub makes them."""
+    titles = re.findall(r"^#+ (.*)$", document, re.M)
+    return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readme_names_every_command(command: str) -> None:
+    assert f"`hfa {command}" in text_of(ROOT / "README.md")
+
+
+def test_the_pictures_are_those_of_the_report(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    assert hfa("report", "--folder", str(tmp_path / "report")).code == DONE
+    folder = ROOT / "docs" / "pictures"
+    drawn = ["regeneration.png", "root_locus.png"]
+    # `make bench` draws another benchmarks.png on every machine, the test below looks at verify.png.
+    assert sorted(path.name for path in folder.iterdir()) == ["benchmarks.png", *drawn, "verify.png"]
+    for path in (folder / name for name in drawn):
+        one, other = imread(path), imread(tmp_path / "report" / path.name)
+        assert one.shape == other.shape
+        # Another release of the font library moves some edges of letters.
+        assert np.mean(np.abs(one - other) > 0.1) < 0.005, (
+            f"copy report/{path.name} to docs/pictures after `make report`"
+        )
+
+
+def test_the_picture_of_a_verified_critic_is_that_of_the_command(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    assert hfa("verify", "--dihedral", "15", "--picture", str(tmp_path / "verify.png")).code == DONE
+    one, other = (imread(folder / "verify.png") for folder in (ROOT / "docs" / "pictures", tmp_path))
+    assert one.shape == other.shape
+    different = np.abs(one - other).max(axis=2) > 0.1
+    height, width = different.shape
+    different[: height // 2, 2 * width // 3 :] = False  # the map of the difference shows rounding
+    assert np.mean(different) < 0.005, "run `hfa verify --dihedral 15 --picture docs/pictures/verify.png`"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_examples_run(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path), run_name="__main__")
+    said = capsys.readouterr().out
+    shown = text_of(path).partition('"""')[2].partition('"""')[0].partition("prints\n")[2]
+    assert shown.strip(), "the docstring of an example ends with what it prints"
+    expected = "\n".join(line.removeprefix("    ") for line in shown.strip("\n").splitlines())
+    assert difference(expected, said) == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+# The judge itself.
+
+SOUND = """
+```python
+a = 2
+print(a)
+```
+prints
+```text
+2
+```
+```python
+print(a + 1)
+print("end")
+```
+```text
+...
+end
+```
+```console
+$ make test
+$ hfa --version
+...
+$ hfa --version
+...
+$ hfa trim --dihedral abc  # exit 2
+hfa: dihedral is 'abc'; give a number
+```
+"""
+
+
+def test_a_sound_document_passes() -> None:
+    assert complaints(SOUND) == []
+    block = blocks_of(SOUND)[-1]
+    assert [command.code for command in commands_of(block)] == [0, 0, 0, 2]
+    assert SOUND.splitlines()[block.line - 1] == "$ make test"
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "complaint"),
+    [
+        ("text\n2\n", "text\n3\n", "-3\n+2"),
+        ("text\n2\n", "text\n2\n2\n", "-2"),
+        ("text\n2\n", "text\n2.0\n", "-2.0"),
+        ("...\nend\n", "...\nEnd\n", "-End"),
+        ("...\nend\n", "end\n", "+3"),
+        ("text\n2\n", "json\n2\n", "is not shown"),
+        ("a = 2", "a = b", "NameError"),
+        ("python\na = 2", "txt\na = 2", "no python block before"),
+        ("a + 1", "A + 1", "NameError"),
+        ("make test", "make tea", "no target 'tea'"),
+        ("hfa --version\n...\n$ hfa --version", "hfa --version\n$ hfa --version", "+hfa 0"),
+        ("hfa --version\n...", "hfa --version\nhfa 99.9.9", "-hfa 99.9.9"),
+        ("  # exit 2", "", "exit code 2 instead of 0"),
+        ("give a number", "give another", "-hfa: dihedral is 'abc'; give another"),
+        ("$ make test", "$ ls", "neither hfa nor make"),
+        ("end\n```", "end\n```\n```python\nprint(1)\n```\n", "is not shown"),
+    ],
+)
+def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:
+    planted = SOUND.replace(right, wrong, 1)
+    assert planted != SOUND
+    assert complaint in "\n".join(complaints(planted))
+
+
+def test_dots_stand_for_any_lines_and_for_nothing_else() -> None:
+    for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
+        assert difference(expected, "a\nb\nc\n") == ""
+    for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):
+        assert difference(expected, "a\nb\nc\n") != ""

@@ -1,0 +1,20 @@
+"""`hfa verify` judges by numbers of the judge's own; of the learner's code it uses what is judged, and no yardstick."""
+
+from __future__ import annotations
+
+from import_graph import imports_of, project_sources
+
+from verification.critic.critic_check import ORDINARY_DEVIATIONS
+from verification.experiments.configuration import default_reading
+
+#: Values, bases and files: what a critic is made of.
+JUDGED = {"controller.game.basis", "controller.game.model_file", "controller.game.learning_result"}
+
+
+def test_the_command_takes_no_yardstick_from_the_learner() -> None:
+    used = imports_of("hfa_cli.commands.verify", project_sources())
+    assert {name for name in used if name.startswith("controller")} <= JUDGED
+
+
+def test_the_box_of_the_judge_is_that_of_the_reading() -> None:
+    assert list(ORDINARY_DEVIATIONS) == default_reading()["critic"]["box"]

@@ -1,0 +1,168 @@
+"""The one-way street of ARCHITECTURE.md, held by reading every import."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
+
+import pytest
+from import_graph import LAYERS, ROOMS, imports_of, project_sources, reachable, room_of
+
+#: What the judge may share with the learner: values and files, no algorithm.
+SHARED_WITH_THE_LEARNER = "controller.game"
+#: The rooms that say whether a critic is right.
+ROOMS_OF_THE_JUDGE = ("verification.riccati", "verification.meaning", "verification.critic")
+
+
+def upward_imports(sources: Mapping[str, str]) -> list[str]:
+    """Imports of a package from a package below it."""
+    height = {package: index for index, package in enumerate(LAYERS)}
+    return [
+        f"{module} imports {name}"
+        for module in sources
+        for name in sorted(imports_of(module, sources))
+        if height[name.split(".")[0]] > height[module.split(".")[0]]
+    ]
+
+
+def imports_up_the_stairs(sources: Mapping[str, str], rooms: tuple[str, ...] = ROOMS) -> list[str]:
+    """Imports of a room from a room above it. The front door of a package is for those outside the packages."""
+    height = {room: index for index, room in enumerate(rooms)}
+    doors = [module for module in sources if module in LAYERS]
+    found = []
+    for module in sorted(set(sources) - set(doors)):
+        for name in sorted(imports_of(module, sources)):
+            if name in doors or height[room_of(name, sources)] > height[room_of(module, sources)]:
+                found.append(f"{module} imports {name}")
+    return found
+
+
+def learner_code_in(room: str, sources: Mapping[str, str]) -> list[str]:
+    """Modules of the controller that a room reaches and must not."""
+    roots = [module for module in sources if module.startswith(f"{room}.")]
+    assert roots, f"{room} has moved: correct this test"
+    return [
+        f"{root} reaches {name}"
+        for root in roots
+        for name in sorted(reachable(root, sources))
+        if name.startswith("controller.")
+        and room_of(name, sources) != SHARED_WITH_THE_LEARNER
+        and name != SHARED_WITH_THE_LEARNER
+    ]
+
+
+def import_cycle(sources: Mapping[str, str]) -> list[str]:
+    """Modules that need each other to be imported; empty when there are none."""
+    graph = {module: imports_of(module, sources, at_start_only=True) - {module} for module in sources}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_every_package_is_read() -> None:
+    sources = project_sources()
+    assert {name.split(".")[0] for name in sources} == set(LAYERS)
+    assert imports_of("trim.point.solve", sources) >= {"hfa_model.aircraft", "trim.point.condition"}
+
+
+def test_imports_go_one_way() -> None:
+    assert upward_imports(project_sources()) == []
+
+
+def test_only_the_command_imports_the_judge() -> None:
+    sources = project_sources()
+    importers = {
+        module.split(".")[0]
+        for module in sources
+        if any(name.split(".")[0] == "verification" for name in imports_of(module, sources))
+    }
+    assert importers <= {"verification", "hfa_cli"}
+
+
+def test_every_room_is_listed() -> None:
+    sources = project_sources()
+    assert {room_of(module, sources) for module in sources} - set(LAYERS) <= set(ROOMS)
+    assert {room for room in ROOMS if room not in sources} == set()
+
+
+def test_imports_go_one_way_between_rooms() -> None:
+    assert imports_up_the_stairs(project_sources()) == []
+
+
+@pytest.mark.parametrize("room", ROOMS_OF_THE_JUDGE)
+def test_the_judge_shares_values_and_files_with_the_learner(room: str) -> None:
+    assert learner_code_in(room, project_sources()) == []
+
+
+def test_the_judge_asks_a_run_for_its_weights_and_the_rank_of_its_data_alone() -> None:
+    tree = ast.parse(project_sources()["verification.critic.critic_check"])
+    asked = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "run"
+    }
+    assert asked == {"law", "times", "weights", "excitation"}
+
+
+def test_no_module_needs_itself_to_be_imported() -> None:
+    assert import_cycle(project_sources()) == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import verification.riccati.gare",
+        "from verification import gare",
+        "from verification.riccati.gare import x",
+        "def f():\n    from verification.riccati.gare import x",
+        "if True:\n    import verification.riccati.gare as judge",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from verification.riccati.gare import x",
+    ],
+)
+def test_a_planted_upward_import_is_seen(line: str) -> None:
+    sources = {"verification.riccati.gare": "", "verification": "", "controller.game.zero_sum": line, "controller": ""}
+    assert len(upward_imports(sources)) == 1
+    assert upward_imports(sources)[0].startswith("controller.game.zero_sum imports verification")
+
+
+def test_a_planted_use_of_the_learner_is_seen() -> None:
+    sources = {
+        "verification": "",
+        "verification.riccati": "",
+        "verification.riccati.gare": "from verification.riccati.helper import f",
+        "verification.riccati.helper": "def f():\n    from controller.laws import ramp",
+        "controller": "",
+        "controller.laws": "",
+        "controller.laws.ramp": "",
+        "controller.game": "",
+        "controller.game.zero_sum": "",
+    }
+    assert "verification.riccati.gare reaches controller.laws.ramp" in learner_code_in("verification.riccati", sources)
+    innocent = sources | {"verification.riccati.helper": "from controller.game.zero_sum import Game"}
+    assert learner_code_in("verification.riccati", innocent) == []
+
+
+@pytest.mark.parametrize(
+    "line", ["from trim.sweeps.sweep import x", "from trim.sweeps import sweep", "from trim import y"]
+)
+def test_a_planted_import_up_the_stairs_is_seen(line: str) -> None:
+    sources = {
+        "trim": "",
+        "trim.point": "",
+        "trim.point.solve": line,
+        "trim.sweeps": "",
+        "trim.sweeps.sweep": "from trim.point.solve import y",
+    }
+    found = imports_up_the_stairs(sources)
+    assert len(found) == 1
+    assert found[0].startswith("trim.point.solve imports trim")
+
+
+def test_a_planted_cycle_is_seen() -> None:
+    cycle = {"trim": "", "trim.a": "from trim.b import x", "trim.b": "from . import c", "trim.c": "import trim.a"}
+    assert set(import_cycle(cycle)) == {"trim.a", "trim.b", "trim.c"}
+    late = cycle | {"trim.c": "def f():\n    import trim.a"}
+    assert import_cycle(late) == []

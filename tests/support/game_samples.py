@@ -1,0 +1,54 @@
+"""Games on which the exact solution is tested: those of the aircraft, and random ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.game.zero_sum import Game, published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import default_parameters
+from hfa_model.published import published_models
+from hfa_model.variants import VARIANTS
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+#: The initial state of the paper's experiments (Section 5.1).
+INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
+#: Dihedral angles of the regenerated models, degrees.
+ANGLES = (0, 5, 10, 15, 20)
+
+
+def game_models() -> dict[str, Game]:
+    """The games of the two printed models, by name."""
+    return {f"published-{model.dihedral_deg:g}": published_game(model.A, model.B) for model in published_models()}
+
+
+def regenerated_models() -> dict[str, Game]:
+    """The games of our own models between 0 and 20 degrees, both variants of the equations, by name."""
+    games = {}
+    for dynamics, variant in VARIANTS.items():
+        aircraft = Aircraft(default_parameters().values, variant)
+        for angle in ANGLES:
+            model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(angle))))
+            games[f"regenerated-{dynamics}-{angle}"] = published_game(model.A, model.B)
+    return games
+
+
+def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
+    """Six states, one to five inputs, one to six disturbances, Q of rank one to six, delta in 0.3..30.
+
+    `scaled`: in units of state that differ by up to 1e8 from each other, as nobody would choose them.
+    """
+    n, m, k, rank = 6, int(rng.integers(1, 6)), int(rng.integers(1, 7)), int(rng.integers(1, 7))
+    A, B = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    E = rng.standard_normal((n, k)) if rng.random() < 0.5 else np.eye(n)
+    C, root = rng.standard_normal((rank, n)), rng.standard_normal((m, m))
+    delta = math.exp(rng.uniform(math.log(0.3), math.log(30.0)))
+    if scaled:
+        units = 10.0 ** rng.uniform(-4.0, 4.0, n)
+        A, B, E, C = A * units[:, None] / units, B * units[:, None], E * units[:, None], C / units
+    Q, R = C.T @ C, root @ root.T + 0.1 * np.eye(m)
+    return Game(A, B, E, (Q + Q.T) / 2.0, (R + R.T) / 2.0, delta)

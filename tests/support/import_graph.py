@@ -1,0 +1,96 @@
+"""Who imports whom among the project's modules, read from the source without running it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+#: From the bottom to the top: a package may import itself and those before it.
+LAYERS = ("hfa_model", "trim", "controller", "verification", "hfa_cli")
+#: From the bottom to the top: a room may import itself and those before it. A package that is listed stands for the
+#: modules that lie in no room of it.
+ROOMS = (
+    "hfa_model.support",
+    "hfa_model.native",
+    "hfa_model",
+    "trim.point",
+    "trim.linear",
+    "trim.sweeps",
+    "trim.identification",
+    "controller.game",
+    "controller.samples",
+    "controller.laws",
+    "controller.flight",
+    "controller.study",
+    "controller.monte_carlo",
+    "verification.physics",
+    "verification.riccati",
+    "verification.meaning",
+    "verification.critic",
+    "verification.published",
+    "verification.flights",
+    "verification.experiments",
+    "hfa_cli",
+    "hfa_cli.commands",
+)
+
+
+def project_sources() -> dict[str, str]:
+    """Module name -> source, of every module in the packages."""
+    found = {}
+    for package in LAYERS:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[name] = path.read_text(encoding="utf-8")
+    return found
+
+
+def imports_of(module: str, sources: Mapping[str, str], *, at_start_only: bool = False) -> set[str]:
+    """Modules of `sources` that a module imports anywhere in its text, or only those that importing it loads.
+
+    A name imported from a package is the submodule of that name where there is one, else the package itself.
+    """
+    tree = ast.parse(sources[module])
+    is_package = any(name.startswith(f"{module}.") for name in sources)
+    base = module.split(".") if is_package else module.split(".")[:-1]
+    found = set()
+    for node in _executed(tree) if at_start_only else ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = base[: len(base) - node.level + 1] if node.level else []
+            origin = ".".join([*above, *([node.module] if node.module else [])])
+            names = {f"{origin}.{alias.name}" for alias in node.names}
+            found |= {name if name in sources else origin for name in names}
+    return {name for name in found if name.split(".")[0] in {each.split(".")[0] for each in sources}}
+
+
+def room_of(module: str, sources: Mapping[str, str]) -> str:
+    """The folder that a module lies in, dotted; a package is its own room."""
+    is_package = any(name.startswith(f"{module}.") for name in sources)
+    return module if is_package or "." not in module else module.rpartition(".")[0]
+
+
+def _executed(node: ast.AST) -> Iterator[ast.AST]:
+    """Statements that run when the module is imported: not in functions, not for type checkers only."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            continue
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            continue
+        yield child
+        yield from _executed(child)
+
+
+def reachable(start: str, sources: Mapping[str, str]) -> set[str]:
+    """A module and everything of the project that it uses, directly or not."""
+    found, waiting = {start}, [start]
+    while waiting:
+        for name in imports_of(waiting.pop(), sources) - found:
+            found.add(name)
+            if name in sources:
+                waiting.append(name)
+    return found

@@ -1,0 +1,100 @@
+"""Games, exact answers and starts on which the learning laws are tested."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from reference_riccati import Reference, reference_solution, relative_error
+
+from controller.game.basis import Basis, basis
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game, published_game
+from controller.samples.recording import random_pool
+from controller.samples.stack_equations import StackEquations
+from hfa_model.published import published_models
+
+QUADRATIC = basis("quadratic", 6)
+
+
+_GAMES = {f"{model.dihedral_deg:g} deg": published_game(model.A, model.B) for model in published_models()}
+PUBLISHED = tuple(_GAMES)
+
+
+@cache
+def published(name: str) -> tuple[Game, Reference]:
+    """The game on a printed model and its 60-digit solution."""
+    return _GAMES[name], reference_solution(_GAMES[name])
+
+
+@cache
+def lq(name: str) -> tuple[Game, Reference]:
+    """The LQ problem on a printed model and its 60-digit solution."""
+    game = _GAMES[name].with_delta(np.inf)
+    return game, reference_solution(game)
+
+
+def stable_game(delta: float = 3.0) -> Game:
+    """Two states, one input, one disturbance; A is Hurwitz."""
+    return Game(
+        A=[[-0.2, 1.0], [-2.0, -0.3]], B=[[0.0], [1.0]], E=[[1.0], [0.5]], Q=np.diag([2.0, 1.0]), R=[[0.5]], delta=delta
+    )
+
+
+def random_start(index: int, game: Game, exact: np.ndarray, functions: Basis = QUADRATIC) -> np.ndarray:
+    """Weights far from the solution, of four kinds in turn: indefinite, around the solution, positive, unscaled.
+
+    Sizes are log-uniform over six to nine decades; a minority of the starts is stabilizing.
+    """
+    rng = np.random.default_rng(index)
+    units = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    scaled = exact * np.outer(units, units)
+    noise = rng.normal(size=exact.shape)
+    noise = (noise + noise.T) / 2.0 * np.linalg.norm(scaled)
+    if index % 4 == 0:
+        start = noise * 10.0 ** rng.uniform(-6.0, 3.0)
+    elif index % 4 == 1:
+        start = scaled * 10.0 ** rng.uniform(-1.0, 2.0) + noise * 10.0 ** rng.uniform(-6.0, 1.0)
+    elif index % 4 == 2:
+        start = noise @ noise / np.linalg.norm(scaled) * 10.0 ** rng.uniform(-6.0, 3.0)
+    else:
+        return rng.normal(size=functions.size) * 10.0 ** rng.uniform(-3.0, 5.0)
+    return functions.weights(start / np.outer(units, units))
+
+
+def abscissa(matrix: np.ndarray) -> float:
+    return float(np.linalg.eigvals(matrix).real.max())
+
+
+def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
+    """A start whose closed loop is stable by just `margin` 1/s, with |P| far above the solution."""
+    rng = np.random.default_rng(seed)
+    units = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    scaled = exact * np.outer(units, units)
+    while True:
+        noise = rng.normal(size=exact.shape)
+        noise = (noise + noise.T) / 2.0 * np.linalg.norm(scaled) * 10.0
+        inside, outside = exact, exact + noise / np.outer(units, units)
+        if abscissa(game.A - game.S_control @ outside) > 0.0:
+            break
+    low, high = 0.0, 1.0
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if abscissa(game.A - game.S_control @ (inside + middle * (outside - inside))) < -margin:
+            low = middle
+        else:
+            high = middle
+    return QUADRATIC.weights(inside + low * (outside - inside))
+
+
+def build(game: Game, name: str = "quadratic", samples: int = 60, seed: int = 0) -> StackEquations:
+    stack = random_pool(game, samples, seed)
+    return StackEquations.build(game, basis(name, len(game.A)), stack, stack.channel_scales())
+
+
+def assert_exact(result: LearningResult, exact: Reference, limit: float = 1e-9) -> None:
+    assert result.status == "converged"
+    assert all(row.ok for row in result.certificates)
+    assert relative_error(result.P, exact.P) <= limit
+    assert relative_error(result.K, exact.K) <= limit
+    assert result.settling_time <= result.settings["predefined_time"]

@@ -1,0 +1,119 @@
+"""A 60-digit answer to A'P + P A + Q - P S P = 0, from the matrix sign function of the Hamiltonian.
+
+The arithmetic is `decimal`, the elimination written out: nothing here uses a floating-point solver, nor anything
+of the project but the numbers of a `Game`. With sign(H) = W the stable subspace is that of W = -I, hence
+(W + I) [I; P] = 0 (Roberts, Int. J. Control 32, 1980). `test_gare.py` holds it against eigenvectors by mpmath.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+
+DIGITS = 60
+#: Carried beyond the digits that are asked for.
+GUARD = 30
+#: Newton's iteration needs 10 to 20 steps, and one more for each halving of the distance to the imaginary axis.
+MAX_STEPS = 80
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The stabilizing P and its K, and whether P is the value of the game; both are empty when there is no P."""
+
+    exists: bool
+    P: np.ndarray
+    K: np.ndarray
+
+
+def reference_solution(game: Game) -> Reference:
+    """The value of the game to 60 digits, rounded to double; `exists` is decided at 60 digits too."""
+    nothing = Reference(exists=False, P=np.empty((0, 0)), K=np.empty((0, 0)))
+    with localcontext() as context:
+        context.prec = DIGITS + GUARD
+        A, B, E, Q, R = (_decimal(matrix) for matrix in (game.A, game.B, game.E, game.Q, game.R))
+        R_inverse_B = _inverse(R) @ B.T
+        S = B @ R_inverse_B
+        if np.isfinite(game.delta):
+            S = S - E @ E.T / Decimal(game.delta) ** 2
+        n = len(A)
+        W = _sign(np.block([[A, -S], [-Q, -A.T]]))
+        if W is None or abs(np.trace(W)) > Decimal("0.5"):
+            return nothing
+        identity = _decimal(np.eye(n))
+        left = np.concatenate([W[:n, n:], W[n:, n:] + identity])
+        right = -np.concatenate([W[:n, :n] + identity, W[n:, :n]])
+        normal = _inverse(left.T @ left)
+        if normal is None:
+            return nothing
+        P = normal @ (left.T @ right)
+        P = (P + P.T) / 2
+        residual = A.T @ P + P @ A + Q - P @ S @ P
+        assert _largest(residual) < Decimal(10) ** -(DIGITS // 2) * (1 + _largest(P)), "the reference is not exact"
+        return Reference(exists=_semidefinite(P), P=P.astype(float), K=(R_inverse_B @ P).astype(float))
+
+
+def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
+    """Relative Frobenius distance."""
+    return float(np.linalg.norm(value - exact) / np.linalg.norm(exact))
+
+
+def _sign(H: np.ndarray) -> np.ndarray | None:
+    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c; None when an eigenvalue is on the imaginary axis."""
+    Z = H
+    for _ in range(MAX_STEPS):
+        inverse = _inverse(Z)
+        if inverse is None:
+            return None
+        scale = (_norm(inverse) / _norm(Z)).sqrt()
+        if abs(scale - 1) < Decimal("0.1"):
+            scale = Decimal(1)
+        following = (scale * Z + inverse / scale) / 2
+        settled = _largest(following - Z) < Decimal(10) ** -DIGITS * _largest(following)
+        Z = following
+        if settled:
+            return Z
+    return None
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray | None:
+    """Gauss-Jordan with row pivoting; None when singular."""
+    n = len(matrix)
+    work = np.concatenate([matrix, _decimal(np.eye(n))], axis=1)
+    for column in range(n):
+        pivot = column + int(np.argmax(np.abs(work[column:, column])))
+        if work[pivot, column] == 0:
+            return None
+        work[[column, pivot]] = work[[pivot, column]]
+        work[column] = work[column] / work[column, column]
+        factors = work[:, column].copy()
+        factors[column] = Decimal(0)
+        work = work - np.outer(factors, work[column])
+    return work[:, n:]
+
+
+def _semidefinite(P: np.ndarray) -> bool:
+    """Positive pivots of P with its diagonal raised by 1e-40, so that a semidefinite P passes too."""
+    work = P + np.diag(np.diag(P)) * Decimal("1e-40")
+    for k in range(len(work)):
+        if work[k, k] < 0 or (work[k, k] == 0 and any(work[k, k:] != 0)):
+            return False
+        if work[k, k] > 0:
+            work = work - np.outer(work[:, k], work[k]) / work[k, k]
+    return True
+
+
+def _decimal(matrix: np.ndarray) -> np.ndarray:
+    return np.vectorize(Decimal, otypes=[object])(matrix)
+
+
+def _largest(matrix: np.ndarray) -> Decimal:
+    return max(np.abs(matrix).ravel())
+
+
+def _norm(matrix: np.ndarray) -> Decimal:
+    return max(np.abs(matrix).sum(axis=0))

@@ -1,0 +1,235 @@
+"""The identification on aircraft whose parameters are known, and on prints that no aircraft can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters, ParameterSet
+from hfa_model.published import PublishedModel, published_models
+from hfa_model.variants import Published, Variant
+from hfa_model.vectors import INPUTS, LINEAR_STATES, State
+from trim.identification.evidence import ALTERNATIVES
+from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify
+from trim.linear.compare import regenerate
+
+MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
+ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
+    ("B", row, column) for row in MOVED for column in INPUTS
+]
+
+
+def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
+    """Another aircraft: every identified constant up to a fifth larger or smaller than ours."""
+    factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
+    return parameters._replace(
+        **{name: getattr(parameters, name) * factor for name, factor in zip(IDENTIFIED, factors.tolist(), strict=True)}
+    )
+
+
+def printed(parameters: Parameters) -> list[PublishedModel]:
+    """What the paper would have printed of an aircraft: its exact matrices, rounded as the paper rounds."""
+    models = []
+    for published in published_models():
+        exact = regenerate(Aircraft(parameters), published)
+        A = 2 * published.half_unit_A * np.round(exact.A / (2 * published.half_unit_A))
+        B = 2 * published.half_unit_B * np.round(exact.B / (2 * published.half_unit_B))
+        models.append(replace(published, A=A, B=B))
+    return models
+
+
+def changed(
+    case: int, matrix: str, row: str, column: str, change: Callable[[float], float]
+) -> tuple[PublishedModel, ...]:
+    """The paper's print with one entry changed."""
+    models = list(published_models())
+    entries = getattr(models[case], matrix).copy()
+    i, j = LINEAR_STATES.index(row), (LINEAR_STATES if matrix == "A" else INPUTS).index(column)
+    entries[i, j] = change(entries[i, j])
+    models[case] = replace(models[case], **{matrix: entries})
+    return tuple(models)
+
+
+def errors_in_standard_errors(found: Fit, truth: Parameters) -> np.ndarray:
+    errors = found.parameters.standard_errors
+    return np.array(
+        [(getattr(found.parameters.values, name) - getattr(truth, name)) / errors[name] for name in IDENTIFIED]
+    )
+
+
+@pytest.fixture(scope="module")
+def identified() -> tuple[Fit, list[float]]:
+    return identify(seed=0)
+
+
+def test_all_rough_starts_agree(identified: tuple[Fit, list[float]]) -> None:
+    best, sums = identified
+    assert len(sums) == 8
+    np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
+    # None of the rough guesses is the answer.
+    guess, answer = np.array(list(ROUGH.values())), np.array([getattr(best.parameters.values, n) for n in IDENTIFIED])
+    assert np.median(np.abs(guess / answer - 1)) > 0.1
+
+
+def test_the_print_is_fitted_as_well_as_rounding_allows(identified: tuple[Fit, list[float]]) -> None:
+    best, _ = identified
+    assert best.entries == 70
+    assert best.sum_of_squares < 1.5 * best.expected_sum
+    assert best.largest < 1.5
+
+
+def test_the_packaged_parameters_are_the_identified_ones(
+    identified: tuple[Fit, list[float]], parameter_set: ParameterSet
+) -> None:
+    best = identified[0].parameters
+    assert best.sources == parameter_set.sources
+    assert best.identified == parameter_set.identified
+    for name, error in best.standard_errors.items():
+        distance = abs(getattr(best.values, name) - getattr(parameter_set.values, name))
+        assert distance <= 1e-3 * error, name
+        assert parameter_set.standard_errors[name] == pytest.approx(error, rel=1e-4)
+
+
+def test_the_identification_is_deterministic() -> None:
+    noise = np.random.default_rng(2).normal(size=len(IDENTIFIED)) * 0.3
+    one, other = (fit(published_models(), Published(), noise=noise) for _ in range(2))
+    assert one.parameters.values == other.parameters.values
+    np.testing.assert_array_equal(one.parameters.covariance, other.parameters.covariance)
+
+
+def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
+    """Twenty aircraft, their exact matrices rounded as in print: estimates off by what the standard errors say."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for _ in range(20):
+        truth = made_up(parameters, rng)
+        found = fit(printed(truth), Published())
+        assert found.largest < 2.0
+        rows.append(errors_in_standard_errors(found, truth))
+    deviations = np.array(rows)
+    assert np.abs(deviations).max() < 5.0
+    # 1 on average; the mean of 20 squares of nearly uniform errors scatters by about 0.2. Standard errors too
+    # small by a factor of sqrt(2) would show as 2.
+    squares = (deviations**2).mean(axis=0)
+    assert np.all((squares > 0.4) & (squares < 1.6)), dict(zip(IDENTIFIED, squares.round(2).tolist(), strict=True))
+
+
+def test_a_wrong_aircraft_is_not_within_the_standard_errors(parameters: Parameters) -> None:
+    """The measure above can fail: one percent on any constant is many standard errors."""
+    truth = made_up(parameters, np.random.default_rng(1))
+    found = fit(printed(truth), Published())
+    for index, name in enumerate(IDENTIFIED):
+        wrong = truth._replace(**{name: 1.01 * getattr(truth, name)})
+        assert abs(errors_in_standard_errors(found, wrong)[index]) > 5.0, name
+
+
+@pytest.mark.parametrize("matrix_row_column", ENTRIES, ids="-".join)
+def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
+    parameters: Parameters, matrix_row_column: tuple[str, str, str]
+) -> None:
+    """Each printed entry of the 5 degree pair is held in place by all the others."""
+    near = np.log(np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values()))
+    found = fit(changed(1, *matrix_row_column, lambda value: value + 0.01), Published(), noise=near)
+    if matrix_row_column == ("A", "speed", "pitch"):
+        # Printed to one decimal: a hundredth is within its rounding.
+        assert found.sum_of_squares < 1.5 * found.expected_sum
+    else:
+        assert found.sum_of_squares > 5 * found.expected_sum
+
+
+@pytest.mark.parametrize("cases", [(0,), (1,), (0, 1)])
+def test_the_other_sign_of_center_aileron_in_pitch_cannot_be_fitted(cases: tuple[int, ...]) -> None:
+    """The text of the paper lost its minus signs; this one follows from the rest."""
+    models = list(published_models())
+    for case in cases:
+        models[case] = changed(case, "B", "pitch_rate", "aileron_center", lambda value: -value)[case]
+    found = fit(models, Published())
+    assert found.sum_of_squares > 1e6 * found.expected_sum
+    assert found.largest > 1e4
+
+
+@pytest.mark.parametrize(("description", "variant"), ALTERNATIVES, ids=[name for name, _ in ALTERNATIVES])
+def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
+    """With any one of them undone, no parameters come near the print."""
+    found = fit(published_models(), variant)
+    assert found.largest > 1000.0, description
+
+
+def with_newtons_pitch_rate_sign(self: Published, x: State, p: Parameters) -> Any:
+    term = p.panel_mass * p.panel_span / 2 * ca.cos(x.dihedral) * x.speed * ca.cos(x.alpha) * x.pitch_rate
+    return Published().hinge_coupling(x, p) - 2 * term
+
+
+def without_dihedral_rate_term(self: Published, x: State, p: Parameters) -> Any:
+    term = p.panel_mass * p.panel_span / 2 * x.speed * ca.sin(x.alpha) * ca.sin(x.dihedral) * x.dihedral_rate
+    return Published().hinge_coupling(x, p) + term
+
+
+def with_newtons_square_factor(self: Published, x: State, p: Parameters) -> Any:
+    square = ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
+    return Published().hinge_coupling(x, p) + p.panel_mass * p.panel_span**2 / 6 * square
+
+
+@pytest.mark.parametrize(
+    ("coupling", "lowest", "highest"),
+    [
+        (with_newtons_pitch_rate_sign, 30_000.0, 50_000.0),
+        (without_dihedral_rate_term, 80.0, 90.0),
+        (with_newtons_square_factor, 1.2, 1.22),
+    ],
+)
+def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
+    coupling: Callable[..., Any], lowest: float, highest: float
+) -> None:
+    variant = type("Changed", (Published,), {"hinge_coupling": coupling})()
+    assert lowest < fit(published_models(), variant).largest < highest
+
+
+def test_the_expected_sum_is_what_drawn_rounding_errors_leave(parameters: Parameters) -> None:
+    """Errors drawn uniformly within a half unit, one for a number that is printed alike at both angles; the part that
+    no parameters can fit, by derivatives from differences."""
+    models = published_models()
+
+    def entries(values: Parameters) -> np.ndarray:
+        pairs = [(regenerate(Aircraft(values), model), model) for model in models]
+        parts = [(exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs]
+        return np.stack([np.concatenate([A.ravel(), B.ravel()]) for A, B in parts])
+
+    columns = []
+    for name in IDENTIFIED:
+        value = getattr(parameters, name)
+        high, low = (entries(parameters._replace(**{name: value * (1 + step)})) for step in (1e-4, -1e-4))
+        columns.append((high - low) / 2e-4)
+    derivatives = np.stack(columns, axis=-1)  # (angle, entry, parameter)
+    moved = np.abs(derivatives).max(axis=(0, 2)) > 1e-3
+    derivatives = derivatives[:, moved]
+    alike = np.abs(derivatives[0] - derivatives[1]).max(axis=1) < 1e-6 * np.abs(derivatives[0]).max(axis=1)
+    assert (derivatives.shape[1], np.count_nonzero(alike)) == (35, 5)
+    errors = np.random.default_rng(0).uniform(-1, 1, (20_000, 2, 35))
+    errors[:, 1, alike] = errors[:, 0, alike]
+    flat = errors.reshape(-1, 70)
+    fitted, _ = np.linalg.qr(derivatives.reshape(70, -1))
+    sums = ((flat - flat @ fitted @ fitted.T) ** 2).sum(axis=1)
+    found = fit(published_models(), Published())
+    # The mean of 20000 sums scatters by 0.016; counting the five numbers twice would give 18.33.
+    assert found.expected_sum == pytest.approx(sums.mean(), abs=0.08)
+    assert found.expected_sum == pytest.approx(17.89, abs=0.005)
+
+
+def test_a_number_printed_twice_counts_once(parameters: Parameters) -> None:
+    """B(speed, throttle) = k cos α / (3 m) at every dihedral angle: it alone knows the mass, to half a unit of
+    its last digit, however often it is printed. A uniform error of ±h has the standard deviation h/√3.
+    """
+    found = fit(published_models(), Published())
+    entry = published_models()[0]
+    row, column = LINEAR_STATES.index("speed"), INPUTS.index("throttle")
+    assert entry.B[row, column] == published_models()[1].B[row, column]
+    relative = entry.half_unit_B[row, column] / np.sqrt(3) / entry.B[row, column]
+    error = found.parameters.standard_errors["panel_mass"] / found.parameters.values.panel_mass
+    assert error == pytest.approx(relative, rel=0.01)

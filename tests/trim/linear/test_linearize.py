@@ -1,0 +1,221 @@
+"""Linear models: exact derivatives by two other routes, names that travel, and the printed matrices regenerated."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+from random_points import random_points
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters
+from hfa_model.published import PublishedModel, published_models
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_SCALES, STATES
+from trim.identification.identify import IDENTIFIED
+from trim.linear.compare import compare, eigenvalue_errors, regenerate
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+DEGREES_15 = float(np.radians(15.0))
+SCALES = np.array([*STATE_SCALES, *INPUT_SCALES])
+TROPOPAUSE = 36_152.0  # ft
+#: Steps of the Taylor test: small against the angles' range, large against rounding.
+STEPS = np.array([5e-3, 1.5e-3, 5e-4])
+
+
+def points(count: int, seed: int) -> np.ndarray:
+    """Random states beside inputs, (count, 12), where the density has derivatives of all orders around them."""
+    states, inputs = random_points(count, seed)
+    altitude = np.clip(states[:, 2], 500.0, 64_500.0)
+    altitude[np.abs(altitude - TROPOPAUSE) < 500.0] += 1000.0
+    states[:, 2] = altitude
+    return np.hstack([states, inputs])
+
+
+def scaled_rates(aircraft: Aircraft, point: np.ndarray) -> np.ndarray:
+    return aircraft.rates(point[:7], point[7:]) / np.array(RATE_SCALES)
+
+
+def scaled_jacobian(aircraft: Aircraft, point: np.ndarray) -> np.ndarray:
+    """∂f/∂(x, u), (7, 12), in scaled units."""
+    _, A, B = aircraft.jacobians(point[:7], point[7:])
+    return np.hstack([A, B]) * SCALES / np.array(RATE_SCALES)[:, None]
+
+
+def taylor_slope(aircraft: Aircraft, point: np.ndarray, direction: np.ndarray, jacobian: np.ndarray) -> float:
+    """Slope of log |f(z + h d) - f(z) - h J d| over log h: 2 when J is exact, 1 when it is not."""
+    here = scaled_rates(aircraft, point)
+    remainders = [
+        np.linalg.norm(scaled_rates(aircraft, point + h * direction * SCALES) - here - h * jacobian @ direction)
+        for h in STEPS
+    ]
+    return float(np.polyfit(np.log(STEPS), np.log(remainders), 1)[0])
+
+
+def central_difference(aircraft: Aircraft, point: np.ndarray) -> np.ndarray:
+    """∂f/∂(x, u) of eighth order, (7, 12), scaled; error below 1e-12 of the largest entry."""
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    columns, width = [], 0.005
+    for axis in np.eye(len(SCALES)):
+        step = width * axis * SCALES
+        terms = [
+            weight * (scaled_rates(aircraft, point + k * step) - scaled_rates(aircraft, point - k * step))
+            for k, weight in weights.items()
+        ]
+        columns.append(sum(terms) / width)
+    return np.column_stack(columns)
+
+
+def test_taylor_remainder_is_of_second_order(aircraft: Aircraft) -> None:
+    rng = np.random.default_rng(3)
+    slopes = [
+        taylor_slope(aircraft, point, rng.normal(size=12), scaled_jacobian(aircraft, point))
+        for point in points(100, seed=11)
+    ]
+    assert min(slopes) >= 1.9, min(slopes)
+    assert max(slopes) <= 2.1, max(slopes)
+
+
+@pytest.mark.parametrize(
+    ("rate", "variable"), [("pitch_rate", "alpha"), ("alpha", "speed"), ("dihedral_rate", "aileron_outer")]
+)
+def test_one_wrong_derivative_breaks_the_taylor_test(aircraft: Aircraft, rate: str, variable: str) -> None:
+    row, column = STATES.index(rate), (*STATES, *INPUTS).index(variable)
+    rng = np.random.default_rng(3)
+    slopes = []
+    for point in points(20, seed=11):
+        wrong = scaled_jacobian(aircraft, point)
+        wrong[row, column] *= 1.1
+        slopes.append(taylor_slope(aircraft, point, rng.normal(size=12), wrong))
+    assert min(slopes) < 1.5
+
+
+def test_derivatives_equal_high_order_differences(aircraft: Aircraft) -> None:
+    for point in points(50, seed=12):
+        exact = scaled_jacobian(aircraft, point)
+        error = np.abs(central_difference(aircraft, point) - exact).max()
+        assert error <= 1e-11 * np.abs(exact).max()
+        row, column = np.unravel_index(np.abs(exact).argmax(), exact.shape)
+        exact[row, column] *= 1 + 1e-10
+        assert np.abs(central_difference(aircraft, point) - exact).max() > 5e-11 * np.abs(exact).max()
+
+
+# The model as a value.
+
+
+@pytest.fixture(scope="module")
+def model(published_aircraft: Aircraft) -> LinearModel:
+    return linearize(published_aircraft, find_operating_point(published_aircraft, level_flight(DEGREES_15)), full=True)
+
+
+def test_names_units_and_offsets(model: LinearModel, published_aircraft: Aircraft) -> None:
+    assert (model.states, model.inputs) == (STATES, INPUTS)
+    assert model.state_units == ("ft/s", "rad", "ft", "rad", "rad/s", "rad", "rad/s")
+    assert model.input_units == ("1", "rad", "rad", "rad", "rad")
+    np.testing.assert_array_equal(model.state_offsets, np.array(model.point.states))
+    np.testing.assert_array_equal(model.input_offsets, np.array(model.point.inputs))
+    six = linearize(published_aircraft, model.point)
+    assert six.states == LINEAR_STATES
+    assert (six.A.shape, six.B.shape) == ((6, 6), (6, 5))
+
+
+def test_select_takes_rows_and_columns_by_name(model: LinearModel) -> None:
+    part = model.select(("pitch_rate", "speed"))
+    q, speed = STATES.index("pitch_rate"), STATES.index("speed")
+    expected = np.array([[model.A[q, q], model.A[q, speed]], [model.A[speed, q], model.A[speed, speed]]])
+    np.testing.assert_array_equal(part.A, expected)
+    np.testing.assert_array_equal(part.B, model.B[[q, speed]])
+    assert part.states == ("pitch_rate", "speed")
+    assert part.state_units == ("rad/s", "ft/s")
+    np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
+    with pytest.raises(BadInputError, match="no state 'yaw'"):
+        model.select(("speed", "yaw"))
+
+
+def test_to_control_keeps_names_and_numbers(model: LinearModel) -> None:
+    system = model.to_control()
+    assert isinstance(system, control.StateSpace)
+    assert tuple(system.state_labels) == tuple(system.output_labels) == STATES
+    assert tuple(system.input_labels) == INPUTS
+    for there, here in ((system.A, model.A), (system.B, model.B), (system.C, np.eye(7)), (system.D, np.zeros((7, 5)))):
+        np.testing.assert_array_equal(there, here)
+
+
+def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
+    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft flies 'newton'"):
+        linearize(Aircraft(parameters, "newton"), model.point)
+
+
+# The printed matrices.
+
+
+def half_units(model: LinearModel, published: PublishedModel) -> float:
+    """Largest |computed - printed| in half units of the last printed digit."""
+    A = np.abs(model.A - published.A) / published.half_unit_A
+    B = np.abs(model.B - published.B) / published.half_unit_B
+    return float(max(A.max(), B.max()))
+
+
+@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+def test_every_printed_entry_is_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
+    computed = regenerate(published_aircraft, published)
+    assert half_units(computed, published) <= 3.0
+    rows = compare(computed, published)
+    assert len(rows) == 66
+    assert max(abs(row.half_units) for row in rows) == pytest.approx(half_units(computed, published), rel=1e-12)
+
+
+@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+@pytest.mark.parametrize("name", IDENTIFIED)
+def test_a_parameter_one_percent_off_is_seen(parameters: Parameters, published: PublishedModel, name: str) -> None:
+    wrong = Aircraft(parameters._replace(**{name: getattr(parameters, name) * 1.01}))
+    assert half_units(regenerate(wrong, published), published) > 3.0
+
+
+def test_compare_names_the_entries(published_aircraft: Aircraft) -> None:
+    published = published_models()[0]
+    row = {row.name: row for row in compare(regenerate(published_aircraft, published), published)}
+    assert row["A(pitch_rate, alpha)"].printed == -71.3347
+    assert row["B(dihedral_rate, aileron_outer)"].printed == 1.0479
+    entry = row["A(speed, pitch)"]
+    assert (entry.printed, entry.half_unit) == (-32.2, 0.05)
+    assert entry.percent == pytest.approx(100 * (entry.computed + 32.2) / 32.2)
+    assert np.isnan(row["A(pitch, speed)"].percent)
+
+
+@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+def test_eigenvalues_of_the_print_are_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
+    printed = np.linalg.eigvals(published.A)
+    computed = np.linalg.eigvals(regenerate(published_aircraft, published).A)
+    allowed = np.where(np.abs(printed) < 0.5, 5e-4, 2e-3 * np.abs(printed))
+    errors = eigenvalue_errors(computed, printed)
+    assert np.all(errors <= allowed), errors / allowed
+
+
+def test_the_phugoid_is_unstable_at_15_degrees_and_stable_at_5(published_aircraft: Aircraft) -> None:
+    """So it is in the print, and so it must be after regeneration."""
+    for published, unstable in zip(published_models(), (True, False), strict=True):
+        for A in (published.A, regenerate(published_aircraft, published).A):
+            slow = [value for value in np.linalg.eigvals(A) if 0.5 < abs(value) < 1.0]
+            assert len(slow) == 2
+            assert [value.real > 0 for value in slow] == [unstable, unstable]
+
+
+def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
+    """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last digit.
+
+    Its fourth pair, 0.016 ± 0.64i, belongs to other numbers than the printed matrix, which has 0.0144 ± 0.751i.
+    """
+    found = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
+    quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])
+    allowed = np.array([0.01, 0.001, np.hypot(0.01, 0.01), np.hypot(0.01, 0.01)])
+    errors = eigenvalue_errors(found, quoted)
+    assert np.all(errors <= allowed), errors
+
+
+def test_eigenvalue_errors_pairs_by_distance() -> None:
+    reference = np.array([1.0, 2.0 + 1j, 2.0 - 1j])
+    computed = np.array([2.0 - 1.25j, 1.5, 2.0 + 1j])
+    np.testing.assert_allclose(eigenvalue_errors(computed, reference), [0.5, 0.0, 0.25])

@@ -1,0 +1,84 @@
+"""A column of tracked eigenvalues is one mode: through crossings, in any order of the solver, along any grid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import STATE_SCALES
+from trim.linear.mode_tracking import track_modes
+from trim.sweeps import sweep as sweeps
+from trim.sweeps.sweep import sweep
+
+STATES = ("alpha", "pitch_rate", "speed")
+#: Three shapes, far from parallel in units of `STATE_SCALES`.
+SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
+#: Two of them two degrees apart.
+NEARLY_PARALLEL = np.array([[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]])
+
+
+def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
+    """(N, 3, 3) matrices of given eigenvectors, the columns of shapes (3, 3), and eigenvalues (N, 3)."""
+    scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
+    vectors = scales[:, None] * shapes
+    return np.einsum("ik,nk,kj->nij", vectors, eigenvalues, np.linalg.inv(vectors))
+
+
+def test_eigenvalues_that_cross_keep_their_columns() -> None:
+    """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them apart."""
+    s = np.linspace(0.0, 2.0, 8)
+    expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
+    nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
+    assert nearest
+    np.testing.assert_allclose(track_modes(models_with(expected), STATES), expected, atol=1e-12)
+
+
+def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
+    """Two modes two degrees apart in shape trade shapes: they are told apart by how fast they are."""
+    values = np.array([[-5.0, -1.0, -0.1]])
+    A = np.concatenate([models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])])
+    np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)
+
+
+def test_an_eigenvalue_that_two_modes_favour_goes_to_one() -> None:
+    """-1.2 is nearest to both -5 and -1 and the shapes hardly differ: the best sum over all pairs decides."""
+    values = np.array([[-5.0, -1.0, -0.1], [-1.2, -0.5, -0.1]])
+    tracked = track_modes(models_with(values, NEARLY_PARALLEL), STATES)
+    np.testing.assert_allclose(tracked[1], [-0.5, -1.2, -0.1], atol=1e-9)
+
+
+def test_a_pair_keeps_its_signs() -> None:
+    frequency = np.linspace(3.0, 1.0, 9)
+    A = np.array([[[-1.0, w], [-w, -1.0]] for w in frequency])
+    tracked = track_modes(A, ("alpha", "pitch_rate"))
+    np.testing.assert_allclose(tracked, np.stack([-1.0 + 1j * frequency, -1.0 - 1j * frequency], axis=1), atol=1e-12)
+
+
+def test_the_first_point_is_ordered_fastest_first() -> None:
+    tracked = track_modes(models_with(np.array([[-0.1, -3.0, -1.0]])), STATES)
+    np.testing.assert_allclose(tracked, [[-3.0, -1.0, -0.1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
+def test_a_grid_is_walked_from_neighbour_to_neighbour(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, sizes: tuple[int, ...]
+) -> None:
+    """Modes are followed along a path that visits every point once, each step one step along one axis."""
+    walked: list[np.ndarray] = []
+
+    def recorded(A: np.ndarray, states: Any) -> np.ndarray:
+        walked.append(A)
+        return track_modes(A, states)
+
+    monkeypatch.setattr(sweeps, "track_modes", recorded)
+    ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
+    grid = {name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)}
+    result = sweep(published_aircraft, grid)
+    assert result.trimmed.all()
+    indices = [int(np.flatnonzero((result.A == A).all(axis=(1, 2)))[0]) for A in walked[0]]
+    assert sorted(indices) == list(range(int(np.prod(sizes))))
+    steps = np.abs(np.diff(np.array(np.unravel_index(indices, sizes)), axis=1))
+    assert (steps.sum(axis=0) == 1).all()

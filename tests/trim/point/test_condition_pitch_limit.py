@@ -1,0 +1,78 @@
+"""One rule for the pitch angle, alpha + gamma: the same limits in single trims, in sweeps and in chunks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import STATES
+from trim.point.condition import STATE_LIMITS, level_flight, release
+from trim.point.solve import TrimError, find_operating_point
+from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
+
+#: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.
+ANGLES = [(57.1, 2.8), (57.3, 2.8), (59.0, 2.8), (59.0, 0.9), (60.5, 2.0), (61.0, 0.5), (60.2, -0.3)]
+
+
+@pytest.fixture(scope="module")
+def strong(published_aircraft: Aircraft) -> Aircraft:
+    """A light aircraft with an engine that holds any climb, its controls far from their limits."""
+    parameters = published_aircraft.parameters
+    thrust, mass = 100 * parameters.thrust_per_throttle, 0.9 * parameters.panel_mass
+    return Aircraft(parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
+
+
+@pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
+def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) -> None:
+    values = np.radians([[gamma, alpha]])
+    chunk = run_chunk(("gamma", "alpha"), values, strong.parameters, "published")
+    condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
+    if gamma + alpha <= 60:
+        assert find_operating_point(strong, condition).status == "trimmed"
+        assert chunk.status[0] == TRIMMED
+    else:
+        with pytest.raises(
+            BadInputError,
+            match=r"^pitch is .* deg \(alpha is .* deg, gamma is .* deg\); it must lie between -60 deg and 60 deg$",
+        ):
+            find_operating_point(strong, condition)
+        assert (chunk.status[0], chunk.limiting[0]) == (BEYOND_LIMITS, STATES.index("pitch"))
+
+
+def test_a_limit_of_pitch_can_be_set(strong: Aircraft) -> None:
+    climb = {"gamma": float(np.radians(61.0)), "alpha": float(np.radians(2.8))}
+    condition = level_flight(0.0, **climb, limits={"pitch": (0.0, float(np.radians(65.0)))})
+    assert np.degrees(find_operating_point(strong, condition).states.pitch) == pytest.approx(63.8)
+    with pytest.raises(BadInputError, match=r"pitch is 2\.8 deg \(.*\); it must lie between 5 deg and 60 deg"):
+        find_operating_point(
+            strong, level_flight(0.0, limits={"pitch": (float(np.radians(5.0)), STATE_LIMITS.pitch[1])})
+        )
+
+
+def test_an_unknown_stays_where_pitch_allows(strong: Aircraft) -> None:
+    """gamma free: beyond pitch 60 deg no trim, and the message says at which gamma."""
+    climb = release(level_flight(0.0), free=("gamma",), hold={"throttle": 9.5})
+    with pytest.raises(TrimError, match=r"gamma at its highest, 57\.2 deg"):
+        find_operating_point(strong, climb)
+    # alpha free beside it: least effort lies where pitch ends.
+    steep = release(level_flight(0.0, gamma=float(np.radians(59.0))), free=("alpha",))
+    assert np.degrees(find_operating_point(strong, steep).states.pitch) == pytest.approx(60.0, abs=1e-6)
+
+
+def test_limits_that_hold_only_together_are_checked(strong: Aircraft) -> None:
+    """alpha and gamma both free: each within its limits, their sum not."""
+    lifted = find_operating_point(
+        strong, level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
+    )
+    held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
+    both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
+    with pytest.raises(TrimError, match=r"pitch would have to be 64\.8 deg, it must lie between -60 deg and 60 deg"):
+        find_operating_point(strong, both, lifted)
+
+
+def test_limits_that_leave_nothing_are_refused(strong: Aircraft) -> None:
+    steep = release(level_flight(0.0, gamma=float(np.radians(85.0))), free=("alpha",))
+    with pytest.raises(BadInputError, match="the limits of pitch, alpha and gamma leave no alpha; widen one of them"):
+        find_operating_point(strong, steep)

@@ -1,0 +1,88 @@
+"""Operating points in files and in python-control."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint, load_operating_point, save_operating_point
+from trim.point.solve import find_operating_point
+
+
+@pytest.fixture(scope="module")
+def point(published_aircraft: Aircraft) -> OperatingPoint:
+    return find_operating_point(published_aircraft, level_flight(float(np.radians(12.0))))
+
+
+def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
+    awkward = replace(point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324))
+    for each in (point, awkward):
+        path = tmp_path / "point.json"
+        save_operating_point(each, path)
+        assert load_operating_point(path) == each
+    assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
+
+
+def test_a_saved_point_starts_a_trim(published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path) -> None:
+    path = tmp_path / "point.json"
+    save_operating_point(point, path)
+    again = find_operating_point(published_aircraft, level_flight(float(np.radians(12.0))), load_operating_point(path))
+    np.testing.assert_allclose(np.array(again.inputs), np.array(point.inputs), rtol=1e-12, atol=1e-15)
+
+
+def test_scaled_residuals_and_gamma(point: OperatingPoint) -> None:
+    off = replace(point, residuals={"speed": 3.22, "pitch": 0.01}, states=point.states._replace(pitch=0.15, alpha=0.05))
+    assert off.scaled_residuals == {"speed": pytest.approx(0.1), "pitch": pytest.approx(0.1)}
+    assert off.gamma == pytest.approx(0.1)
+
+
+def test_to_control(point: OperatingPoint) -> None:
+    there = point.to_control()
+    assert isinstance(there, control.OperatingPoint)
+    np.testing.assert_array_equal(there.states, np.array(point.states))
+    np.testing.assert_array_equal(there.inputs, np.array(point.inputs))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "words"),
+    [
+        (r"\A.*\Z", "not json", "is not JSON"),
+        (r"\A.*\Z", "[1, 2]", "is not an operating point"),
+        (r"operating-point/1", "operating-point/9", "is not an operating point of schema"),
+        (r'"speed": [^,]*,', "", "'speed' is missing"),
+        (r'"alpha": [^,]*,', '"alpha": "much",', "not a number"),
+        (r'"alpha": [^,]*,', '"alpha": null,', "not a number"),
+        (r'"alpha": [^,]*,', '"alpha": NaN,', "not finite"),
+        (r'"throttle": [^,]*,', '"throttle": Infinity,', "not finite"),
+        (r'"residuals": \{[^}]*\}', '"residuals": 3', "is missing or not a number"),
+        (r'"dynamics": [^,]*,', "", "'dynamics' is missing"),
+    ],
+)
+def test_wrong_files_are_refused(
+    point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
+) -> None:
+    path = tmp_path / "point.json"
+    text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInputError, match=re.escape(str(path))) as caught:
+        load_operating_point(path)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_files_and_folders_are_refused(point: OperatingPoint, tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="cannot be read"):
+        load_operating_point(tmp_path / "nowhere.json")
+    with pytest.raises(BadInputError, match="nowhere"):
+        save_operating_point(point, tmp_path / "nowhere" / "point.json")
+    assert list(tmp_path.iterdir()) == []

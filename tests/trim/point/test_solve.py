@@ -1,0 +1,290 @@
+"""Trim: every equation balances by name, what was imposed is there, and what cannot be trimmed says why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATES
+from trim.point.condition import BALANCED, CONTROL_LIMITS, TrimCondition, level_flight, release
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import TrimError, find_operating_point
+
+BASE = level_flight(float(np.radians(15.0)))
+
+
+def values(point: OperatingPoint) -> dict[str, float]:
+    return {**point.states._asdict(), **point.inputs._asdict(), "gamma": point.gamma}
+
+
+def arrays(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+    return np.array(point.states), np.array(point.inputs)
+
+
+def assert_meets(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> None:
+    """The specification, recomputed from the aircraft: balance, imposed values, limits, what the point reports."""
+    assert point.status == "trimmed"
+    rates = dict(zip(STATES, aircraft.rates(*arrays(point)).tolist(), strict=True))
+    for name, imposed in condition.rates.items():
+        assert abs(rates[name] - imposed) / getattr(RATE_SCALES, name) <= 1e-10, name
+        assert point.residuals[name] == rates[name] - imposed
+    assert set(point.residuals) == set(condition.rates)
+    found = values(point)
+    for name, imposed in condition.imposed.items():
+        # gamma is stored as pitch - alpha.
+        assert found[name] == pytest.approx(imposed, rel=1e-15, abs=1e-16), name
+    for name in condition.free:
+        lowest, highest = condition.limits_of(name)
+        assert lowest - 1e-12 <= found[name] <= highest + 1e-12, name
+
+
+def effort(point: OperatingPoint) -> float:
+    return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
+
+
+@pytest.mark.parametrize("degrees", [0.0, 2.5, 5.0, 10.0, 15.0, 20.0])
+def test_the_papers_condition(aircraft: Aircraft, degrees: float) -> None:
+    condition = level_flight(float(np.radians(degrees)))
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (68.0, 40_000.0, 0.0)
+    assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
+    assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
+
+
+def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: Aircraft) -> None:
+    """The check above can fail: one control a thousandth of a degree off is seen."""
+    point = find_operating_point(aircraft, BASE)
+    off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
+    with pytest.raises(AssertionError):
+        assert_meets(aircraft, BASE, OperatingPoint(point.states, off, point.residuals, point.dynamics, "trimmed"))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "deflections"),
+    [
+        (15.0, {"throttle": 40.73, "aileron_outer": 0.03673, "elevator_center": -0.0176, "elevator_outer": -0.0484}),
+        (5.0, {"throttle": 39.75, "aileron_outer": 0.02655, "elevator_center": -0.0025, "elevator_outer": -0.0577}),
+    ],
+)
+def test_trim_inputs_at_the_printed_angles(
+    published_aircraft: Aircraft, degrees: float, deflections: Mapping[str, float]
+) -> None:
+    """Against an earlier, independent reconstruction of the same aircraft (deflections to 5e-4 rad)."""
+    found = values(find_operating_point(published_aircraft, level_flight(float(np.radians(degrees)))))
+    for name, expected in deflections.items():
+        assert abs(found[name] - expected) <= (0.05 if name == "throttle" else 5e-4), name
+
+
+@pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
+def test_a_state_set_free_finds_the_same_flight_again(aircraft: Aircraft, free: str) -> None:
+    known = find_operating_point(aircraft, BASE)
+    condition = release(BASE, free=(free,), hold={"aileron_outer": known.inputs.aileron_outer})
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    for one, other in zip(arrays(point), arrays(known), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_less_aileron_lets_the_wings_down(aircraft: Aircraft) -> None:
+    condition = release(BASE, free=("dihedral",), hold={"aileron_outer": 0.03})
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    assert 8.0 < np.degrees(point.states.dihedral) < 11.0
+
+
+def test_climb(aircraft: Aircraft) -> None:
+    """L = W cos γ nearly, T cos α = D + W sin γ exactly; the altitude grows with V sin γ."""
+    condition = level_flight(float(np.radians(15.0)), gamma=float(np.radians(1.0)))
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    loads, weight = aircraft.loads(*arrays(point)), 3 * aircraft.parameters.panel_mass * aircraft.parameters.gravity
+    thrust_along = loads.thrust * np.cos(point.states.alpha)
+    assert thrust_along == pytest.approx(loads.drag + weight * np.sin(np.radians(1.0)), rel=1e-9)
+    assert aircraft.rates(*arrays(point))[2] == pytest.approx(68.0 * np.sin(np.radians(1.0)), rel=1e-12)
+
+
+def test_glide(aircraft: Aircraft) -> None:
+    """Without thrust tan γ = -D/L."""
+    condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    loads = aircraft.loads(*arrays(point))
+    assert np.tan(point.gamma) == pytest.approx(-loads.drag / loads.lift, rel=1e-9)
+
+
+def test_imposed_acceleration_and_climb_rate(aircraft: Aircraft) -> None:
+    faster = TrimCondition(BASE.imposed, BASE.free, rates=dict.fromkeys(BALANCED, 0.0) | {"speed": 1.0})
+    assert_meets(aircraft, faster, find_operating_point(aircraft, faster))
+    level = release(BASE, free=("gamma",))
+    climbing = TrimCondition(level.imposed, level.free, rates=dict.fromkeys(BALANCED, 0.0) | {"altitude": 2.0})
+    point = find_operating_point(aircraft, climbing)
+    assert_meets(aircraft, climbing, point)
+    assert 68.0 * np.sin(point.gamma) == pytest.approx(2.0, rel=1e-9)
+
+
+# More unknowns than equations.
+
+
+@pytest.mark.parametrize("extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")])
+def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
+    """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a second-order amount."""
+    condition = release(BASE, free=extra)
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    for name in extra:
+        aside = {side: values(point)[name] + side * 1e-3 for side in (-1, 1)}
+        dearer = [
+            effort(find_operating_point(aircraft, release(condition, hold={name: value}))) for value in aside.values()
+        ]
+        assert min(dearer) > effort(point), name
+        # At a minimum both sides cost the same to second order.
+        assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
+
+
+@pytest.mark.parametrize(
+    ("limited", "limits"),
+    [("elevator_outer", (-0.02, 0.5)), ("aileron_outer", (0.01, 0.02)), ("aileron_outer", (0.04, 0.3))],
+)
+def test_least_effort_stays_within_limits(aircraft: Aircraft, limited: str, limits: tuple[float, float]) -> None:
+    """The unlimited minimum lies outside these: the limited one lies on the nearer limit."""
+    unlimited = values(find_operating_point(aircraft, release(BASE, free=("aileron_center",))))[limited]
+    assert not limits[0] <= unlimited <= limits[1]
+    condition = release(level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",))
+    point = find_operating_point(aircraft, condition)
+    assert_meets(aircraft, condition, point)
+    assert values(point)[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
+
+
+# No solution.
+
+
+@pytest.mark.parametrize("extra", [(), ("aileron_center",)])
+def test_a_binding_limit_is_named(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
+    limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
+    with pytest.raises(TrimError) as caught:
+        find_operating_point(aircraft, release(limited, free=extra))
+    message, attempt = str(caught.value), caught.value.attempt
+    assert "\n" not in message
+    assert "throttle at its highest, 30" in message
+    # Ten lbf short of 40 on 28 slug: the speed is the equation that fails, and by that much.
+    assert message.startswith("no trim: these rates do not balance: speed by -0.3")
+    assert attempt.status == "failed"
+    assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
+    assert aircraft.rates(*arrays(attempt))[0] == pytest.approx(attempt.residuals["speed"], rel=1e-12)
+
+
+def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Aircraft) -> None:
+    held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
+    with pytest.raises(NoSolutionError) as caught:
+        find_operating_point(aircraft, release(BASE, hold=held))
+    error = caught.value
+    assert isinstance(error, TrimError)
+    assert "4 equations for 2 unknowns" in str(error)
+    failing = {name: value for name, value in error.attempt.residuals.items() if abs(value) > 1e-9}
+    assert failing
+    for name, value in failing.items():
+        assert f"{name} by {value:.3g}" in str(error)
+
+
+def test_too_few_unknowns_may_still_fit(aircraft: Aircraft) -> None:
+    known = find_operating_point(aircraft, BASE).inputs
+    condition = release(BASE, hold={"aileron_outer": known.aileron_outer, "elevator_outer": known.elevator_outer})
+    assert_meets(aircraft, condition, find_operating_point(aircraft, condition))
+
+
+def test_an_equation_that_nothing_moves_is_named(aircraft: Aircraft) -> None:
+    with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
+        find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
+
+
+# Warm starts.
+
+
+@pytest.mark.parametrize("degrees", [0.0, 14.0, 20.0])
+def test_a_warm_start_takes_the_same_point(aircraft: Aircraft, degrees: float) -> None:
+    neighbour = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+    for one, other in zip(
+        arrays(find_operating_point(aircraft, BASE, neighbour)),
+        arrays(find_operating_point(aircraft, BASE)),
+        strict=True,
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"speed": 0.0}, "speed is 0 ft/s; it must lie between 1 ft/s and 500 ft/s"),
+        ({"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}}, "speed is 0 ft/s; it must be positive"),
+        ({"altitude": 300_000.0}, "altitude is 300000 ft; it must lie between 0 ft and 65000 ft"),
+        ({"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}}, "the atmosphere covers 0 to 65000 ft"),
+        ({"dihedral": np.radians(95.0)}, "dihedral is 95 deg; it must lie between -60 deg and 60 deg"),
+        ({"dihedral": np.radians(95.0), "limits": {"dihedral": (-3.0, 3.0)}}, "it must lie within -90 and 90 deg"),
+        ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
+        ({"speed": float("inf")}, "speed is inf; give a finite number"),
+        ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
+        ({"limits": {"throttle": (1.0, 0.0)}}, "limits of throttle are 1 to 0"),
+        ({"limits": {"alpha": (0.5, 0.1)}}, "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be"),
+        ({"limits": {"throttle": (float("nan"), 0.0)}}, "limits of throttle are nan to 0"),
+    ],
+)
+def test_bad_conditions_are_refused(aircraft: Aircraft, changes: dict[str, float], words: str) -> None:
+    with pytest.raises(BadInputError) as caught:
+        find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("imposed", "free", "rates", "words"),
+    [
+        ({"throttle": 40.0}, (), {}, "throttle is both imposed and free"),
+        ({}, ("throttle",), {}, "throttle is named free twice"),
+        ({}, ("rudder",), {}, "unknown trim variable 'rudder'"),
+        ({"pitch": 0.0}, (), {}, "unknown trim variable 'pitch'"),
+        ({}, (), {"gamma": 0.0}, "unknown rate 'gamma'"),
+        ({}, (), {"speed": float("nan")}, "the rate of speed is nan"),
+    ],
+)
+def test_contradictions_are_refused(
+    imposed: dict[str, float], free: tuple[str, ...], rates: dict[str, float], words: str
+) -> None:
+    with pytest.raises(BadInputError, match=words):
+        TrimCondition({**BASE.imposed, **imposed}, BASE.free + free, {**BASE.rates, **rates})
+
+
+def test_missing_variables_and_rates_are_refused() -> None:
+    with pytest.raises(BadInputError, match="throttle is neither imposed nor free"):
+        TrimCondition(BASE.imposed, BASE.free[1:])
+    with pytest.raises(BadInputError, match="no rate is imposed"):
+        TrimCondition(BASE.imposed, BASE.free, rates={})
+
+
+def test_release_refuses_unknown_and_doubled_names() -> None:
+    with pytest.raises(BadInputError, match="unknown trim variable 'rudder'"):
+        release(BASE, free=("rudder",))
+    with pytest.raises(BadInputError, match="alpha is both set free and held"):
+        release(BASE, free=("alpha",), hold={"alpha": 0.0})
+
+
+def test_nothing_free_is_refused(aircraft: Aircraft) -> None:
+    known = find_operating_point(aircraft, BASE).inputs._asdict()
+    with pytest.raises(BadInputError, match="nothing is free"):
+        find_operating_point(aircraft, release(BASE, hold={name: known[name] for name in BASE.free}))
+
+
+def test_default_limits_are_respected(aircraft: Aircraft) -> None:
+    """At sea level 68 ft/s and 2.8 degrees give four times the lift of level flight: only a limit can stop it."""
+    with pytest.raises(TrimError, match="elevator_center at its lowest, -30 deg") as caught:
+        find_operating_point(aircraft, level_flight(float(np.radians(15.0)), altitude=0.0))
+    for name, value in caught.value.attempt.inputs._asdict().items():
+        lowest, highest = getattr(CONTROL_LIMITS, name)
+        assert lowest <= value <= highest, name

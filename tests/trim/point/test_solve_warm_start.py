@@ -1,0 +1,63 @@
+"""A trim begins where it is told: the start decides how many steps it takes, and which minimum it finds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import INPUT_SCALES
+from trim.point.condition import level_flight, release
+from trim.point.operating_point import OperatingPoint, load_operating_point, save_operating_point
+from trim.point.solve import find_operating_point
+
+FREE = ("speed", "dihedral", "gamma")
+
+
+def effort(point: OperatingPoint) -> float:
+    return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
+
+
+def test_the_start_decides_which_local_minimum_is_found(published_aircraft: Aircraft, tmp_path: Path) -> None:
+    """With three variables free least effort has two minima: wings a little down, and wings at their highest."""
+    condition = release(level_flight(float(np.radians(10.0))), free=FREE)
+    at_15 = find_operating_point(published_aircraft, level_flight(float(np.radians(15.0))))
+    save_operating_point(at_15, tmp_path / "start.json")
+    alone = find_operating_point(published_aircraft, condition)
+    led = find_operating_point(published_aircraft, condition, load_operating_point(tmp_path / "start.json"))
+    assert effort(alone) == pytest.approx(0.248, abs=1e-3)
+    assert effort(led) == pytest.approx(0.0150, abs=1e-4)
+    assert np.degrees([alone.states.dihedral, led.states.dihedral]) == pytest.approx([-3.7, 60.0], abs=0.01)
+
+
+def test_the_command_starts_from_the_file(tmp_path: Path) -> None:
+    start = tmp_path / "start.json"
+    assert hfa("trim", "--dihedral", "15", "-o", str(start)).code == 0
+    words = ("trim", "--dihedral", "10", *(word for name in FREE for word in ("--free", name)), "--json")
+    efforts = []
+    for more in ((), ("--start", str(start))):
+        inputs = json.loads(hfa(*words, *more).out)["operating_point"]["inputs"]
+        efforts.append(float(((np.array(list(inputs.values())) / np.array(INPUT_SCALES)) ** 2).sum()))
+    assert efforts == pytest.approx([0.248, 0.0150], abs=1e-3)
+
+
+def test_a_trim_that_starts_at_its_answer_is_done_at_once(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every Newton step takes one Jacobian."""
+    condition = level_flight(float(np.radians(15.0)))
+    answer = find_operating_point(published_aircraft, condition)
+    taken: list[int] = []
+    plain = Aircraft.jacobians
+    monkeypatch.setattr(Aircraft, "jacobians", lambda *at: taken.append(1) or plain(*at))
+    counts = []
+    for start in (None, answer):
+        taken.clear()
+        find_operating_point(published_aircraft, condition, start)
+        counts.append(len(taken))
+    cold, warm = counts
+    assert warm <= 3 < cold

@@ -1,0 +1,100 @@
+"""The batch against the robust solver, point by point, with and without machine code."""
+
+import numpy as np
+import pytest
+
+from hfa_model import INPUTS, STATES, Aircraft, default_parameters
+from hfa_model.native import machine_code as generated
+from hfa_model.variants import VARIANTS, variant_named
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from trim.sweeps.level_flights import CONDITION, solve_level_flights
+
+
+def _conditions(count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    lowest = [0.0, 60.0, 20_000.0, np.radians(2.0), np.radians(-3.0)]
+    highest = [np.radians(20), 75.0, 45_000.0, np.radians(4.0), np.radians(3.0)]
+    return rng.uniform(lowest, highest, size=(count, len(CONDITION)))
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+@pytest.mark.parametrize("compile_code", [False, True])
+def test_a_batch_is_the_robust_solver_point_by_point(dynamics, compile_code):
+    parameters = default_parameters().values
+    conditions = _conditions(25, seed=4)
+    batch = solve_level_flights(variant_named(dynamics), parameters, conditions, compile_code=compile_code)
+    aircraft = Aircraft(parameters, dynamics)
+    compared = 0
+    for index in np.flatnonzero(batch.trimmed):
+        point = find_operating_point(
+            aircraft, level_flight(**dict(zip(CONDITION, conditions[index].tolist(), strict=True)))
+        )
+        model = linearize(aircraft, point, full=True)
+        assert batch.states[index] == pytest.approx(np.array(point.states), rel=1e-9, abs=1e-12)
+        assert batch.inputs[index] == pytest.approx(np.array(point.inputs), rel=1e-9, abs=1e-12)
+        assert batch.A[index] == pytest.approx(model.A, rel=1e-9, abs=1e-9)
+        assert batch.B[index] == pytest.approx(model.B, rel=1e-9, abs=1e-9)
+        compared += 1
+    assert compared >= 15
+
+
+def test_what_does_not_balance_or_leaves_the_limits_is_not_trimmed():
+    parameters = default_parameters().values
+    conditions = np.array(
+        [
+            [0.1, 68.0, 40_000.0, 0.05, 0.0],
+            [0.1, 30.0, 40_000.0, 0.05, 0.0],  # needs more aileron than there is
+            [0.1, np.nan, 40_000.0, 0.05, 0.0],
+        ]
+    )
+    batch = solve_level_flights(variant_named("published"), parameters, conditions)
+    assert batch.trimmed.tolist() == [True, False, False]
+    assert abs(batch.inputs[1, INPUTS.index("aileron_outer")]) > np.radians(20)
+
+
+def test_parameters_may_vary_from_point_to_point():
+    parameters = default_parameters().values
+    heavier = parameters._replace(panel_mass=1.1 * parameters.panel_mass)
+    conditions = np.tile(_conditions(1, seed=1), (2, 1))
+    both = solve_level_flights(variant_named("newton"), np.array([parameters, heavier]), conditions)
+    alone = solve_level_flights(variant_named("newton"), heavier, conditions[1:])
+    assert np.array_equal(both.A[1], alone.A[0])
+    assert not np.allclose(both.A[0], both.A[1])
+    assert both.states.shape == (2, len(STATES))
+
+
+def test_without_a_compiler_the_virtual_machine_serves_and_says_so(monkeypatch, capsys, tmp_path):
+    import casadi as ca
+
+    x = ca.SX.sym("x")
+    function = ca.Function("plain", [x], [ca.sin(x)])
+    generated._say.cache_clear()
+    monkeypatch.setattr(generated, "_compiler", lambda: None)
+    assert generated.machine_code(function) is function
+    assert capsys.readouterr().err == "hfa: no C compiler found; running without machine code\n"
+
+    generated._say.cache_clear()
+    monkeypatch.setattr(generated, "_compiler", lambda: "/bin/false")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert generated.machine_code(function) is function
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not list(tmp_path.rglob("*.so"))
+
+
+@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+def test_machine_code_is_compiled_once_and_gives_the_same_numbers(monkeypatch, tmp_path):
+    import casadi as ca
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
+    compiled = generated.machine_code(function)
+    libraries = list(tmp_path.rglob("*.so"))
+    assert len(libraries) == 1
+    stamp = libraries[0].stat().st_mtime_ns
+    generated.machine_code(function)
+    assert libraries[0].stat().st_mtime_ns == stamp
+    point = np.array([0.3, -1.0, 2.0])
+    assert np.array(compiled(point)) == pytest.approx(np.array(function(point)), rel=1e-15)

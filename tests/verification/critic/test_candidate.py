@@ -1,0 +1,76 @@
+"""A file that holds more than one of W, P and K: each is judged, none hides another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import hfa
+from game_answers import AT_15, answer
+from game_files import stored
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from verification.riccati.gare import solve_game
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def parts(game: Game) -> dict[str, Any]:
+    """W, P and K of the exact solution at 15 degrees."""
+    exact = solve_game(game)
+    return {"W": basis("quadratic", 6).weights(exact.P), "P": exact.P, "K": exact.K}
+
+
+@pytest.mark.parametrize("held", ["WPK", "WK", "PK", "WP"])
+def test_right_ones_agree(parts: dict[str, Any], held: str) -> None:
+    assert answer("verify", *AT_15, "--weights", stored("all.npz", **{key: parts[key] for key in held}))["ok"] is True
+
+
+@pytest.mark.parametrize("held", ["WPK", "WK", "PK"])
+@pytest.mark.parametrize("factor", [-1.0, 1.0 + 1e-4, 300.0])
+def test_a_wrong_gain_is_not_hidden(parts: dict[str, Any], held: str, factor: float) -> None:
+    given = {key: parts[key] for key in held} | {"K": factor * parts["K"]}
+    data = answer("verify", *AT_15, "--weights", stored("all.npz", **given), code=FAILED)
+    assert data["K_rel_error"] == pytest.approx(abs(factor - 1.0), rel=1e-9)
+    assert data["P_rel_error"] <= 1e-12
+    assert data["diagnosis"].startswith("the gain has the wrong sign" if factor < 0 else "K is not R⁻¹B'P")
+
+
+def test_a_wrong_value_is_not_hidden(parts: dict[str, Any]) -> None:
+    data = answer("verify", *AT_15, "--weights", stored("pk.npz", P=1.1 * parts["P"], K=parts["K"]), code=FAILED)
+    assert data["K_rel_error"] <= 1e-12
+    assert data["P_rel_error"] == pytest.approx(0.1)
+    assert "do not belong together" in data["diagnosis"]
+
+
+@pytest.mark.parametrize("wrong", ["W", "P"])
+def test_weights_and_a_value_that_differ_are_refused(parts: dict[str, Any], wrong: str) -> None:
+    given = {"W": parts["W"], "P": parts["P"]} | {wrong: (1.0 + 1e-4) * parts[wrong]}
+    said = hfa("verify", *AT_15, "--weights", stored("wp.npz", **given))
+    assert (said.code, said.out) == (BAD_INPUT, "")
+    assert said.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
+
+
+def test_a_wrong_shape_beside_a_right_one_is_refused(parts: dict[str, Any]) -> None:
+    said = hfa("verify", *AT_15, "--weights", stored("pk.npz", P=parts["P"], K=parts["K"].T))
+    assert said.code == BAD_INPUT
+    assert "K is 6 x 5" in said.err
+
+
+def test_monte_carlo_flies_the_gain_of_a_solution(parts: dict[str, Any]) -> None:
+    assert hfa("solve", *AT_15, "-o", "s15.json").code == DONE
+    assert "P" in json.loads(Path("s15.json").read_text(encoding="utf-8"))
+    words = ("monte-carlo", *AT_15, "--members", "1", "--duration", "0.1", "--json")
+    given, exact = (json.loads(hfa(*words, *law).out) for law in (("--gain", "s15.json"), ("--law", "exact")))
+    assert given["held"] == exact["held"] == 1
+    said = hfa(*words, "--gain", stored("P.npz", P=parts["P"]))
+    assert said.code == BAD_INPUT
+    assert said.err == "hfa: P.npz: there is no K; --gain flies a gain, so give a file that holds one\n"

@@ -1,0 +1,217 @@
+"""The judge of critics: the exact one passes, every planted mistake is refused with its own reason."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controller.game.basis import BASES, basis
+from controller.game.learning_result import Excitation, LearningResult
+from controller.game.zero_sum import Game, published_game
+from hfa_model import BadInputError, NoSolutionError
+from hfa_model.published import published_models
+from verification.critic.candidate import from_gain, from_value, from_weights
+from verification.critic.critic_check import check_critic, settling_time
+from verification.critic.diagnosis import diagnose
+from verification.riccati.gare import solve_game
+
+QUADRATIC = basis("quadratic", 6)
+
+
+def _game(dihedral_deg):
+    model = next(model for model in published_models() if model.dihedral_deg == dihedral_deg)
+    return published_game(model.A, model.B)
+
+
+@pytest.fixture
+def game():
+    return _game(15.0)
+
+
+def _failed(check):
+    return {row.name for row in check.checks if not row.ok}
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_the_exact_weights_pass_in_every_basis(game, name):
+    functions = basis(name, 6)
+    exact = solve_game(game)
+    check = check_critic(game, from_weights(game, functions.weights(exact.P), functions), functions)
+    assert check.ok, _failed(check)
+    assert check.P_rel_error <= 1e-12
+    assert check.K_rel_error <= 1e-12
+    assert check.diagnosis == ""
+    assert check.learned_margin.disk == pytest.approx(check.exact_margin.disk, rel=1e-6)
+
+
+def test_the_other_printed_model_passes_too():
+    game = _game(5.0)
+    assert check_critic(game, from_value(game, solve_game(game).P), QUADRATIC).ok
+
+
+def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game):
+    check = check_critic(game, from_gain(game, solve_game(game).K), QUADRATIC)
+    assert check.ok
+    assert math.isnan(check.P_rel_error)
+    assert check.to_dict()["P_rel_error"] is None
+    assert not any(row.name.startswith(("P_", "saddle", "riccati")) for row in check.checks)
+
+
+def test_the_limit_is_the_limit(game):
+    P = solve_game(game).P
+    noise = np.random.default_rng(0).standard_normal(P.shape)
+    noise = (noise + noise.T) * np.abs(P)
+    off = P + 1e-5 * noise * np.linalg.norm(P) / np.linalg.norm(noise)
+    assert "P_rel_error" in _failed(check_critic(game, from_value(game, off), QUADRATIC))
+    assert "P_rel_error" not in _failed(check_critic(game, from_value(game, off), QUADRATIC, limit=2e-5))
+
+
+def _other_root(game):
+    """The root of the Hamiltonian's stable subspace with one real eigenvalue reflected: not stabilizing."""
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    values, vectors = np.linalg.eig(H)
+    stable = [i for i in range(len(values)) if values[i].real < 0]
+    real = min((i for i in stable if abs(values[i].imag) < 1e-9), key=lambda i: values[i].real)
+    mirrored = int(np.argmin(np.abs(values + values[real])))
+    chosen = [mirrored if i == real else i for i in stable]
+    n = len(game.A)
+    P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
+    return (P + P.T) / 2
+
+
+def test_another_root_with_a_tiny_residual_is_refused(game):
+    P = _other_root(game)
+    assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
+    check = check_critic(game, from_value(game, P), QUADRATIC)
+    assert {"P_rel_error", "game_loop_abscissa"} <= _failed(check)
+    assert "riccati_residual" not in _failed(check)
+    assert "another root of the Riccati equation" in check.diagnosis
+
+
+def test_the_lqr_solution_is_not_the_games(game):
+    check = check_critic(game, from_value(game, solve_game(game.with_delta(math.inf)).P), QUADRATIC)
+    assert {"P_rel_error", "K_rel_error", "policy_rel_error", "riccati_residual"} <= _failed(check)
+    assert "LQR solution" in check.diagnosis
+    gain_only = check_critic(game, from_gain(game, solve_game(game.with_delta(math.inf)).K), QUADRATIC)
+    assert "LQR gain" in gain_only.diagnosis
+
+
+def test_two_weights_in_each_others_place_are_named(game):
+    weights = QUADRATIC.weights(solve_game(game).P)
+    weights[[3, 7]] = weights[[7, 3]]
+    check = check_critic(game, from_weights(game, weights, QUADRATIC), QUADRATIC)
+    assert not check.ok
+    assert "weights 4 and 8 stand in each other's place" in check.diagnosis
+
+
+def test_a_gain_of_the_wrong_sign_is_named(game):
+    check = check_critic(game, from_gain(game, -solve_game(game).K), QUADRATIC)
+    assert {"K_rel_error", "control_loop_abscissa", "l2_gain"} <= _failed(check)
+    assert "wrong sign" in check.diagnosis
+
+
+def test_the_value_of_a_recorded_policy_is_not_the_games(game):
+    from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+    P0 = solve_continuous_are(game.A, game.B, 10 * game.Q + np.eye(6), game.R)
+    loop = game.A - game.S @ P0
+    P = solve_continuous_lyapunov(loop.T, -(game.Q + P0 @ game.S @ P0))
+    check = check_critic(game, from_value(game, P), QUADRATIC)
+    assert {"P_rel_error", "riccati_residual"} <= _failed(check)
+    assert "recorded policy" in check.diagnosis
+
+
+def _rank_deficient_weights(game):
+    """Weights whose Bellman residual vanishes on 15 samples, found by Newton steps of least norm from the LQR's."""
+    z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(solve_game(game).P))
+    weights = QUADRATIC.weights(solve_game(game.with_delta(math.inf)).P * 1.2)
+    for _ in range(30):
+        P = QUADRATIC.matrix(weights)
+        residual = np.einsum("ni,ij,nj->n", z, game.residual(P), z)
+        sigma = np.einsum("nmi,ni->nm", QUADRATIC.gradient(z), z @ (game.A - game.S @ P).T)
+        weights = weights - np.linalg.pinv(sigma) @ residual
+    return weights, float(np.abs(residual).max() / np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max())
+
+
+def _result(game, weights, rank):
+    P = QUADRATIC.matrix(weights)
+    return LearningResult(
+        law="certified",
+        basis="quadratic",
+        times=np.array([0.0, 1.0]),
+        weights=np.array([1.1 * weights, weights]),
+        residual_norm=np.array([1.0, 1e-12]),
+        law_residual_norm=np.array([1.0, 1e-12]),
+        P=P,
+        K=game.gain(P),
+        excitation=Excitation(rank, 21, 50, 1e-3, 1e3, 1e-12),
+        settling_time=1.0,
+        certificates=(),
+        status="converged",
+        settings={},
+        seed=0,
+    )
+
+
+def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game):
+    weights, residual = _rank_deficient_weights(game)
+    assert residual < 1e-10
+    candidate = from_weights(game, weights, QUADRATIC)
+    check = check_critic(game, candidate, QUADRATIC, run=_result(game, weights, 15), predefined_time=10.0)
+    assert {"P_rel_error", "riccati_residual", "data_rank"} <= _failed(check)
+    assert "rank 15 of 21" in check.diagnosis
+    assert not check_critic(game, candidate, QUADRATIC).ok
+
+
+def test_a_run_is_also_judged_by_its_time(game):
+    weights = QUADRATIC.weights(solve_game(game).P)
+    candidate = from_weights(game, weights, QUADRATIC)
+    run = _result(game, weights, 21)
+    assert check_critic(game, candidate, QUADRATIC, run=run, predefined_time=2.0).ok
+    late = check_critic(game, candidate, QUADRATIC, run=run, predefined_time=0.5)
+    assert _failed(late) == {"settling_time"}
+    assert late.diagnosis == ""  # the critic is the game's: no mistake of its numbers explains the delay
+
+
+def test_the_settling_time_is_the_judges_own(game):
+    weights = QUADRATIC.weights(solve_game(game).P)
+    run = replace(_result(game, weights, 21), settling_time=math.inf, residual_norm=np.ones(2))
+    assert settling_time(game, run, QUADRATIC) == 1.0
+    boasting = replace(run, weights=np.array([weights, (1.0 + 1e-6) * weights]), settling_time=0.0)
+    assert settling_time(game, boasting, QUADRATIC) == math.inf
+    assert settling_time(game, replace(run, weights=np.array([weights, weights])), QUADRATIC) == 0.0
+    assert settling_time(game, replace(run, weights=np.array([weights, np.nan * weights])), QUADRATIC) == math.inf
+
+
+def test_a_residual_of_rounding_size_has_no_diagnosis():
+    """Policy evaluation leaves signs in the residual; so does rounding, on a critic that is right."""
+    game = Game(*([[1.0]], [[1.0]], [[1.0]], [[1e-8]], [[1.0]]), delta=2.0)
+    exact = solve_game(game)
+    off = from_value(game, exact.P * (1.0 + 1e-12))
+    assert check_critic(game, off, basis("quadratic", 1)).ok
+    assert diagnose(game, exact, off, basis("quadratic", 1), 1e-6) == ""
+    assert diagnose(game, exact, from_value(game, exact.P * 1.2), basis("quadratic", 1), 1e-6) != ""
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_critic_that_is_not_finite_fails(game, number):
+    weights = QUADRATIC.weights(solve_game(game).P)
+    weights[2] = number
+    with np.errstate(invalid="ignore"):
+        check = check_critic(game, from_weights(game, weights, QUADRATIC), QUADRATIC)
+    assert {"K_rel_error", "control_loop_abscissa"} <= _failed(check)
+
+
+def test_wrong_shapes_are_named(game):
+    with pytest.raises(BadInputError, match="20 weights"):
+        from_weights(game, np.ones(20), QUADRATIC)
+    with pytest.raises(BadInputError, match="P is 5 x 5"):
+        from_value(game, np.eye(5))
+    with pytest.raises(BadInputError, match="K is 6 x 5"):
+        from_gain(game, np.ones((6, 5)))
+
+
+def test_a_game_without_a_solution_cannot_be_judged(game):
+    with pytest.raises(NoSolutionError, match="delta_min"):
+        check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))), QUADRATIC)

@@ -1,0 +1,84 @@
+"""The verdict on a critic does not hang on the units of the states and inputs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa
+from game_files import stored
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from hfa_cli.main import DONE, FAILED
+from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
+from verification.critic.critic_check import CriticCheck, check_critic
+from verification.riccati.gare import solve_game
+
+QUADRATIC = basis("quadratic", 2)
+#: Units of the second state.
+UNITS = [1e-8, 1.0, 1e8]
+
+
+def game_in(state: float, of_input: float = 1.0) -> Game:
+    """A plant of two states and two inputs with numbers near 1, the second of each in other units."""
+    u, v = np.array([1.0, state]), np.array([1.0, of_input])
+    A = np.array([[-1.0, 0.2], [0.1, -1.0]])
+    weights = np.diag(u**-2), np.diag(v**-2)
+    return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)
+
+
+def judged(game: Game, candidate: Candidate) -> CriticCheck:
+    return check_critic(game, candidate, QUADRATIC)
+
+
+def failed(check: CriticCheck) -> set[str]:
+    return {row.name for row in check.checks if not row.ok}
+
+
+@pytest.mark.parametrize("of_input", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("state", UNITS)
+def test_a_wrong_column_or_row_of_the_gain_is_seen(state: float, of_input: float) -> None:
+    game = game_in(state, of_input)
+    K = solve_game(game).K
+    assert judged(game, from_gain(game, K)).ok
+    for factor in (-1.0, 0.0, 1.0 + 1e-4):
+        for change in ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]]):
+            wrong = judged(game, from_gain(game, K * change))
+            assert failed(wrong) >= {"K_balanced_error", "policy_rel_error"}
+
+
+@pytest.mark.parametrize("state", UNITS)
+def test_a_wrong_entry_of_the_value_is_seen(state: float) -> None:
+    game = game_in(state)
+    P = solve_game(game).P
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        wrong = P.copy()
+        wrong[i, j] = wrong[j, i] = P[i, j] * (1.0 + 1e-3)
+        assert "P_balanced_error" in failed(judged(game, from_value(game, wrong)))
+
+
+@pytest.mark.parametrize("state", UNITS)
+def test_mistakes_are_named_in_any_units(state: float) -> None:
+    game = game_in(state)
+    exact = solve_game(game)
+    assert "LQR" in judged(game, from_value(game, solve_game(game.with_delta(np.inf)).P)).diagnosis
+    assert "wrong sign" in judged(game, from_gain(game, -exact.K)).diagnosis
+    assert judged(game, from_gain(game, exact.K * [1.0, -1.0])).diagnosis == ""
+    assert judged(game, from_gain(game, exact.K * [-1.0, 1.0])).diagnosis == ""
+    swapped = QUADRATIC.weights(exact.P)[[1, 0, 2]]
+    assert "weights 1 and 2 stand" in judged(game, from_weights(game, swapped, QUADRATIC)).diagnosis
+
+
+def test_the_command_compares_policies_in_the_plants_own_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    game = game_in(1e8)
+    plant = stored("plant.npz", A=game.A, B=game.B, E=game.E, Q=game.Q, R=game.R, delta=game.delta)
+    K = solve_game(game).K
+    assert hfa("verify", "--model", plant, "--weights", stored("right.npz", K=K)).code == DONE
+    said = hfa("verify", "--model", plant, "--weights", stored("wrong.npz", K=K * [1.0, -1.0]))
+    assert said.code == FAILED
+    assert {"FAIL K_balanced_error:", "FAIL policy_rel_error:"} <= {
+        " ".join(line.split()[:2]) for line in said.out.splitlines()
+    }

@@ -1,0 +1,96 @@
+"""Pictures of Section 5: what is drawn is what is stored, commands are dashed, learning times are marked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from experiment_readings import SHORT, reading_file
+
+from hfa_model.support.figure import png_bytes
+from verification.experiments.configuration import load_reading
+from verification.experiments.experiment import Outcome
+from verification.experiments.flown_laws import CERTIFIED, HELPED, PRINTED
+from verification.experiments.panels import COMMAND, LOST, Line, Panel, Picture, draw
+from verification.experiments.reproduction import EXPERIMENTS, run_experiment
+from verification.experiments.setting import make_setting
+
+TIMES = np.linspace(0.0, 20.0, 201)
+LINES = (
+    Line(CERTIFIED, TIMES, np.sin(TIMES)),
+    Line(f"{PRINTED}{LOST}0.0001 s)", TIMES[:1], np.ones(1)),
+    Line(COMMAND, TIMES, np.ones(201)),
+)
+
+
+@pytest.fixture(scope="module")
+def noise(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """The smallest experiment, flown for a second."""
+    reading = load_reading(reading_file(tmp_path_factory.mktemp("reading"), SHORT))
+    return run_experiment(EXPERIMENTS["5.4"], make_setting(reading))
+
+
+def picture_of(*panels: Panel) -> Picture:
+    return Picture(3, "Title", 2, panels)
+
+
+def test_what_is_drawn_is_what_is_stored() -> None:
+    panel = Panel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),))
+    picture = picture_of(panel, panel)
+    axes = draw(picture).axes[0]
+    drawn = {line.get_label(): line for line in axes.get_lines()}
+    for line in LINES:
+        np.testing.assert_array_equal(drawn[line.label].get_xydata(), np.column_stack([line.x, line.y]))
+    assert len(picture.arrays) == 2 * 2 * len(LINES)
+    assert not any("/" in name for name in picture.arrays)
+    np.testing.assert_array_equal(picture.arrays["01 left speed, ft_s _ certified _ y"], LINES[0].y)
+
+
+def test_lines_can_be_told_apart_without_color() -> None:
+    axes = draw(picture_of(Panel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),)))).axes[0]
+    drawn = {line.get_label(): line for line in axes.get_lines()}
+    assert drawn[COMMAND].get_linestyle() == "--"
+    assert drawn[CERTIFIED].get_linestyle() == "-"
+    assert drawn[LINES[1].label].get_marker() == "x"
+    assert [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2] == [10.0]
+
+
+def test_axes_are_named_and_the_legend_names_every_law() -> None:
+    figure = draw(picture_of(Panel("left", "speed, ft/s", LINES), Panel("right", "alpha, rad", LINES)))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["speed, ft/s", "alpha, rad"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["time, s", "time, s"]
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {line.label for line in LINES}
+
+
+@pytest.mark.parametrize("scale", ["log", "asinh"])
+def test_values_that_an_axis_leaves_out_do_not_shorten_it(scale: str) -> None:
+    values = np.where(TIMES < 5.0, 1000.0 * np.exp(-TIMES), np.nan)
+    axes = draw(picture_of(Panel("left", "size", (Line(HELPED, TIMES, values),), scale))).axes[0]
+    assert axes.get_xlim()[1] > 20.0
+    assert axes.get_yscale() == scale
+
+
+def test_a_bundle_of_nothing_is_drawn() -> None:
+    figure = draw(picture_of(Panel("left", "weights W", (Line("weights", TIMES, np.zeros((201, 3))),), "asinh")))
+    assert len(figure.axes[0].get_lines()) == 3
+    assert png_bytes(figure).startswith(b"\x89PNG")
+
+
+def test_a_flight_that_was_lost_at_once_is_drawn() -> None:
+    nothing = Line(HELPED, TIMES[:0], np.zeros(0))
+    for lines in ((nothing,), (nothing, LINES[0])):
+        for scale in ("linear", "log", "asinh"):
+            assert len(draw(picture_of(Panel("left", "size", lines, scale))).axes) == 1 + 1
+
+
+def test_every_panel_of_an_experiment_has_units_and_the_learning_time(noise: Outcome, tmp_path: Path) -> None:
+    pictures = noise.experiment.pictures(noise.setting, noise.flown)
+    assert [picture.number for picture in pictures] == [22, 23]
+    for picture in pictures:
+        for panel in picture.panels:
+            assert (0.5, "T_w") in panel.marked
+            assert panel.y_label.endswith((", ft/s", ", rad", "weights W"))
+    errors = next(line for line in pictures[0].panels[0].lines if line.label == CERTIFIED)
+    plan = next(plan for plan in noise.flown if plan.law == CERTIFIED and plan.noise)
+    np.testing.assert_array_equal(errors.y, noise.flown[plan].errors[:, 0])

@@ -1,0 +1,138 @@
+"""How uncertain each entry of A and B is: the print's rounding, propagated, and the distance to a rival structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import rates
+from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import Published, Rival, Variant
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from trim.linear.linearize import linearize
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+#: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
+_SAME = 1e-7
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
+
+    rounding: standard error propagated from the rounding of the print through the parameters and the trim.
+    structure: |entry - the same entry by the rival structure|, which fits the print as well.
+    """
+
+    A_rounding: np.ndarray
+    B_rounding: np.ndarray
+    A_structure: np.ndarray
+    B_structure: np.ndarray
+
+    @property
+    def A(self) -> np.ndarray:
+        """Half width of the band on A: two standard errors of rounding plus the structural spread."""
+        return 2 * self.A_rounding + self.A_structure
+
+    @property
+    def B(self) -> np.ndarray:
+        """Half width of the band on B: two standard errors of rounding plus the structural spread."""
+        return 2 * self.B_rounding + self.B_structure
+
+
+def rival_parameters() -> ParameterSet:
+    """The rival structure's parameters that come with the package (`hfa identify` writes them)."""
+    return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
+
+
+def bands_known(parameters: ParameterSet) -> bool:
+    """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
+
+    Covariance and rival belong to what the print gives. Beside an edited copy the rival is another aircraft, and
+    the distance to it no uncertainty.
+    """
+    same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
+    return same and not parameters.structure and parameters.covariance.size > 0
+
+
+def uncertainty(parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint) -> Bands:
+    """Bands of the six-state linear model at a trimmed point.
+
+    rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
+    theorem), C the covariance of the identified parameters p, v the free variables of the trim.
+    BadInputError when the parameters have no bands (`bands_known`).
+    """
+    if not bands_known(parameters):
+        raise BadInputError(
+            "bands are known for the identified parameters with their covariance only; "
+            "use the parameters.toml of `hfa identify`, unchanged"
+        )
+    jacobian = _total_derivative(parameters, variant, condition, point)
+    rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
+    A_rounding, B_rounding = _split(rounding)
+    aircraft = Aircraft(parameters.values, variant)
+    model, rival = linearize(aircraft, point), _rival_model(variant, condition, point)
+    return Bands(A_rounding, B_rounding, np.abs(model.A - rival[0]), np.abs(model.B - rival[1]))
+
+
+def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+    """The rival's linear model. Newton's own equations do not change with the rival, but its parameters do."""
+    rival = rival_parameters()
+    structure = Rival(**rival.structure) if isinstance(variant, Published) else variant
+    aircraft = Aircraft(rival.values, structure)
+    model = linearize(aircraft, find_operating_point(aircraft, condition, start=point))
+    return model.A, model.B
+
+
+def _total_derivative(
+    parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint
+) -> np.ndarray:
+    """d vec(A, B) / d(identified parameters) along the trim, (66, number of identified parameters)."""
+    p = np.array(parameters.values)
+    entries_by_point, entries_by_p, rates_by_point, rates_by_p = map(
+        np.array, _derivatives(variant)(np.array(point.states), np.array(point.inputs), p)
+    )
+    moves = np.column_stack([_move(name) for name in condition.free])
+    rows = [STATES.index(name) for name in condition.rates]
+    free_by_p = -np.linalg.lstsq(rates_by_point[rows] @ moves, rates_by_p[rows], rcond=None)[0]
+    total = entries_by_p + entries_by_point @ moves @ free_by_p
+    return np.asarray(total[:, [Parameters._fields.index(name) for name in parameters.identified]])
+
+
+def _move(name: str) -> np.ndarray:
+    """How (X, U) moves with one free variable: θ = α + γ follows both."""
+    order = STATES + INPUTS
+    direction = np.zeros(len(order))
+    direction[order.index("pitch" if name == "gamma" else name)] = 1.0
+    if name == "alpha":
+        direction[order.index("pitch")] = 1.0
+    return direction
+
+
+@cache
+def _derivatives(variant: Variant) -> ca.Function:
+    """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
+    x, u, p = (
+        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
+    )
+    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant))
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
+    entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
+    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (point, p)]
+    return ca.Function("entry_derivatives", [x, u, p], [ca.densify(jacobian) for jacobian in jacobians])
+
+
+def _split(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    n, m = len(LINEAR_STATES), len(INPUTS)
+    # CasADi stacks columns.
+    return vector[: n * n].reshape(n, n, order="F"), vector[n * n :].reshape(n, m, order="F")

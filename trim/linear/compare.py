@@ -1,0 +1,103 @@
+"""Computed beside printed, entry by entry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.published import PublishedModel, published_models
+from hfa_model.support.text import columns
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+
+@dataclass(frozen=True)
+class EntryRow:
+    """One entry of A or B: what the paper prints, what was computed, half a unit of the last printed digit."""
+
+    matrix: str
+    row: str
+    column: str
+    printed: float
+    computed: float
+    half_unit: float
+
+    @property
+    def half_units(self) -> float:
+        """(computed - printed) / half unit: within ±1 the entry prints the same."""
+        return (self.computed - self.printed) / self.half_unit
+
+    @property
+    def percent(self) -> float:
+        """Difference in percent of the print; nan where the print is zero."""
+        return 100 * (self.computed - self.printed) / abs(self.printed) if self.printed else float("nan")
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the entry is printed 0 and is 0 but for rounding: nothing to compare."""
+        return self.printed == 0.0 and abs(self.half_units) < 1e-6
+
+    @property
+    def name(self) -> str:
+        """For example A(alpha, pitch_rate)."""
+        return f"{self.matrix}({self.row}, {self.column})"
+
+
+def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
+    """All 66 entries of A (6 x 6) and B (6 x 5), row by row."""
+    parts = (
+        ("A", LINEAR_STATES, model.A, published.A, published.half_unit_A),
+        ("B", INPUTS, model.B, published.B, published.half_unit_B),
+    )
+    return tuple(
+        EntryRow(matrix, row, column, float(printed[i, j]), float(computed[i, j]), float(half_unit[i, j]))
+        for matrix, columns, computed, printed, half_unit in parts
+        for i, row in enumerate(LINEAR_STATES)
+        for j, column in enumerate(columns)
+    )
+
+
+def regenerate(aircraft: Aircraft, published: PublishedModel) -> LinearModel:
+    """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
+    return linearize(aircraft, find_operating_point(aircraft, level_flight(published.dihedral)))
+
+
+def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """|λ_computed - λ_reference| of the best pairing of two spectra, in the order of the reference."""
+    from scipy.optimize import linear_sum_assignment
+
+    distance = np.abs(reference[:, None] - computed[None, :])
+    _, columns = linear_sum_assignment(distance)
+    return distance[np.arange(len(reference)), columns]
+
+
+def printed_at(point: OperatingPoint) -> PublishedModel | None:
+    """The printed pair of exactly this flight condition, if the paper prints one."""
+    for published in published_models():
+        paper = level_flight(published.dihedral).imposed
+        actual = point.states._asdict() | point.inputs._asdict() | {"gamma": point.gamma}
+        if all(abs(actual[name] - value) <= 1e-9 * (1 + abs(value)) for name, value in paper.items()):
+            return published
+    return None
+
+
+def comparison_text(model: LinearModel, published: PublishedModel) -> str:
+    """The table of entries: printed, computed, difference in half units of the last digit and in percent."""
+    rows = [
+        (
+            entry.name,
+            f"{entry.printed:.4f}",
+            f"{entry.computed:.6f}",
+            f"{entry.half_units:+.2f}",
+            f"{entry.percent:+.4f}" if entry.printed else "-",
+        )
+        for entry in compare(model, published)
+        if not entry.is_zero
+    ]
+    header = (f"at {published.dihedral_deg:g} deg", "printed", "computed", "half units", "percent")
+    return columns(header, rows)

@@ -1,0 +1,181 @@
+"""What a trim imposes and what it leaves free: a condition on states, inputs and their rates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from hfa_model.atmosphere import HIGHEST_ALTITUDE
+from hfa_model.published import published_data
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
+
+#: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
+VARIABLES: tuple[str, ...] = tuple("gamma" if name == "pitch" else name for name in STATES) + INPUTS
+SCALES: dict[str, float] = STATE_SCALES._asdict() | INPUT_SCALES._asdict() | {"gamma": STATE_SCALES.pitch}
+#: The rates that a steady flight balances. The altitude changes with γ and is not among them.
+BALANCED: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
+
+#: Limits of the controls, assumed: the paper states none. Throttle in units of thrust, deflections in rad.
+CONTROL_LIMITS = Input(
+    throttle=(0.0, 200.0),
+    aileron_center=(-math.radians(20), math.radians(20)),
+    aileron_outer=(-math.radians(20), math.radians(20)),
+    elevator_center=(-math.radians(30), math.radians(30)),
+    elevator_outer=(-math.radians(30), math.radians(30)),
+)
+#: Where the equations are meant to hold: attached flow, the atmosphere's altitudes.
+STATE_LIMITS = State(
+    speed=(1.0, 500.0),
+    alpha=(-math.radians(20), math.radians(20)),
+    altitude=(0.0, HIGHEST_ALTITUDE),
+    pitch=(-math.radians(60), math.radians(60)),
+    pitch_rate=(-math.inf, math.inf),
+    dihedral=(-math.radians(60), math.radians(60)),
+    dihedral_rate=(-math.inf, math.inf),
+)
+#: Of every state and input. The flight-path angle has none of its own: the pitch angle θ = α + γ limits it.
+LIMITS: dict[str, tuple[float, float]] = STATE_LIMITS._asdict() | CONTROL_LIMITS._asdict()
+
+
+#: The paper calls its linear model applicable up to this dihedral angle (Section 5.1), rad.
+PAPER_RANGE = math.radians(15.0)
+
+
+@dataclass(frozen=True)
+class TrimCondition:
+    """f(X, U) = rates, with some of X, γ, U imposed and the others free within limits.
+
+    imposed: variable -> value. free: the unknowns; together they name every one of `VARIABLES` once.
+    rates: state -> imposed value of its rate; the rates of `BALANCED` unless said. A rate that is left out is
+    not balanced. limits: variable, or pitch -> (lowest, highest); `LIMITS` for what is not named.
+    English units and radians. BadInputError when a name is unknown, a value is not finite or lies outside
+    its limits, or a variable is named twice or not at all.
+    """
+
+    imposed: Mapping[str, float]
+    free: tuple[str, ...]
+    rates: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(BALANCED, 0.0))
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Name what is wrong before anything is solved."""
+        for names, known in (((*self.imposed, *self.free), VARIABLES), (self.limits, (*VARIABLES, "pitch"))):
+            for name in names:
+                if name not in known:
+                    raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(known)}")
+        for name in VARIABLES:
+            times = (name in self.imposed) + self.free.count(name)
+            if times != 1:
+                what = "neither imposed nor free"
+                if times > 1:
+                    what = "both imposed and free" if name in self.imposed else "named free twice"
+                raise BadInputError(f"{name} is {what}; name it once")
+        if not self.rates:
+            raise BadInputError("no rate is imposed; name at least one of " + ", ".join(STATES))
+        for name in self.rates:
+            if name not in STATES:
+                raise BadInputError(f"unknown rate {name!r}; choose from {', '.join(STATES)}")
+        rates = {f"the rate of {name}": value for name, value in self.rates.items()}
+        for name, value in (*self.imposed.items(), *rates.items()):
+            if not math.isfinite(value):
+                raise BadInputError(f"{name} is {value}; give a finite number")
+        for name, (lowest, highest) in self.limits.items():
+            if not lowest < highest:
+                raise BadInputError(
+                    f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}; "
+                    "the first must be the lower one"
+                )
+        for name, value in self.imposed.items():
+            _check(name, value, self._own_limits(name))
+
+    def check_pitch(self) -> None:
+        """BadInputError when pitch = alpha + gamma lies beyond its limits, or they leave no alpha or gamma.
+
+        Not asked of every condition: `release` may yet set free what stands in the way.
+        """
+        if "alpha" in self.imposed and "gamma" in self.imposed:
+            alpha, gamma = self.imposed["alpha"], self.imposed["gamma"]
+            parts = f" (alpha is {describe('alpha', alpha)}, gamma is {describe('gamma', gamma)})"
+            _check("pitch", alpha + gamma, self._own_limits("pitch"), parts)
+        for name in self.free:
+            lowest, highest = self.limits_of(name)
+            if not lowest < highest:
+                raise BadInputError(f"the limits of pitch, alpha and gamma leave no {name}; widen one of them")
+
+    def limits_of(self, name: str) -> tuple[float, float]:
+        """Lowest and highest value of a variable; of alpha and gamma what the limits of pitch = alpha + gamma leave."""
+        lowest, highest = self._own_limits(name)
+        if name not in ("alpha", "gamma"):
+            return lowest, highest
+        other = "gamma" if name == "alpha" else "alpha"
+        imposed = self.imposed.get(other)
+        least, most = self._own_limits(other) if imposed is None else (imposed, imposed)
+        pitch = self._own_limits("pitch")
+        return max(lowest, pitch[0] - most), min(highest, pitch[1] - least)
+
+    def _own_limits(self, name: str) -> tuple[float, float]:
+        return self.limits.get(name, LIMITS.get(name, (-math.inf, math.inf)))
+
+
+def _check(name: str, value: float, limits: tuple[float, float], parts: str = "") -> None:
+    lowest, highest = limits
+    if not lowest <= value <= highest:
+        raise BadInputError(
+            f"{name} is {describe(name, value)}{parts}; it must lie between {describe(name, lowest)} "
+            f"and {describe(name, highest)}"
+        )
+
+
+def level_flight(
+    dihedral: float,
+    *,
+    speed: float | None = None,
+    altitude: float | None = None,
+    alpha: float | None = None,
+    gamma: float = 0.0,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> TrimCondition:
+    """The paper's trim (Section 5.1): speed, altitude, α = θ and dihedral imposed, center aileron at zero;
+    throttle, outer aileron and both elevators free. Four equations, four unknowns.
+
+    Angles in rad, speed in ft/s, altitude in ft; what is not given is the paper's. gamma: flight-path angle.
+    """
+    paper = published_data()["trim"]
+    imposed = {
+        "speed": paper["speed"] if speed is None else speed,
+        "alpha": math.radians(paper["alpha_deg"]) if alpha is None else alpha,
+        "altitude": paper["altitude"] if altitude is None else altitude,
+        "gamma": gamma,
+        "pitch_rate": paper["pitch_rate"],
+        "dihedral": dihedral,
+        "dihedral_rate": paper["dihedral_rate"],
+        "aileron_center": 0.0,
+    }
+    free = tuple(name for name in VARIABLES if name not in imposed)
+    return TrimCondition(imposed, free, limits=dict(limits or {}))
+
+
+def release(
+    condition: TrimCondition, *, free: tuple[str, ...] = (), hold: Mapping[str, float] | None = None
+) -> TrimCondition:
+    """The same condition with the named variables set free, and others held at the given values."""
+    hold = dict(hold or {})
+    for name in (*free, *hold):
+        if name not in VARIABLES:
+            raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(VARIABLES)}")
+    both = sorted(set(free) & set(hold))
+    if both:
+        raise BadInputError(f"{both[0]} is both set free and held; name it once")
+    imposed = {name: value for name, value in condition.imposed.items() if name not in free} | hold
+    unknowns = tuple(name for name in VARIABLES if name not in imposed)
+    return TrimCondition(imposed, unknowns, condition.rates, condition.limits)
+
+
+def describe(name: str, value: float) -> str:
+    """A value with its unit as an engineer reads it: angles in degrees."""
+    unit = UNITS[name]
+    if unit.startswith("rad"):
+        return f"{math.degrees(value):.6g} {unit.replace('rad', 'deg')}"
+    return f"{value:.6g}" if unit == "1" else f"{value:.6g} {unit}"

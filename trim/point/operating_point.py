@@ -1,0 +1,94 @@
+"""A trimmed (or failed) flight condition: state, input, and how well each equation balances."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
+from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
+
+if TYPE_CHECKING:
+    import control
+
+SCHEMA = "hfa.operating-point/1"
+#: An equation balances when its residual, in units of `RATE_SCALES`, is no larger.
+BALANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation.
+
+    states, inputs: in the units of `vectors.py`. residuals: balanced equation -> residual, in its own unit.
+    dynamics: name of the variant. status: "trimmed" or "failed".
+    """
+
+    states: State
+    inputs: Input
+    residuals: dict[str, float]
+    dynamics: str
+    status: str
+
+    @property
+    def scaled_residuals(self) -> dict[str, float]:
+        """Equation -> residual in units of `RATE_SCALES`."""
+        return {name: value / getattr(RATE_SCALES, name) for name, value in self.residuals.items()}
+
+    @property
+    def gamma(self) -> float:
+        """γ = θ - α, flight-path angle, rad."""
+        return float(self.states.pitch - self.states.alpha)
+
+    def to_control(self) -> control.OperatingPoint:
+        """The same point as python-control's `OperatingPoint` (seven states, five inputs)."""
+        import control
+
+        return control.OperatingPoint(np.array(self.states), np.array(self.inputs), outputs=np.array(self.states))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names, units and values, ready for JSON; floats keep all 17 digits."""
+        return {
+            "schema": SCHEMA,
+            "dynamics": self.dynamics,
+            "status": self.status,
+            "states": self.states._asdict(),
+            "state_units": STATE_UNITS._asdict(),
+            "inputs": self.inputs._asdict(),
+            "input_units": INPUT_UNITS._asdict(),
+            "residuals": self.residuals,
+        }
+
+
+def save_operating_point(point: OperatingPoint, path: Path) -> None:
+    """Write a point as JSON that `load_operating_point` reads back bit for bit."""
+    write_text(path, json.dumps(point.to_dict(), indent=2) + "\n")
+
+
+def load_operating_point(path: Path) -> OperatingPoint:
+    """Read a saved point, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
+    except ValueError as error:
+        raise BadInputError(f"{path}: is not JSON ({error})") from error
+    if isinstance(data, dict):
+        data = data.get("operating_point", data)
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
+    try:
+        states = State(**{name: float(data["states"][name]) for name in STATES})
+        inputs = Input(**{name: float(data["inputs"][name]) for name in INPUTS})
+        residuals = {name: float(value) for name, value in data["residuals"].items()}
+        point = OperatingPoint(states, inputs, residuals, str(data["dynamics"]), str(data["status"]))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BadInputError(f"{path}: {error} is missing or not a number") from error
+    if not np.isfinite([*states, *inputs, *residuals.values()]).all():
+        raise BadInputError(f"{path}: holds a number that is not finite; trim again and save the point")
+    return point

@@ -1,0 +1,120 @@
+"""What a trim says: as numbers for JSON, as a table, and as text for a person."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hfa_model.aerodynamics import Loads, PanelLoads
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.text import Table, columns, degrees, in_degrees
+from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES, UNITS
+from trim.point.condition import PAPER_RANGE, TrimCondition
+from trim.point.operating_point import BALANCE, OperatingPoint
+
+TRIM_SCHEMA = "hfa.trim/1"
+
+
+def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
+    """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
+
+    The pitch angle is there when alpha or gamma is free. What has no limits has no margin.
+    """
+    values = {**point.inputs._asdict(), **point.states._asdict(), "gamma": point.gamma}
+    result = {}
+    pitch = ("pitch",) if {"alpha", "gamma"} & set(condition.free) else ()
+    for name in dict.fromkeys((*INPUTS, *condition.free, *pitch)):
+        lowest, highest = condition.limits_of(name)
+        margin = min(values[name] - lowest, highest - values[name])
+        if math.isfinite(margin):
+            result[name] = margin
+    return result
+
+
+def trim_data(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> dict[str, Any]:
+    """Everything in a trim report, ready for JSON: radians, feet, pounds, as stored in the point."""
+    loads = aircraft.loads(point.states, point.inputs)
+    return {
+        "schema": TRIM_SCHEMA,
+        "dihedral_deg": in_degrees(point.states.dihedral),
+        "dynamics": point.dynamics,
+        "operating_point": point.to_dict(),
+        "scaled_residuals": point.scaled_residuals,
+        "balance_limit": BALANCE,
+        "loads": {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
+        | {
+            f"{panel}_{name}": getattr(getattr(loads, panel), name)
+            for panel in ("center", "outer")
+            for name in PanelLoads._fields
+        },
+        "margins": margins(condition, point),
+        "warnings": warnings(point),
+    }
+
+
+def warnings(point: OperatingPoint) -> list[str]:
+    """What a user should know before trusting a model at this point."""
+    found = []
+    if abs(point.states.dihedral) > PAPER_RANGE * (1 + 1e-12):
+        found.append(
+            f"dihedral {math.degrees(point.states.dihedral):.6g} deg lies beyond the paper's range, "
+            f"which ends at {math.degrees(PAPER_RANGE):.0f} deg"
+        )
+    return found
+
+
+def trim_table(point: OperatingPoint) -> Table:
+    """Header and rows (kind, name, value, unit) of an operating point, angles in radians."""
+    rows: list[tuple[Any, ...]] = [
+        *(("state", name, getattr(point.states, name), getattr(STATE_UNITS, name)) for name in STATES),
+        *(("input", name, getattr(point.inputs, name), getattr(INPUT_UNITS, name)) for name in INPUTS),
+        *(("residual", name, value, getattr(RATE_UNITS, name)) for name, value in point.residuals.items()),
+    ]
+    return ("kind", "name", "value", "unit"), rows
+
+
+def trim_text(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> str:
+    """The trim report on a terminal, angles in degrees."""
+    loads = aircraft.loads(point.states, point.inputs)
+    left = margins(condition, point)
+    # The flight-path angle is no state: it stands among them where it is an unknown.
+    states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
+    parts = [
+        f"Trim, {point.dynamics} dynamics: {point.status}",
+        _values_text("state", states, left),
+        _values_text("input", point.inputs._asdict(), left),
+        columns(
+            ("equation", "residual", "unit", "scaled"),
+            [
+                (
+                    f"rate of {name}",
+                    f"{value:.2e}",
+                    getattr(RATE_UNITS, name),
+                    f"{point.scaled_residuals[name]:.2e}",
+                )
+                for name, value in point.residuals.items()
+            ],
+        ),
+        columns(
+            ("load", "aircraft", "center panel", "outer panel", "unit"),
+            [
+                ("lift", f"{loads.lift:.4f}", f"{loads.center.lift:.4f}", f"{loads.outer.lift:.4f}", "lbf"),
+                ("drag", f"{loads.drag:.4f}", f"{loads.center.drag:.4f}", f"{loads.outer.drag:.4f}", "lbf"),
+                ("thrust", f"{loads.thrust:.4f}", "", "", "lbf"),
+                ("lift/drag", f"{loads.lift / loads.drag:.3f}", "", "", "1"),
+                ("pitching moment", f"{loads.pitching_moment:.4f}", "", "", "ft lbf"),
+                ("hinge moment", "", "", f"{loads.hinge_moment:.4f}", "ft lbf"),
+            ],
+        ),
+    ]
+    return "\n\n".join(parts + [f"Note: {warning}" for warning in warnings(point)])
+
+
+def _values_text(kind: str, values: dict[str, float], left: dict[str, float]) -> str:
+    """Values with their units, and margins where there are any."""
+    rows = [
+        (name, *degrees(value, UNITS[name]), degrees(left[name], UNITS[name])[0] if name in left else "")
+        for name, value in values.items()
+    ]
+    width = 4 if any(name in left for name in values) else 3
+    return columns((kind, "value", "unit", "margin")[:width], [row[:width] for row in rows])

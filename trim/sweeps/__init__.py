@@ -1,0 +1,1 @@
+"""Many operating points at once: grids, chunks, stores."""

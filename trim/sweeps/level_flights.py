@@ -1,0 +1,171 @@
+"""Many level flights at once: trim and exact Jacobians of every point in one compiled function.
+
+The four equations of `level_flight` are nearly affine in its four unknowns, so a fixed number of Newton steps from
+a fixed guess, unrolled into one expression, reaches rounding. The result is never trusted unseen: each
+point carries its residual, and what did not converge goes to `trim.point.solve`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.dynamics import rates
+from hfa_model.native.bound import BoundFunction
+from hfa_model.native.machine_code import machine_code
+from hfa_model.native.per_thread import cached_per_thread
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
+from trim.point.condition import BALANCED, LIMITS
+from trim.point.operating_point import BALANCE
+
+#: A level flight as numbers, in order.
+CONDITION = ("dihedral", "speed", "altitude", "alpha", "gamma")
+#: From this many points on, compiling the function to machine code pays.
+COMPILE_FROM = 50_000
+_UNKNOWNS = ("throttle", "aileron_outer", "elevator_center", "elevator_outer")
+_EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
+_START = (40.0, 0.0, 0.0, 0.0)
+_NEWTON_STEPS = 3
+_MORE_NEWTON_STEPS = 20
+_N, _M = len(STATES), len(INPUTS)
+_SIZES = (_N, _M, _N * _N, _N * _M, _N)
+_CHUNK = 250
+_BALANCED_COLUMNS = [-_N + STATES.index(name) for name in BALANCED]
+_BALANCED_SCALES = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
+_LOWEST, _HIGHEST = np.array([LIMITS[name] for name in STATES + INPUTS]).T
+
+
+@dataclass(frozen=True)
+class LevelFlights:
+    """N points: states (N, 7), inputs (N, 5), A (N, 7, 7), B (N, 7, 5), scaled residuals (N, 6) of the balanced
+    equations, and `trimmed` (N,): every residual within `BALANCE` and every unknown within its limits."""
+
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    residuals: np.ndarray
+    trimmed: np.ndarray
+
+    @property
+    def balanced(self) -> np.ndarray:
+        """(N,) true where every residual is within `BALANCE`, whatever the limits say."""
+        return _balanced(self.residuals)
+
+
+def solve_level_flights(
+    variant: Variant, parameters: np.ndarray | Parameters, conditions: np.ndarray, *, compile_code: bool | None = None
+) -> LevelFlights:
+    """Trim and linearize N level flights.
+
+    parameters: one set for all points, or (N, 18), one row a point in the order of `Parameters`.
+    conditions: (N, 5) in the order of `CONDITION`, rad, ft/s, ft. compile_code: run as machine code; by default
+    from `COMPILE_FROM` points on. Points outside the model come out as not trimmed.
+    """
+    count = len(conditions)
+    use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
+    constants = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
+    flat = _evaluate(variant, _NEWTON_STEPS, use_machine_code, conditions, constants)
+    residuals = _residuals(flat)
+    balanced = _balanced(residuals)
+    if not balanced.all():
+        # Far from the paper's flight the drag of large deflections bends the equations: more steps for those.
+        rest = np.flatnonzero(~balanced)
+        flat[rest] = _evaluate(variant, _MORE_NEWTON_STEPS, False, conditions[rest], constants[rest])
+        residuals = _residuals(flat)
+        balanced = _balanced(residuals)
+    inputs_end, A_end, B_end = _N + _M, _N + _M + _N * _N, _N + _M + _N * _N + _N * _M
+    return LevelFlights(
+        states=flat[:, :_N],
+        inputs=flat[:, _N:inputs_end],
+        A=flat[:, inputs_end:A_end].reshape(count, _N, _N),
+        B=flat[:, A_end:B_end].reshape(count, _N, _M),
+        residuals=residuals,
+        trimmed=balanced & _within_limits(flat[:, :inputs_end]),
+    )
+
+
+def _evaluate(
+    variant: Variant, steps: int, use_machine_code: bool, conditions: np.ndarray, constants: np.ndarray
+) -> np.ndarray:
+    """One row of results a point, in chunks: a call costs a microsecond, which many points share."""
+    count = len(conditions)
+    chunk = 1 if count < _CHUNK else _CHUNK
+    function = _function(variant, steps, chunk, use_machine_code)
+    flat = np.empty((count, sum(_SIZES)))
+    for start in range(0, count, chunk):
+        size = min(chunk, count - start)
+        # CasADi stores columns, one a point, which are the rows here. What is left of the last chunk is ignored.
+        for memory, table in zip(function.inputs, (conditions, constants), strict=True):
+            memory.reshape(chunk, -1)[:size] = table[start : start + size]
+        function()
+        flat[start : start + size] = function.results[0].reshape(chunk, -1)[:size]
+    return flat
+
+
+def _residuals(flat: np.ndarray) -> np.ndarray:
+    return np.asarray(flat[:, _BALANCED_COLUMNS] / _BALANCED_SCALES)
+
+
+def _balanced(residuals: np.ndarray) -> np.ndarray:
+    return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
+
+
+def _within_limits(values: np.ndarray) -> np.ndarray:
+    return np.asarray(((values >= _LOWEST) & (values <= _HIGHEST)).all(axis=1))
+
+
+@cached_per_thread(maxsize=None)
+def _function(variant: Variant, steps: int, chunk: int, use_machine_code: bool) -> BoundFunction:
+    function = _point_function(variant, steps)
+    if chunk > 1:
+        function = function.map(chunk)
+    return BoundFunction(machine_code(function) if use_machine_code else function)
+
+
+def _point_function(variant: Variant, steps: int) -> ca.Function:
+    """(condition (5,), p) -> x, u, A, B (row by row), dX/dt as one column."""
+    condition, parameters = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("p", len(Parameters._fields))
+    p = Parameters(*ca.vertsplit(parameters))
+    at = dict(zip(CONDITION, ca.vertsplit(condition), strict=True))
+    state = State(at["speed"], at["alpha"], at["altitude"], at["alpha"] + at["gamma"], 0, at["dihedral"], 0)
+    unknowns = ca.SX.sym("v", len(_UNKNOWNS))
+    balance = ca.vertcat(*rates(state, _input(unknowns), p, variant))[[STATES.index(name) for name in _EQUATIONS]]
+    jacobian = ca.jacobian(balance, unknowns)
+    solution = ca.SX(ca.DM(_START))
+    for _ in range(steps):
+        value, slope = ca.substitute([balance, jacobian], [unknowns], [solution])
+        solution = solution - _eliminate(slope, value)
+    x, u = ca.SX.sym("x", _N), ca.SX.sym("u", _M)
+    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
+    flat = [f, ca.vec(ca.densify(ca.jacobian(f, x)).T), ca.vec(ca.densify(ca.jacobian(f, u)).T)]
+    point = [ca.vertcat(*state), ca.vertcat(*_input(solution))]
+    rate, A, B = ca.substitute(flat, [x, u], point)
+    return ca.Function("level_flight", [condition, parameters], [ca.cse(ca.vertcat(*point, A, B, rate))])
+
+
+def _eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """matrix⁻¹ right by elimination without pivoting, a third of the operations of CasADi's symbolic QR.
+
+    The unknowns stand in the order of the equations that they move most; where a pivot vanishes all the same, the
+    result is not finite and the point goes to the robust solver.
+    """
+    n = matrix.shape[0]
+    rows = [[matrix[i, j] for j in range(n)] + [right[i]] for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    solution: list[ca.SX] = []
+    for k in reversed(range(n)):
+        known = sum((a * b for a, b in zip(rows[k][k + 1 : n], solution, strict=True)), ca.SX(0))
+        solution.insert(0, (rows[k][n] - known) / rows[k][k])
+    return ca.vertcat(*solution)
+
+
+def _input(unknowns: ca.SX) -> Input:
+    return Input(aileron_center=0.0, **dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True)))

@@ -1,0 +1,91 @@
+"""A sweep of any size in a store: what its columns are, and how many of its points came out how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_model.parameters import Parameters
+from hfa_model.support.store import Array, Layout, Store
+from hfa_model.support.stream import stream
+from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
+from trim.sweeps.chunk import STATUS, run_chunk
+from trim.sweeps.level_flights import COMPILE_FROM
+from trim.sweeps.sweep_plan import SweepPlan
+from trim.sweeps.sweep_report import plan_warnings
+
+SCHEMA = "hfa.sweep-store/1"
+#: Points of a chunk: half a second of work or more, about 90 MB of results.
+CHUNK = 100_000
+
+_N, _M = len(STATES), len(INPUTS)
+_NAN = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class SweepJob:
+    """A plan as a job of `stream`."""
+
+    plan: SweepPlan
+
+    @cached_property
+    def layout(self) -> Layout:
+        """One row a point: its values of what varies, and the fields of `Chunk`."""
+        plan = self.plan
+        arrays = {
+            "values": Array((len(plan.variables),), "float64", _NAN),
+            "status": Array((), "int8", -1),
+            "limiting": Array((), "int8", -1),
+            "states": Array((_N,), "float64", _NAN),
+            "inputs": Array((_M,), "float64", _NAN),
+            "A": Array((_N, _N), "float64", _NAN),
+            "B": Array((_N, _M), "float64", _NAN),
+            "eigenvalues": Array((_N,), "complex128", complex(_NAN, _NAN)),
+        }
+        attributes = {
+            "variables": list(plan.variables),
+            "variable_units": list(plan.units),
+            "states": list(STATES),
+            "state_units": list(STATE_UNITS),
+            "inputs": list(INPUTS),
+            "input_units": list(INPUT_UNITS),
+            "status": list(STATUS),
+            "limiting": list(STATES + INPUTS),
+            "warnings": plan_warnings(plan),
+        }
+        return Layout(SCHEMA, "sweep", plan.count, CHUNK, plan.to_dict(), plan.identity, arrays, attributes)
+
+    @property
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """What workers run."""
+        return run_points
+
+    def task(self, start: int, stop: int) -> tuple[tuple[str, ...], np.ndarray, Parameters, str, bool]:
+        """Values of the points, not the plan: a worker would make the whole of a Latin hypercube for its part."""
+        plan = self.plan
+        return plan.variables, plan.values(start, stop), plan.parameters, plan.dynamics, plan.count >= COMPILE_FROM
+
+
+def run_points(
+    variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str, compile_code: bool
+) -> Mapping[str, np.ndarray]:
+    """`run_chunk`, with the values that it was given, by name of the array in the store. What a worker runs."""
+    return {"values": values, **run_chunk(variables, values, parameters, dynamics, compile_code)._asdict()}
+
+
+def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:
+    """Every point of the plan in the store at `path`; options of `stream`."""
+    return stream(SweepJob(plan), path, **options)
+
+
+def status_counts(store: Store, points: int) -> dict[str, int]:
+    """Status -> number of points of a sweep's store, and "missing" for those not computed yet."""
+    totals = np.zeros(len(STATUS) + 1, dtype=int)
+    for start in range(0, points, store.chunk):
+        totals += np.bincount(store.read("status", slice(start, start + store.chunk)) + 1, minlength=len(totals))
+    return dict(zip(("missing", *STATUS), totals.tolist(), strict=True))

@@ -1,0 +1,195 @@
+"""Trims and linear models over a grid of conditions: modes tracked, failures kept as rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.linear.linearize import linearize
+from trim.linear.mode_tracking import track_modes
+from trim.linear.modes import modes_of
+from trim.point.condition import LIMITS, describe, level_flight
+from trim.point.solve import find_operating_point
+from trim.sweeps.level_flights import CONDITION, LevelFlights, solve_level_flights
+
+#: What a sweep can vary: the arguments of `level_flight`.
+SWEPT = ("dihedral", "speed", "altitude", "alpha")
+MOST_POINTS = 1_000_000
+SCHEMA = "hfa.sweep/1"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """N points in the order of the grid, the last variable running fastest.
+
+    variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
+    states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
+    mode through the sweep; nan where the trim failed. mode_names: name of each column where the sweep begins.
+    Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
+    """
+
+    variables: tuple[str, ...]
+    values: np.ndarray
+    reasons: tuple[str, ...]
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    eigenvalues: np.ndarray
+    model_states: tuple[str, ...]
+    mode_names: tuple[str, ...]
+    dynamics: str
+
+    @property
+    def trimmed(self) -> np.ndarray:
+        """(N,) true where a trim was found."""
+        return np.array([reason == "" for reason in self.reasons])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
+        return {
+            "schema": SCHEMA,
+            "dynamics": self.dynamics,
+            "variables": list(self.variables),
+            "variable_units": [getattr(STATE_UNITS, name) for name in self.variables],
+            "values": self.values,
+            "reasons": list(self.reasons),
+            "states": list(self.model_states),
+            "state_units": [getattr(STATE_UNITS, name) for name in self.model_states],
+            "inputs": list(INPUTS),
+            "input_units": list(INPUT_UNITS),
+            "operating_states": self.states,
+            "operating_inputs": self.inputs,
+            "A": self.A,
+            "B": self.B,
+            "mode_names": list(self.mode_names),
+            "eigenvalues": np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
+        }
+
+
+def sweep(
+    aircraft: Aircraft,
+    grid: Mapping[str, Sequence[float] | np.ndarray],
+    *,
+    full: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sweep:
+    """Trim and linearize `level_flight` at every point of the product of the given values.
+
+    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's, and
+    the dihedral angle zero. A point that has no
+    trim becomes a row with its reason. progress is called with (points done, points in all).
+    BadInputError when a name is unknown or the grid is empty or has more than `MOST_POINTS` points.
+    """
+    variables = tuple(grid)
+    for name in variables:
+        if name not in SWEPT:
+            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
+    axes = [np.asarray(grid[name], dtype=float) for name in variables]
+    total = int(np.prod([axis.size for axis in axes], dtype=float)) if axes else 0
+    if not 0 < total <= MOST_POINTS:
+        raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
+    values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(total, len(axes))
+    conditions = level_conditions(variables, values)
+    flights = solve_level_flights(aircraft.variant, aircraft.parameters, conditions)
+    reasons = [""] * total
+    trimmed, balanced = flights.trimmed.copy(), flights.balanced
+    for done, index in enumerate(np.flatnonzero(~flights.trimmed)):
+        if balanced[index]:
+            reasons[index] = _beyond_limits(flights.states[index], flights.inputs[index])
+        else:
+            reasons[index] = settle(aircraft, conditions[index], flights, int(index))
+        trimmed[index] = reasons[index] == ""
+        if progress is not None:
+            progress(total - int(np.count_nonzero(~flights.trimmed)) + done + 1, total)
+    model_states = STATES if full else LINEAR_STATES
+    rows = [STATES.index(name) for name in model_states]
+    A, B = flights.A[:, rows][:, :, rows], flights.B[:, rows]
+    for array in (flights.states, flights.inputs, A, B):
+        array[~trimmed] = np.nan
+    path = _snake_path([axis.size for axis in axes])
+    path = path[trimmed[path]]
+    eigenvalues = np.full((total, len(rows)), np.nan, dtype=complex)
+    if path.size:
+        eigenvalues[path] = track_modes(A[path], model_states)
+    return Sweep(
+        variables=variables,
+        values=values,
+        reasons=tuple(reasons),
+        states=flights.states,
+        inputs=flights.inputs,
+        A=A,
+        B=B,
+        eigenvalues=eigenvalues,
+        model_states=model_states,
+        mode_names=_column_names(A[path[0]], eigenvalues[path[0]], model_states) if path.size else (),
+        dynamics=aircraft.variant.name,
+    )
+
+
+def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """Rows in the order of `level_flights.CONDITION`: the given values, else what the paper has; zero dihedral.
+
+    Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
+    """
+    paper = level_flight(0.0).imposed
+    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+    for column, name in enumerate(variables):
+        if name in CONDITION:
+            conditions[:, CONDITION.index(name)] = values[:, column]
+    return conditions
+
+
+def settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
+    """The robust solver's word on a point that the batch's Newton could not balance.
+
+    "" and the point with its A and B written into `flights`, or why there is no trim.
+    """
+    try:
+        point = find_operating_point(aircraft, level_flight(**dict(zip(CONDITION, condition.tolist(), strict=True))))
+    except (BadInputError, NoSolutionError) as error:
+        return str(error)
+    model = linearize(aircraft, point, full=True)
+    flights.states[index], flights.inputs[index] = point.states, point.inputs
+    flights.A[index], flights.B[index] = model.A, model.B
+    return ""
+
+
+def _beyond_limits(states: np.ndarray, inputs: np.ndarray) -> str:
+    values = dict(zip(STATES + INPUTS, [*states.tolist(), *inputs.tolist()], strict=True))
+    beyond = [
+        f"{name} would have to be {describe(name, value)}, its {word} is {describe(name, limit)}"
+        for name, value in values.items()
+        for limit, word, outside in (
+            (LIMITS[name][0], "lowest", value < LIMITS[name][0]),
+            (LIMITS[name][1], "highest", value > LIMITS[name][1]),
+        )
+        if outside
+    ]
+    return "no trim within limits: " + "; ".join(beyond)
+
+
+def _snake_path(sizes: list[int]) -> np.ndarray:
+    """Flat indices of a grid along a path whose neighbours are neighbours: the last axis turns back at its ends."""
+    rows = np.arange(int(np.prod(sizes))).reshape(-1, sizes[-1])
+    if len(sizes) > 1:
+        # Order the rows the same way, axis by axis.
+        rows = rows[_snake_path(sizes[:-1])]
+        rows[1::2] = rows[1::2, ::-1]
+    return rows.ravel()
+
+
+def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...]) -> tuple[str, ...]:
+    """The mode that each eigenvalue column belongs to, at the first trimmed point."""
+    modes = modes_of(A, states)
+    names = []
+    for value in eigenvalues:
+        up = complex(value.real, abs(value.imag))
+        names.append(min(modes, key=lambda mode: abs(mode.eigenvalue - up)).name)
+    return tuple(names)

@@ -1,0 +1,132 @@
+"""What a large sweep visits: which variables take which values, any part of it on demand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfa_model.parameters import FIELDS, Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import variant_named
+from hfa_model.vectors import UNITS
+from trim.sweeps.level_flights import CONDITION
+
+#: What a plan can vary: the condition of a level flight, and any parameter of the aircraft.
+PLANNED = CONDITION + Parameters._fields
+#: Of a grid, which is never made as a whole.
+MOST_POINTS = 1_000_000_000
+#: Of a Latin hypercube, which is: 10 bytes and more a sample and variable.
+MOST_SAMPLES = 10_000_000
+
+
+@dataclass(frozen=True)
+class Steps:
+    """`count` values from `start` on, `step` apart: a range of any length in three numbers."""
+
+    start: float
+    step: float
+    count: int
+
+    def at(self, index: np.ndarray) -> np.ndarray:
+        """The values of the given indices."""
+        return self.start + self.step * index
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """N points over named variables, for one aircraft.
+
+    axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
+    fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
+    hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the
+    aircraft where it is not varied. BadInputError when a name or a range is wrong.
+    """
+
+    axes: Mapping[str, tuple[float, ...] | Steps]
+    parameters: Parameters
+    dynamics: str
+    samples: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Name what is wrong before anything runs."""
+        if not self.axes:
+            raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
+        for name, values in self.axes.items():
+            if name not in PLANNED:
+                raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
+            lowest = values.start if isinstance(values, Steps) else min(values)
+            if name in FIELDS._fields and getattr(FIELDS, name).positive and lowest <= 0:
+                raise BadInputError(f"{name} is {lowest:g} in the sweep; it must be positive")
+            if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
+                raise BadInputError(f"{name} needs a range lowest:highest for random samples")
+        if not 0 <= self.samples <= MOST_SAMPLES:
+            raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
+        if self.count > MOST_POINTS:
+            raise BadInputError(
+                f"the sweep has {self.count:.3g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
+            )
+        variant_named(self.dynamics)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of what varies, in order."""
+        return tuple(self.axes)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each variable, in order."""
+        return tuple(getattr(FIELDS, name).unit if name in FIELDS._fields else UNITS[name] for name in self.axes)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of points."""
+        return self.samples or math.prod(self._sizes)
+
+    def values(self, start: int, stop: int) -> np.ndarray:
+        """Rows start .. stop - 1 of the (N, variables) table of values."""
+        if self.samples:
+            return self._hypercube[start:stop]
+        indices = np.unravel_index(np.arange(start, stop), self._sizes)
+        columns = [
+            values.at(index) if isinstance(values, Steps) else np.asarray(values)[index]
+            for values, index in zip(self.axes.values(), indices, strict=True)
+        ]
+        return np.stack(columns, axis=-1)
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [values.count if isinstance(values, Steps) else len(values) for values in self.axes.values()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plan as JSON data; two plans with the same data visit the same points."""
+        return {
+            "axes": {
+                name: asdict(values) if isinstance(values, Steps) else list(values)
+                for name, values in self.axes.items()
+            },
+            "parameters": self.parameters._asdict(),
+            "dynamics": self.dynamics,
+            "samples": self.samples,
+            "seed": self.seed,
+        }
+
+    @cached_property
+    def identity(self) -> str:
+        """A hash of everything that decides the results."""
+        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def _hypercube(self) -> np.ndarray:
+        from scipy.stats import qmc
+
+        unit = qmc.LatinHypercube(d=len(self.axes), rng=np.random.default_rng(self.seed)).random(self.samples)
+        bounds = np.array(list(self.axes.values()))
+        return np.asarray(bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0]))

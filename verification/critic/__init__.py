@@ -1,0 +1,1 @@
+"""A learned critic compared with the exact solution."""

@@ -1,0 +1,77 @@
+"""A picture of a checked critic: learned and exact value side by side, and how the error fell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.learning_result import LearningResult
+from hfa_model.support.figure import new_figure
+from verification.critic.check_report import error_over_time
+from verification.critic.critic_check import CriticCheck
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Entries below this share of the largest are drawn on a linear scale.
+_LINEAR_SHARE = 1e-4
+#: Errors below this are rounding, and drawn here: a logarithmic axis has no 0.
+_FLOOR = 1e-17
+
+
+def check_figure(
+    check: CriticCheck,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    basis: Basis,
+    run: LearningResult | None,
+    predefined_time: float | None,
+) -> Figure:
+    """P learned, exact and their difference as heat maps (signed logarithmic scale), K where there is no P; of a run
+    also residual and error over time."""
+    figure = new_figure(12.0, 3.6 if run is None else 7.0)
+    grid = figure.add_gridspec(1 if run is None else 2, 3)
+    name, rows, learned, exact = "P", states, check.candidate.P, check.exact.P
+    if learned is None:
+        name, rows, learned, exact = "K", inputs, check.candidate.K, check.exact.K
+    largest = float(np.abs(exact).max())
+    maps = ((f"{name} learned", learned, largest), (f"{name} exact", exact, largest))
+    for index, (title, matrix, size) in enumerate((*maps, ("learned - exact", learned - exact, None))):
+        axes = figure.add_subplot(grid[0, index])
+        _heat_map(figure, axes, title, matrix, size)
+        axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
+        axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    if run is not None:
+        _over_time(figure.add_subplot(grid[1, :]), check, basis, run, predefined_time)
+    return figure
+
+
+def _over_time(
+    axes: Axes, check: CriticCheck, basis: Basis, run: LearningResult, predefined_time: float | None
+) -> None:
+    axes.semilogy(run.times, np.maximum(run.residual_norm, _FLOOR), color="C0", label="residual |e| / |z'Qz|")
+    errors = np.maximum(error_over_time(check, run, basis), _FLOOR)
+    axes.semilogy(run.times, errors, "--", color="C1", label="error |P - P exact| / |P exact|")
+    if predefined_time is not None:
+        axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
+    axes.set_ylim(bottom=_FLOOR)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("relative size")
+    axes.grid(alpha=0.3)
+    axes.legend()
+
+
+def _heat_map(figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None) -> None:
+    """size: of the color scale; by default, and when it is 0, the largest entry."""
+    from matplotlib.colors import SymLogNorm
+
+    size = size or float(np.abs(matrix).max()) or 1.0
+    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
+    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
+    axes.set_title(title)
+    powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=[*-powers, 0.0, *powers[::-1]], format="%.0g")
+    bar.ax.minorticks_off()

@@ -1,0 +1,184 @@
+"""The laws that fly in Section 5: what each hands to the loop, and what it learns on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from controller.flight.critic_policy import CriticPolicy, forcing
+from controller.flight.gain_plan import BASELINE_EFFORT, GainPlan, baseline_value, online_plan
+from controller.flight.policies import Policy
+from controller.flight.signals import Signal, zero
+from controller.flight.tracking_policy import TrackingPolicy, tracking_constants
+from controller.game.basis import Basis, basis
+from controller.laws.learn import learn
+from controller.laws.published_law import PublishedLaw, PublishedSettings, published_law
+from controller.samples.recording import Stack, random_pool
+from hfa_model.vectors import LINEAR_STATES
+from verification.experiments.setting import Case, Setting, feedforward, generator
+from verification.riccati.gare import solve_game
+
+PRINTED, HELPED = "published, as printed", "published, helped"
+CERTIFIED, CERTIFIED_FF = "certified", "certified + feed-forward"
+IRL = "irl"
+EXACT, EXACT_FF, REWEIGHTED = "exact", "exact + feed-forward", "exact, alpha reweighted"
+
+#: What each law is, for tables and figures.
+LAWS = {
+    PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
+    HELPED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
+    CERTIFIED: "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified",
+    CERTIFIED_FF: "the same, with the exact feed-forward from the first certified gain on",
+    IRL: "u = -K(t) z, integral learning in flight from the same gentle LQR",
+    EXACT: "u = -K z with the exact solution of the game",
+    EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
+    REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Critic:
+    """What a law learns. weights: (N, M), in the model's units, one row a tick; residual: (N,), relative Bellman
+    residual |e|/|z'Qz| of the game over the recorded stack. note: facts of the learning by name.
+    """
+
+    basis: Basis
+    weights: np.ndarray
+    residual: np.ndarray
+    note: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Pilot:
+    """policy with its constants by tick and its start; critic: from its memory at the ticks (N, k) to what it learned.
+
+    learned_from: s, when the learned gain takes over; 0 when it flies from the start.
+    """
+
+    policy: Policy
+    constants: Callable[[int], np.ndarray]
+    memory: np.ndarray
+    critic: Callable[[np.ndarray], Critic] | None
+    learned_from: float = 0.0
+
+
+def pilot(setting: Setting, case: Case, law: str, predefined_time: float, frozen: bool, reference: Signal) -> Pilot:
+    """The law ready to fly a case that has learned nothing yet.
+
+    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which feed-forward and the
+    published drift know.
+    """
+    if law in (PRINTED, HELPED):
+        return _published(setting, case, law, predefined_time, frozen, reference)
+    if law in (CERTIFIED, CERTIFIED_FF, IRL):
+        return _learned(setting, case, law, predefined_time, reference)
+    tuned = case.reweighted(setting.reading["reweighted"]["alpha_factor"]) if law == REWEIGHTED else case
+    w = generator(reference)
+    F = np.zeros((len(case.game.R), w.size)) if law == EXACT else feedforward(tuned, reference)
+    constants = tracking_constants(tuned.exact.K, F)
+    return Pilot(TrackingPolicy(w), lambda tick: constants, np.zeros(0), None)
+
+
+def recorded_pool(setting: Setting, case: Case) -> Stack:
+    """The random states from which the stack of every critic is chosen."""
+    critic = setting.reading["critic"]
+    return random_pool(case.game, critic["pool"], critic["seed"], np.array(critic["box"], dtype=float))
+
+
+def published(setting: Setting, case: Case, law: str, predefined_time: float) -> PublishedLaw:
+    """Eq. (46) on the recorded stack, as printed or helped."""
+    reading = setting.reading
+    critic, own = reading["critic"], reading["published_helped" if law == HELPED else "published_as_printed"]
+    if law == HELPED:
+        start_game = replace(case.game, Q=own["start_Q"] * np.eye(len(LINEAR_STATES)), delta=np.inf)
+        functions = basis(own["basis"], len(LINEAR_STATES))
+        start: Any = tuple(functions.weights(solve_game(start_game).P).tolist())
+        gains = (own["alpha1"], own["alpha2"])
+    else:
+        functions, start, gains = basis(critic["basis"], len(LINEAR_STATES)), own["initial_weight"], None
+    chosen = PublishedSettings(
+        predefined_time=predefined_time,
+        step=reading["flight"]["step"],
+        theta=critic["theta"],
+        basis=functions.name,
+        samples=critic["samples"],
+        initial_weights=start,
+        recorded_weights=start,
+        normalisation=critic["normalisation"],
+        gains=gains,
+        coordinates=own["coordinates"],
+    )
+    return published_law(case.game, chosen, critic["seed"], recorded_pool(setting, case))
+
+
+def _published(
+    setting: Setting, case: Case, name: str, predefined_time: float, frozen: bool, reference: Signal
+) -> Pilot:
+    law = published(setting, case, name, predefined_time)
+    own = setting.reading["published_helped" if name == HELPED else "published_as_printed"]
+    told = forcing(case.game.A, reference) if own["drift"] == "with reference" else zero(len(LINEAR_STATES))
+    tick = setting.reading["flight"]["tick"]
+    on, off = np.ones(1), np.zeros(1)
+
+    def constants(number: int) -> np.ndarray:
+        return off if frozen and number * tick >= predefined_time - 1e-9 else on
+
+    def critic(memory: np.ndarray) -> Critic:
+        weights = np.array([law.equations.unscaled(row) for row in memory])
+        residual = np.array([law.equations.relative_cost_residual(row) for row in memory])
+        facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
+        return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
+
+    return Pilot(CriticPolicy(law, told), constants, law.start()["weights"], critic)
+
+
+def _learned(setting: Setting, case: Case, law: str, predefined_time: float, reference: Signal) -> Pilot:
+    """K(t) from a learning run that goes on beside the flight; a baseline flies until K(t) is certified."""
+    tick = setting.reading["flight"]["tick"]
+    plan = _irl_plan(setting, case, tick) if law == IRL else _certified_plan(setting, case, predefined_time, tick)
+    assert plan.learned is not None
+    learned, w = plan.learned, generator(reference)
+    none = np.zeros((len(case.game.R), w.size))
+    F = feedforward(case, reference) if law == CERTIFIED_FF else none
+
+    def constants(number: int) -> np.ndarray:
+        started = number * tick >= plan.certified_from - 1e-9
+        return tracking_constants(plan.gains[min(number, len(plan.gains) - 1)], F if started else none)
+
+    def critic(memory: np.ndarray) -> Critic:
+        rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
+        rows = np.clip(rows, 0, len(learned.times) - 1)
+        facts = {"status": learned.status, "learned_from": plan.certified_from} | learned.diagnostics
+        functions = basis(learned.basis, len(LINEAR_STATES))
+        return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
+
+    return Pilot(TrackingPolicy(w), constants, np.zeros(0), critic, plan.certified_from)
+
+
+def _certified_plan(setting: Setting, case: Case, predefined_time: float, tick: float) -> GainPlan:
+    critic = setting.reading["critic"]
+    learned = learn(
+        case.game,
+        "certified",
+        critic["seed"],
+        pool=recorded_pool(setting, case),
+        predefined_time=predefined_time,
+        tick=tick,
+        theta=critic["theta"],
+        basis=critic["basis"],
+        samples=critic["samples"],
+        initial_weights=setting.reading["published_as_printed"]["initial_weight"],
+    )
+    return online_plan(case.game, "certified", learned, tick)
+
+
+def _irl_plan(setting: Setting, case: Case, tick: float) -> GainPlan:
+    chosen = {name: value for name, value in setting.reading["irl"].items() if name != "why"}
+    start = basis("quadratic", len(LINEAR_STATES)).weights(baseline_value(case.game) / BASELINE_EFFORT)
+    learned = learn(
+        case.game, "irl", setting.reading["critic"]["seed"], initial_weights=tuple(start.tolist()), **chosen
+    )
+    return online_plan(case.game, "irl", learned, tick)

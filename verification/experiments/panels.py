@@ -1,0 +1,170 @@
+"""Pictures of the experiments: panels with lines as plain data, and how they are drawn."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_model.support.figure import new_figure
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, IRL, PRINTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COMMAND = "command"
+#: What follows the name of a law in the legend when its flight was lost.
+LOST = " (lost at "
+#: Lightness, dashes and width together tell the lines apart, also in print without color.
+_STYLES: dict[str, dict[str, Any]] = {
+    COMMAND: {"color": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 5},
+    PRINTED: {
+        "color": "black",
+        "marker": "x",
+        "linestyle": "none",
+        "markersize": 9,
+        "markeredgewidth": 2.0,
+        "zorder": 6,
+    },
+    HELPED: {"color": "0.65", "linestyle": "-", "linewidth": 3.0},
+    CERTIFIED: {"color": "C0", "linestyle": "-", "linewidth": 1.3},
+    CERTIFIED_FF: {"color": "navy", "linestyle": "-.", "linewidth": 1.5},
+    IRL: {"color": "C1", "linestyle": "-", "linewidth": 1.3, "marker": "o", "markersize": 4, "markevery": 0.08},
+    EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
+    EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
+}
+#: For lines that are not laws: cases of uncertainty, weights.
+_CYCLE: tuple[dict[str, Any], ...] = (
+    {"color": "black", "linestyle": "-", "linewidth": 2.2},
+    {"color": "C0", "linestyle": "--", "linewidth": 1.6},
+    {"color": "C1", "linestyle": "-.", "linewidth": 1.6},
+    {"color": "0.55", "linestyle": ":", "linewidth": 2.4},
+)
+#: For the lines of a bundle, which only differ from one another.
+_BUNDLE = ("black", "C0", "C1", "0.6")
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """x: (N,), y: (N,) or (N, k) for a bundle without names of its own."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes. y_label with its unit; scale: "linear", "log" or "asinh"; marked: times of vertical lines.
+
+    linear_part: the part of the largest value below which an "asinh" axis is linear, rounded to a power of ten.
+    """
+
+    title: str
+    y_label: str
+    lines: tuple[Line, ...]
+    scale: str = "linear"
+    marked: tuple[tuple[float, str], ...] = ()
+    linear_part: float = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure of the paper, drawn anew: panels row by row. number: the paper's."""
+
+    number: int
+    title: str
+    columns: int
+    panels: tuple[Panel, ...]
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What is drawn, by panel and line: "02 Case I / certified / x"."""
+        found = {}
+        for index, panel in enumerate(self.panels):
+            for line in panel.lines:
+                name = f"{index:02d} {panel.title} {panel.y_label} / {line.label}"
+                found[f"{name} / x"], found[f"{name} / y"] = line.x, line.y
+        # A "/" would make folders of an archive's members when it is unpacked.
+        return {re.sub(r"[^\w .,+=()-]", "_", name): values for name, values in found.items()}
+
+
+def draw(picture: Picture) -> Figure:
+    """The picture, with one legend for all panels."""
+    rows = -(-len(picture.panels) // picture.columns)
+    figure = new_figure(5.4 * picture.columns, 0.9 + (2.1 if rows > 2 else 2.8) * rows)
+    figure.suptitle(f"Figure {picture.number}. {picture.title}", fontsize=11)
+    grid = figure.subplots(rows, picture.columns, squeeze=False, sharex=True)
+    labels: dict[str, Any] = {}
+    for axes, panel in zip(grid.ravel(), picture.panels, strict=False):
+        _draw_panel(axes, panel)
+        handles, names = axes.get_legend_handles_labels()
+        labels |= {name: handle for name, handle in zip(names, handles, strict=True) if name not in labels}
+    for axes in grid.ravel()[len(picture.panels) :]:
+        axes.set_axis_off()
+    for column in range(picture.columns):
+        last = (len(picture.panels) - 1 - column) // picture.columns
+        grid[last, column].set_xlabel("time, s")
+        grid[last, column].tick_params(labelbottom=True)
+    if labels:
+        figure.legend(
+            labels.values(), labels, loc="outside lower center", ncols=min(len(labels), 2 + picture.columns), fontsize=9
+        )
+    return figure
+
+
+def _draw_panel(axes: Axes, panel: Panel) -> None:
+    if panel.scale == "asinh":
+        _scale_by_asinh(axes, panel)
+    else:
+        axes.set_yscale(panel.scale)
+    for index, line in enumerate(panel.lines):
+        bundle = line.y.ndim == 2
+        style = _STYLES.get(line.label.partition(LOST)[0], _CYCLE[index % len(_CYCLE)])
+        if bundle:
+            for column, values in enumerate(line.y.T):
+                axes.plot(line.x, values, color=_BUNDLE[column % len(_BUNDLE)], linewidth=0.9)
+        else:
+            axes.plot(line.x, line.y, label=line.label, **style)
+    for time, _ in panel.marked:
+        axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
+    if panel.title and panel.marked:  # panels without a title stand below one that has the names already
+        times, names = zip(*panel.marked, strict=True)
+        top = axes.secondary_xaxis("top")
+        top.set_xticks(times, names, fontsize=8)
+        top.tick_params(length=0, pad=1)
+    axes.set_title(panel.title, fontsize=10)
+    axes.set_ylabel(panel.y_label, fontsize=9)
+    axes.tick_params(labelsize=8, which="both")
+    axes.grid(alpha=0.3)
+    drawn = np.concatenate([line.x for line in panel.lines])
+    if len(drawn):  # of all values, also those that a logarithmic axis leaves out
+        margin = 0.02 * float(np.ptp(drawn)) or 1.0
+        axes.set_xlim(float(drawn.min()) - margin, float(drawn.max()) + margin)
+
+
+def _scale_by_asinh(axes: Axes, panel: Panel) -> None:
+    """Linear near 0, logarithmic beyond a power of ten; marked at 0 and at the powers of ten from there on."""
+    largest = max((float(np.nanmax(np.abs(line.y), initial=0.0)) for line in panel.lines), default=0.0)
+    if largest == 0.0:
+        return
+    first, last = math.floor(math.log10(largest * panel.linear_part)), math.ceil(math.log10(largest))
+    axes.set_yscale("asinh", linear_width=10.0**first)
+    powers = range(first, last + 1)
+    powers = powers[1:] if len(powers) > 2 else powers  # the first one would touch the 0
+    places = [-(10.0**power) for power in powers] + [0.0] + [10.0**power for power in powers]
+    names = [f"$-10^{{{power}}}$" for power in powers] + ["0"] + [f"$10^{{{power}}}$" for power in powers]
+    shown = [index for index, place in enumerate(places) if _reaches(panel, place)]
+    axes.set_yticks([places[index] for index in shown], [names[index] for index in shown])
+    axes.set_yticks([], minor=True)
+
+
+def _reaches(panel: Panel, place: float) -> bool:
+    """Whether a line comes up to a place on the axis, or nearly."""
+    if place == 0.0:
+        return True
+    return any(bool(np.any(line.y / place >= 0.7)) for line in panel.lines)

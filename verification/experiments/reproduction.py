@@ -1,0 +1,115 @@
+"""All of Section 5: which experiments there are, how one is run, and the table of claims."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.jsonable import jsonable
+from verification.experiments import comparison, noise, plant_mismatch as uncertainty, trim_points
+from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED, Evidence, judge
+from verification.experiments.experiment import Experiment, Outcome
+from verification.experiments.experiment_flights import fly
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
+from verification.experiments.result_folder import finished, write_outcome
+from verification.experiments.setting import Setting
+
+SCHEMA = "hfa.claims/1"
+EXPERIMENTS = {module.EXPERIMENT.section: module.EXPERIMENT for module in (trim_points, comparison, uncertainty, noise)}
+ALL = "all"
+#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
+_OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
+
+#: Told what is flown, and how many flights of how many are done.
+Progress = Callable[[str, int, int], None]
+
+
+def experiments(name: str) -> tuple[Experiment, ...]:
+    """The experiment of a section, or all of them. Raises BadInputError for another name."""
+    if name == ALL:
+        return tuple(EXPERIMENTS.values())
+    if name not in EXPERIMENTS:
+        raise BadInputError(f"there is no experiment {name!r}; choose from {', '.join((*EXPERIMENTS, ALL))}")
+    return (EXPERIMENTS[name],)
+
+
+def run_experiment(experiment: Experiment, setting: Setting, progress: Progress | None = None) -> Outcome:
+    """Fly everything and judge every claim."""
+    plans = experiment.flights(setting)
+    flown = {}
+    for count, plan in enumerate(plans):
+        if progress is not None:
+            progress(experiment.section, count, len(plans))
+        flown[plan] = fly(setting, plan, experiment.section)
+    if progress is not None:
+        progress(experiment.section, len(plans), len(plans))
+    evidence = Evidence(setting, experiment.section, flown)
+    return Outcome(experiment, setting, flown, tuple(judge(claim, evidence) for claim in experiment.claims))
+
+
+def reproduce(
+    chosen: Sequence[Experiment],
+    setting: Setting,
+    folder: Path,
+    *,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run experiments into folder/section each, and return the table of their claims.
+
+    resume: an experiment that is there with the same identity is not run again.
+    """
+    results = []
+    for experiment in chosen:
+        known = finished(experiment, setting, folder) if resume else None
+        results.append(known or write_outcome(run_experiment(experiment, setting, progress), folder))
+    return claims_table(setting, results)
+
+
+def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The claims of several experiments with counts of the verdicts, and what was flown."""
+    claims = [claim for result in results for claim in result["claims"]]
+    verdicts = [claim["verdict"] for claim in claims]
+    used = {law for result in results for law in result["laws"]}
+    table = {
+        "schema": SCHEMA,
+        "setting": setting.identity,
+        "laws": {law: text for law, text in LAWS.items() if law in used},
+        "verdicts": {verdict: verdicts.count(verdict) for verdict in (CONFIRMED, NOT_CONFIRMED, NOT_JUDGED)},
+        "lost_flights": lost_flights(results),
+        "own_failures": own_failures(results),
+        "claims": claims,
+        "experiments": [
+            {key: result[key] for key in ("section", "title", "identity", "flights", "pictures")} for result in results
+        ],
+    }
+    whole: dict[str, Any] = jsonable(table)
+    return whole
+
+
+def lost_flights(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Section, name, law and time of every flight that did not come to its end."""
+    return [
+        {
+            "section": result["section"],
+            "name": flight["name"],
+            "law": flight["law"],
+            "lost_at": flight["metrics"]["lost_at"],
+        }
+        for result in results
+        for flight in result["flights"]
+        if flight["metrics"]["lost_at"] is not None
+    ]
+
+
+def own_failures(results: Sequence[dict[str, Any]]) -> list[str]:
+    """Flights of this project's own laws that were lost, or whose learning was not certified."""
+    found = []
+    for result in results:
+        for flight in result["flights"]:
+            status = flight["metrics"].get("learning", {}).get("facts", {}).get("status", "converged")
+            if flight["law"] in _OWN and (flight["metrics"]["lost_at"] is not None or status != "converged"):
+                found.append(f"{result['section']}: {flight['name']}")
+    return found

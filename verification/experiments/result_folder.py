@@ -1,0 +1,114 @@
+"""Where results go: one folder an experiment, there as a whole or not at all, and known by what decided its numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.figure import save
+from hfa_model.support.files import save_npz, write_text
+from hfa_model.support.jsonable import jsonable
+from hfa_model.support.version import toolchain_version
+from verification.experiments.experiment import Experiment, Outcome
+from verification.experiments.flown_laws import LAWS
+from verification.experiments.panels import Picture, draw
+from verification.experiments.setting import Setting
+
+SCHEMA = "hfa.experiment/1"
+_RESULT = "result.json"
+
+
+def identity(experiment: Experiment, setting: Setting) -> str:
+    """A hash of everything that decides the numbers of an experiment: matrices, reading, flights, claims."""
+    decides = {
+        "schema": SCHEMA,
+        "section": experiment.section,
+        "setting": setting.identity,
+        "flights": [vars(plan) for plan in experiment.flights(setting)],
+        "claims": [[claim.number, claim.what, claim.relation, claim.limit] for claim in experiment.claims],
+    }
+    return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
+
+
+def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
+    """What is kept of an experiment beside its pictures, as JSON has it."""
+    experiment, setting = outcome.experiment, outcome.setting
+    result: dict[str, Any] = jsonable(
+        {
+            "schema": SCHEMA,
+            "toolchain": toolchain_version(),
+            "identity": identity(experiment, setting),
+            "section": experiment.section,
+            "title": experiment.title,
+            "matrices": setting.matrices,
+            "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in outcome.flown)},
+            "flights": [
+                {"name": plan.name, **vars(plan), "learned_from": record.learned_from, "metrics": record.metrics}
+                for plan, record in outcome.flown.items()
+            ],
+            "claims": [judgement.to_dict() for judgement in outcome.judgements],
+            "pictures": [_name(picture) for picture in pictures],
+        }
+    )
+    return result
+
+
+def write_outcome(outcome: Outcome, folder: Path) -> dict[str, Any]:
+    """Write the result and all pictures into folder/section, whole or not at all; returns the result.
+
+    An older result of the same section is replaced. Raises BadInputError when the folder cannot be written.
+    """
+    pictures = outcome.experiment.pictures(outcome.setting, outcome.flown)
+    section, result = outcome.experiment.section, result_of(outcome, pictures)
+    try:
+        unfinished = Path(tempfile.mkdtemp(dir=folder, prefix=f".{section}."))
+    except OSError as error:
+        raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
+    try:
+        for picture in pictures:
+            save_npz(unfinished / f"{_name(picture)}.npz", picture.arrays)
+            save(draw(picture), unfinished / f"{_name(picture)}.png")
+        write_text(unfinished / _RESULT, json_text(result))
+        unfinished.chmod(0o755)
+        _replace(unfinished, folder / section)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    return result
+
+
+def _name(picture: Picture) -> str:
+    return f"figure-{picture.number:02d}"
+
+
+def finished(experiment: Experiment, setting: Setting, folder: Path) -> dict[str, Any] | None:
+    """The result of an earlier run of this version with the same identity, if all its files are there."""
+    place = folder / experiment.section
+    try:
+        result: dict[str, Any] = json.loads((place / _RESULT).read_text(encoding="utf-8"))
+        names = [f"{name}.{suffix}" for name in result["pictures"] for suffix in ("png", "npz")]
+        same = (result["toolchain"], result["identity"]) == (toolchain_version(), identity(experiment, setting))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return result if same and all((place / name).is_file() for name in names) else None
+
+
+def json_text(data: Mapping[str, Any]) -> str:
+    """JSON with a line an entry; a number that is not finite becomes null."""
+    return json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _replace(unfinished: Path, target: Path) -> None:
+    """Put a finished folder in the place of an older one."""
+    if target.exists():
+        old = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.old."))
+        target.replace(old / target.name)
+        unfinished.replace(target)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        unfinished.replace(target)

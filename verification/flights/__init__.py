@@ -1,0 +1,1 @@
+"""Checks and limits of nonlinear flights."""

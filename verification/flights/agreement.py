@@ -1,0 +1,170 @@
+"""Two figures that a nonlinear flight must reproduce: the linear model to second order, an adaptive integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.gain_plan import GainPlan
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
+from controller.flight.policies import GainPolicy
+from controller.flight.signals import zero
+from controller.flight.simulate import NonlinearFlight, Scenario, loop_of
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.checks import Check, at_least, at_most
+from hfa_model.support.errors import NoSolutionError
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
+from trim.point.operating_point import OperatingPoint
+
+#: Deviations of the slope study in parts of `DIRECTION`; large enough that rounding does not show.
+SIZES = (0.001, 0.002, 0.004, 0.008, 0.016)
+#: 1 ft/s, 1 deg and 1 deg/s at once: every state takes part.
+DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
+LOWEST_SLOPE, HIGHEST_SLOPE = 1.9, 2.1
+#: Largest difference from the adaptive integrator, in parts of the largest deviation of that state.
+INTEGRATION = 1e-6
+#: A deviation below this part of `STATE_SCALES` counts as that large: a flight at rest leaves rounding, some 1e-11.
+AT_REST = 1e-3
+ADAPTIVE_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class DeviationStudy:
+    """max over t of |x_nonlinear - x_linear|, in scaled units (`STATE_SCALES`), for initial deviations of growing size.
+
+    sizes: (S,), parts of the direction. errors: (S, 7).
+    """
+
+    sizes: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """d log error / d log size of each state by least squares, (7,): 2 where the linear model is the derivative."""
+        slopes: np.ndarray = np.polyfit(np.log(self.sizes), np.log(self.errors), 1)[0]
+        return slopes
+
+    def checks(self) -> tuple[Check, ...]:
+        """Every state's slope within 1.9 to 2.1."""
+        found = []
+        for name, slope in zip(STATES, self.slopes.tolist(), strict=True):
+            reason = f"the error of the linear prediction grows with the deviation to the power {slope:.3g}, not 2"
+            found.append(at_least(f"slope_{name}_at_least", slope, LOWEST_SLOPE, reason))
+            found.append(at_most(f"slope_{name}_at_most", slope, HIGHEST_SLOPE, reason))
+        return tuple(found)
+
+
+def deviation_study(
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    plan: GainPlan,
+    *,
+    model: LinearizedAircraft | None = None,
+    duration: float = 5.0,
+    step: float = 0.001,
+) -> DeviationStudy:
+    """The closed loop released from `SIZES` times `DIRECTION`, nonlinear against linear.
+
+    model: the linear prediction; the exact derivatives at the point unless given. x_nl - x_lin = O(size²) because the
+    two loops agree to first order (Taylor).
+    """
+    prediction = LinearizedAircraft.at(aircraft, point) if model is None else model
+    loops = [_released(plant) for plant in (NonlinearPlant(aircraft, point), prediction)]
+    tick = 50
+    errors = []
+    for size in SIZES:
+        nonlinear, linear = (
+            loop.fly(
+                size * DIRECTION,
+                plan.constants,
+                step=step,
+                steps_per_tick=tick,
+                ticks=max(1, round(duration / step / tick)),
+            ).states
+            for loop in loops
+        )
+        errors.append(np.abs(nonlinear - linear).max(axis=0) / np.array(STATE_SCALES))
+    return DeviationStudy(np.array(SIZES), np.array(errors))
+
+
+def _released(plant: Plant) -> CompiledLoop:
+    nothing = zero(len(LINEAR_STATES))
+    return CompiledLoop(ClosedLoop(plant, GainPolicy(zero(len(INPUTS))), nothing, nothing, nothing))
+
+
+def adaptive_states(
+    loop: CompiledLoop,
+    initial: np.ndarray,
+    constants: Callable[[int], np.ndarray],
+    *,
+    tick: float,
+    ticks: int,
+) -> np.ndarray:
+    """The plant's states at the ends of the ticks, the start first, by DOP853 at rtol 1e-10; (ticks + 1, n).
+
+    constants: of the policy. The integrator is started anew where they, or a gust's noise, jump: a jump inside its
+    step would cost it its order. Raises NoSolutionError when it stops on the way.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in SciPy.
+    """
+    from scipy.integrate import solve_ivp
+
+    gust = loop.loop.gust
+    y = np.concatenate([initial, np.zeros(loop.loop.policy.memory_size), np.zeros(0) if gust is None else gust.start()])
+    n = len(initial)
+    rows = [y[:n]]
+    begin = 0
+    while begin < ticks:
+        p = _every(constants, loop, begin)
+        end = begin + 1
+        while end < ticks and np.array_equal(_every(constants, loop, end), p):
+            end += 1
+        times = tick * np.arange(begin, end + 1)
+        found = solve_ivp(
+            lambda t, state, p=p: np.array(loop.rate(t, state, p)).ravel(),
+            (times[0], times[-1]),
+            y,
+            method="DOP853",
+            t_eval=times[1:],
+            rtol=ADAPTIVE_TOLERANCE,
+            atol=1e-14,
+        )
+        if not found.success:
+            reached = found.t[-1] if len(found.t) else times[0]
+            raise NoSolutionError(f"the adaptive integrator stopped after {reached:.6g} s: {found.message}")
+        rows += list(found.y[:n].T)
+        y, begin = found.y[:, -1], end
+    return np.array(rows)
+
+
+def agreement_checks(
+    aircraft: Aircraft, plan: GainPlan, scenario: Scenario, result: NonlinearFlight
+) -> tuple[Check, ...]:
+    """Both figures for a flight: the slopes about its trim, with its last gain, and the same flight integrated anew."""
+    study = deviation_study(aircraft, result.point, GainPlan(plan.law, plan.gains[-1:]))
+    fixed = result.flight.states[:: scenario.steps_per_tick]
+    loop = loop_of(aircraft, result.point, scenario)
+    adaptive = adaptive_states(loop, scenario.initial, plan.constants, tick=scenario.tick, ticks=len(fixed) - 1)
+    return (*study.checks(), *integration_checks(fixed, adaptive))
+
+
+def _every(constants: Callable[[int], np.ndarray], loop: CompiledLoop, tick: int) -> np.ndarray:
+    gust = loop.loop.gust
+    return constants(tick) if gust is None else np.concatenate([constants(tick), gust.constants(tick)])
+
+
+def integration_checks(fixed: np.ndarray, adaptive: np.ndarray) -> tuple[Check, ...]:
+    """max |fixed - adaptive| / max |adaptive| of each state's deviation from trim, (N, 7) each, at most 1e-6.
+
+    The divisor is at least `AT_REST` of the state's scale.
+    """
+    found = []
+    for index, name in enumerate(STATES):
+        size = max(float(np.abs(adaptive[:, index]).max()), AT_REST * STATE_SCALES[index])
+        difference = float(np.abs(fixed[:, index] - adaptive[:, index]).max())
+        relative = difference / size
+        reason = f"the fixed step and the adaptive integrator differ by {relative:.2g}; take a shorter step"
+        found.append(at_most(f"integration_{name}", relative, INTEGRATION, reason))
+    return tuple(found)

@@ -1,0 +1,156 @@
+"""Pictures of nonlinear flights and of recoverable sets; draws, computes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.flight.simulate import NonlinearFlight
+from hfa_model.support.figure import new_figure
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from verification.flights.recoverable import RecoverableMap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: One color a state, the same in every map.
+COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
+_PALE = 0.3
+_DIHEDRAL = STATES.index("dihedral")
+
+
+def flight_figure(result: NonlinearFlight, title: str) -> Figure:
+    """The seven states, absolute: nonlinear, linear prediction, reference; the inputs; the updraft if there is one."""
+    figure = new_figure(10.0, 10.5)
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(5, 2, sharex=True).ravel()
+    times = result.flight.times
+    for index, (name, axes) in enumerate(zip(STATES, panels, strict=False)):
+        unit = getattr(STATE_UNITS, name)
+        if name in LINEAR_STATES:
+            row = LINEAR_STATES.index(name)
+            reference = result.states[:, index] - result.flight.errors[:, row]
+            axes.plot(times, _shown(reference, unit), ":", color="black", linewidth=1.0, label="reference")
+        if result.predicted is not None:
+            predicted = result.predicted.states[:, index] + result.point.states[index]
+            axes.plot(result.predicted.times, _shown(predicted, unit), "--", color="C1", label="linear")
+        axes.plot(times, _shown(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
+        _limit_lines(axes, result, index, unit)
+        _finish(axes, f"{name}, {_unit(unit)}")
+    throttle, surfaces, air = panels[len(STATES) :]
+    for index, name in enumerate(INPUTS):
+        axes = throttle if name == "throttle" else surfaces
+        axes.plot(times, _shown(result.inputs[:, index], getattr(INPUT_UNITS, name)), label=name, linewidth=1.0)
+    _finish(throttle, "throttle")
+    _finish(surfaces, "deflections, deg")
+    surfaces.legend(fontsize=7, ncols=2)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)
+    if np.any(result.flight.updrafts):
+        air.plot(times, result.flight.updrafts, color="C2")
+        _finish(air, "updraft, ft/s")
+    else:
+        air.set_axis_off()
+        air.text(0.5, 0.5, "still air", ha="center", va="center", fontsize=8, transform=air.transAxes)
+    for axes in panels[-2:]:
+        axes.set_xlabel("time, s", fontsize=8)
+    return figure
+
+
+def _limit_lines(axes: Axes, result: NonlinearFlight, index: int, unit: str) -> None:
+    """The envelope where the flight came near it."""
+    lowest, highest = result.envelope.lowest[index], result.envelope.highest[index]
+    states = result.states[:, index]
+    for limit, near in (
+        (lowest, states.min() < lowest + 0.2 * (highest - lowest)),
+        (highest, states.max() > highest - 0.2 * (highest - lowest)),
+    ):
+        if near:
+            axes.axhline(float(_shown(limit, unit)), color="C3", linewidth=0.8)
+
+
+def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
+    """One column a set of equations: the recoverable set over the start, and over dihedral commands."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    figure = new_figure(5.2 * len(maps), 8.4)
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(2, len(maps), squeeze=False, height_ratios=(1.25, 1.0))
+    seen: set[tuple[int, bool]] = set()
+    for column, each in enumerate(maps):
+        seen |= _start_map(panels[0, column], each)
+        _command_map(panels[1, column], each)
+    handles: list[Any] = [Patch(facecolor="white", edgecolor="gray", label="held")]
+    for index, back in sorted(seen):
+        name = STATES[index] if index >= 0 else "no state"
+        label = f"came back, {name} had left" if back else f"lost, {name} left first"
+        handles.append(Patch(color=COLORS.get(name, "0.6"), alpha=_PALE if back else 1.0, label=label))
+    handles.append(Line2D([], [], color="black", linestyle="--", label="linear model held"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+def _start_map(axes: Axes, each: RecoverableMap) -> set[tuple[int, bool]]:
+    from matplotlib.colors import to_rgba
+
+    held, returned, left = each.held("nonlinear"), each.returned("nonlinear"), each.left("nonlinear")
+    picture = np.ones((*held.shape, 4))
+    seen = set(zip(left[~held].tolist(), returned[~held].tolist(), strict=True))
+    for index, back in seen:
+        color = to_rgba(COLORS[STATES[index]] if index >= 0 else "0.6")
+        picture[~held & (left == index) & (returned == back)] = _over_white(color, _PALE if back else 1.0)
+    speeds, dihedrals = each.speeds, np.degrees(each.dihedrals)
+    axes.pcolormesh(speeds, dihedrals, picture, shading="nearest")
+    linear = each.held("linear").astype(float)
+    if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
+        axes.contour(speeds, dihedrals, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
+    axes.plot(0, 0, "+", color="black")
+    axes.set_xlabel("initial speed off trim, ft/s")
+    axes.set_ylabel("initial dihedral off trim, deg")
+    trimmed = np.degrees(each.point.states.dihedral)
+    axes.set_title(f"{each.dynamics} dynamics, trim at {trimmed:.4g} deg", fontsize=10)
+    return seen
+
+
+def _over_white(color: tuple[float, float, float, float], alpha: float) -> np.ndarray:
+    return np.array([*(alpha * part + 1.0 - alpha for part in color[:3]), 1.0])
+
+
+def _command_map(axes: Axes, each: RecoverableMap) -> None:
+    asked = np.degrees(each.commands)
+    linear, trials = each.linear_commands, each.nonlinear_commands
+    offset = np.degrees(linear.final[:, _DIHEDRAL]) - asked
+    axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
+    axes.plot(asked[linear.held], offset[linear.held], color="black", linewidth=2.0, label="linear model, held")
+    missed = np.degrees(trials.final[:, _DIHEDRAL]) - asked
+    arrived = trials.arrived(each.commands)
+    held, late = trials.held & arrived, ~trials.held & arrived
+    axes.plot(asked[held], missed[held], "o", color="C0", markersize=4, label="held")
+    axes.plot(asked[late], missed[late], "o", color="C0", markersize=4, fillstyle="none", label="arrived, had left")
+    for index in np.unique(trials.left[~arrived]).tolist():
+        rows = ~arrived & (trials.left == index)
+        name = STATES[index] if index >= 0 else "no state"
+        label = f"lost, {name} left first"
+        axes.plot(asked[rows], offset[rows], "x", color=COLORS.get(name, "black"), markersize=5, label=label)
+    axes.set_xlabel("commanded dihedral off trim, deg")
+    axes.set_ylabel("reached minus commanded, deg")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7)
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label, fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.ticklabel_format(useOffset=False)
+    axes.grid(alpha=0.3)
+
+
+def _shown(values: Any, unit: str) -> np.ndarray:
+    return np.asarray(np.degrees(values) if unit.startswith("rad") else values)
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("rad", "deg")

@@ -1,0 +1,218 @@
+"""How far from trim a linear policy holds: initial speed and dihedral, and dihedral commands; linear and nonlinear."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.flight.envelope import Envelope
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.trials import TrialLoop, Trials
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, STATES
+from trim.point.operating_point import OperatingPoint
+from verification.riccati.spectrum import spectrum
+
+#: Length of a trial in time constants of the slowest mode of the linear loop.
+TIME_CONSTANTS = 8.0
+#: A map holds at most this many points, about ten minutes of trials.
+MOST_POINTS = 50_000
+#: Flights along a ray before the bisection between the last that succeeds and the first that fails, and its halvings.
+_SCAN, _HALVINGS = 24, 12
+_SPEED, _DIHEDRAL = STATES.index("speed"), STATES.index("dihedral")
+_COMMANDED = LINEAR_STATES.index("dihedral")
+
+
+class Edge(NamedTuple):
+    """How far one can go along a ray from trim: what is varied and in which direction, and on which plant.
+
+    held: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
+    which one leaves it just beyond, and when, s. returned: up to where every flight comes to rest on its target,
+    whether or not it left the envelope. reach: the end of the scanned range; a value that equals it met no failure,
+    and `state` is then "".
+    """
+
+    axis: str
+    sign: int
+    plant: str
+    held: float
+    state: str
+    time: float
+    returned: float
+    reach: float
+
+
+@dataclass(frozen=True, eq=False)
+class RecoverableMap:
+    """Trials from a grid of initial deviations and of a line of dihedral commands, by both plants.
+
+    speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; nonlinear, linear: trials of all pairs, the
+    speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim, with their trials.
+    """
+
+    dynamics: str
+    point: OperatingPoint
+    envelope: Envelope
+    speeds: np.ndarray
+    dihedrals: np.ndarray
+    nonlinear: Trials
+    linear: Trials
+    commands: np.ndarray
+    nonlinear_commands: Trials
+    linear_commands: Trials
+    edges: tuple[Edge, ...]
+
+    def held(self, plant: str) -> np.ndarray:
+        """Which starts stay in the envelope and come back, (D, S); plant: "nonlinear" or "linear"."""
+        trials: Trials = getattr(self, plant)
+        return self._grid(trials.held & self._returned(trials))
+
+    def returned(self, plant: str) -> np.ndarray:
+        """Which starts come back, in or out of the envelope, (D, S)."""
+        return self._grid(self._returned(getattr(self, plant)))
+
+    def left(self, plant: str) -> np.ndarray:
+        """Index of the state that left first, -1 for none, (D, S)."""
+        return self._grid(getattr(self, plant).left)
+
+    def _returned(self, trials: Trials) -> np.ndarray:
+        return trials.returned(np.zeros((len(trials.left), len(LINEAR_STATES))))
+
+    def _grid(self, flat: np.ndarray) -> np.ndarray:
+        return flat.reshape(len(self.dihedrals), len(self.speeds))
+
+
+def recoverable_map(
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    gain: np.ndarray,
+    envelope: Envelope,
+    *,
+    speeds: np.ndarray,
+    dihedrals: np.ndarray,
+    commands: np.ndarray,
+    compile_code: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> RecoverableMap:
+    """Fly u = -K z from every start and to every command on the nonlinear aircraft and on its linear model.
+
+    gain: K (5, 6). speeds (ft/s), dihedrals (rad): deviations at the start. commands: rad, dihedral beyond trim. A
+    trial lasts `TIME_CONSTANTS` of the slowest mode of A - B K. BadInputError when a list is empty or not finite, the
+    map too large, or A - B K not Hurwitz.
+    """
+    for name, values in (("speeds", speeds), ("dihedrals", dihedrals), ("commands", commands)):
+        if len(values) == 0 or not np.all(np.isfinite(values)):
+            raise BadInputError(f"the map's {name} are empty or not finite; give numbers")
+    if len(speeds) * len(dihedrals) > MOST_POINTS:
+        raise BadInputError(f"the map has {len(speeds) * len(dihedrals)} points; at most {MOST_POINTS} are allowed")
+    reach = float(np.abs(speeds).max()), float(np.abs(dihedrals).max()), float(np.abs(commands).max())
+    found: dict[str, tuple[Trials, Trials]] = {}
+    edges: list[Edge] = []
+    model = LinearizedAircraft.at(aircraft, point)
+    plants: dict[str, NonlinearPlant | LinearizedAircraft] = {
+        "nonlinear": NonlinearPlant(aircraft, point),
+        "linear": model,
+    }
+    seconds = _trial_time(model, gain)
+    starts, orders = _starts(speeds, dihedrals), _commands(commands)
+    flown = itertools.count(1)
+    total = len(plants) * (len(starts) + len(orders))
+    tell = (lambda: None) if progress is None else (lambda: progress(next(flown), total))
+    for name, plant in plants.items():
+        loop = TrialLoop(plant, point, envelope, compile_code=compile_code)
+        found[name] = (
+            loop.fly(gain, starts, np.zeros((len(starts), len(LINEAR_STATES))), seconds, tell),
+            loop.fly(gain, np.zeros((len(commands), len(STATES))), orders, seconds, tell),
+        )
+        edges += _edges(loop, gain, name, reach, seconds)
+    return RecoverableMap(
+        aircraft.variant.name,
+        point,
+        envelope,
+        speeds,
+        dihedrals,
+        found["nonlinear"][0],
+        found["linear"][0],
+        commands,
+        found["nonlinear"][1],
+        found["linear"][1],
+        tuple(edges),
+    )
+
+
+def _trial_time(model: LinearizedAircraft, gain: np.ndarray) -> float:
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    abscissa = spectrum(model.A[np.ix_(rows, rows)] - model.B[rows] @ gain).abscissa
+    if abscissa >= 0.0:
+        raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
+    return TIME_CONSTANTS / -abscissa
+
+
+def _starts(speeds: np.ndarray, dihedrals: np.ndarray) -> np.ndarray:
+    starts = np.zeros((len(dihedrals), len(speeds), len(STATES)))
+    starts[:, :, _SPEED], starts[:, :, _DIHEDRAL] = speeds[None, :], dihedrals[:, None]
+    return starts.reshape(-1, len(STATES))
+
+
+def _commands(commands: np.ndarray) -> np.ndarray:
+    orders = np.zeros((len(commands), len(LINEAR_STATES)))
+    orders[:, _COMMANDED] = commands
+    return orders
+
+
+def _edges(
+    loop: TrialLoop, gain: np.ndarray, plant: str, reach: tuple[float, float, float], seconds: float
+) -> list[Edge]:
+    def start(values: np.ndarray, index: int) -> Trials:
+        starts = np.zeros((len(values), len(STATES)))
+        starts[:, index] = values
+        return loop.fly(gain, starts, np.zeros((len(values), len(LINEAR_STATES))), seconds)
+
+    def command(values: np.ndarray) -> Trials:
+        return loop.fly(gain, np.zeros((len(values), len(STATES))), _commands(values), seconds)
+
+    at_trim = np.zeros(len(LINEAR_STATES))
+    rays: list[tuple[str, Callable[[np.ndarray], Trials], Callable[[Trials, np.ndarray], np.ndarray], float]] = [
+        ("speed", lambda v: start(v, _SPEED), lambda t, v: t.returned(at_trim), reach[0]),
+        ("dihedral", lambda v: start(v, _DIHEDRAL), lambda t, v: t.returned(at_trim), reach[1]),
+        ("dihedral command", command, lambda t, v: t.arrived(v), reach[2]),
+    ]
+    return [_edge(axis, sign, plant, fly, back, far) for axis, fly, back, far in rays for sign in (-1, 1) if far > 0.0]
+
+
+def _edge(
+    axis: str,
+    sign: int,
+    plant: str,
+    fly: Callable[[np.ndarray], Trials],
+    back: Callable[[Trials, np.ndarray], np.ndarray],
+    far: float,
+) -> Edge:
+    values = far * np.arange(1, _SCAN + 1) / _SCAN
+    scan = fly(sign * values)
+    held, failure = _bisected(values, scan.held, lambda v: fly(sign * v).held, far)
+    state, time = "", np.inf
+    if failure < np.inf:
+        beyond = fly(np.array([sign * failure]))
+        state, time = STATES[int(beyond.left[0])], float(beyond.when[0])
+    returned, _ = _bisected(values, back(scan, sign * values), lambda v: back(fly(sign * v), sign * v), far)
+    return Edge(axis, sign, plant, held, state, time, returned, far)
+
+
+def _bisected(
+    values: np.ndarray, good: np.ndarray, judge: Callable[[np.ndarray], np.ndarray], far: float
+) -> tuple[float, float]:
+    """The last good and the first bad value, between the first bad one of the scan and the good one before it."""
+    if good.all():
+        return far, np.inf
+    first = int(np.argmin(good))
+    low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if judge(np.array([middle]))[0] else (low, middle)
+    return low, high

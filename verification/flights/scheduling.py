@@ -1,0 +1,155 @@
+"""A schedule of certified gains over the dihedral, and the flight through a slow change of dihedral."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from controller.flight.envelope import Envelope
+from controller.flight.gain_plan import learned_value
+from controller.flight.plants import NonlinearPlant
+from controller.flight.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
+from controller.flight.simulate import NonlinearFlight, Scenario, fly_policy, with_errors
+from controller.game.zero_sum import published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import TrimCondition, level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
+from verification.riccati.spectrum import spectrum
+
+#: Flight before and after a change of dihedral, s.
+LEAD, REST = 5.0, 15.0
+
+
+@dataclass(frozen=True, eq=False)
+class GridPoint:
+    """One certified gain: where, K (5, 6), its relative distance from the exact one, the abscissae of A - B K and of
+    A - S P, 1/s, and how many certificates hold."""
+
+    point: OperatingPoint
+    gain: np.ndarray
+    distance: float
+    control_abscissa: float
+    game_abscissa: float
+    certificates: int
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedSchedule:
+    """A schedule, the certified points that it is made of, and the largest abscissa of A - B K halfway between them,
+    with the interpolated K, 1/s."""
+
+    schedule: Schedule
+    grid: tuple[GridPoint, ...]
+    between: float
+
+    def at(self, dihedral: float) -> GridPoint:
+        """The grid point at a dihedral, rad; BadInputError when there is none."""
+        for row in self.grid:
+            if abs(row.point.states.dihedral - dihedral) <= 1e-9:
+                return row
+        raise BadInputError(f"the schedule has no grid point at {np.degrees(dihedral):g} deg; begin at one that it has")
+
+
+def change_over(start: float, end: float, duration: float) -> DihedralChange:
+    """A change from start to end, rad, that begins after `LEAD` seconds. BadInputError when there is none."""
+    if start == end:
+        raise BadInputError(f"the dihedral begins and ends at {np.degrees(start):g} deg; give two different ones")
+    return DihedralChange(start, end, LEAD, duration)
+
+
+def grid_of(change: DihedralChange, points: int) -> np.ndarray:
+    """Equally spaced dihedrals that the change passes, both ends included, increasing, rad."""
+    return np.linspace(min(change.start, change.end), max(change.start, change.end), points)
+
+
+def certified_schedule(
+    aircraft: Aircraft,
+    dihedrals: np.ndarray,
+    *,
+    law: str = "exact",
+    seed: int = 0,
+    game: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    condition: Callable[[float], TrimCondition] = level_flight,
+    progress: Callable[[int, int], None] | None = None,
+) -> CertifiedSchedule:
+    """Trim, linearize and solve or learn at every dihedral, rad; every gain must be certified.
+
+    law: "exact", or a learning law. game: changes of the published game (Q, R, delta). settings: of the law.
+    condition: dihedral -> trim.
+    Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
+    """
+    grid = []
+    for index, dihedral in enumerate(dihedrals.tolist()):
+        model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
+        grid.append(_certified(model, law, seed, game or {}, settings or {}))
+        if progress is not None:
+            progress(index + 1, len(dihedrals))
+    schedule = Schedule.of(tuple(row.point for row in grid), tuple(row.gain for row in grid))
+    return CertifiedSchedule(schedule, tuple(grid), _between(aircraft, schedule, condition))
+
+
+def _certified(
+    model: LinearModel, law: str, seed: int, changes: Mapping[str, Any], settings: Mapping[str, Any]
+) -> GridPoint:
+    game = published_game(model.A, model.B, **changes)
+    exact = solve_game(game)
+    P, gain, certificates = exact.P, exact.K, len(exact.certificate.checks)
+    if law != "exact":
+        learned = learned_value(game, law, seed, **settings)
+        P, gain, certificates = learned.P, learned.K, len(learned.certificates)
+    return GridPoint(
+        point=model.point,
+        gain=gain,
+        distance=float(np.linalg.norm(gain - exact.K) / np.linalg.norm(exact.K)),
+        control_abscissa=spectrum(game.A - game.B @ gain).abscissa,
+        game_abscissa=spectrum(game.A - game.S @ P).abscissa,
+        certificates=certificates,
+    )
+
+
+def _between(aircraft: Aircraft, schedule: Schedule, condition: Callable[[float], TrimCondition]) -> float:
+    worst = -np.inf
+    for dihedral in ((schedule.dihedrals[:-1] + schedule.dihedrals[1:]) / 2).tolist():
+        model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
+        gain = np.array(schedule.gain_at(dihedral))
+        worst = max(worst, spectrum(model.A - model.B @ gain).abscissa)
+    return worst
+
+
+def fly_schedule(
+    aircraft: Aircraft,
+    certified: CertifiedSchedule,
+    change: DihedralChange,
+    scenario: Scenario,
+    envelope: Envelope,
+    *,
+    frozen: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> NonlinearFlight:
+    """The nonlinear aircraft along the trims of a change of dihedral; the scenario's own reference is replaced.
+
+    The change begins at a grid point, whose trim is the one that deviations count from. frozen: keep the gain of
+    that point throughout, with the trims still scheduled: what scheduling the gain is worth.
+    """
+    schedule, begin = certified.schedule, certified.at(change.start)
+    if frozen:
+        schedule = replace(schedule, gains=np.broadcast_to(begin.gain, schedule.gains.shape))
+    reference = ScheduledReference(schedule, change, begin.point)
+    plant = NonlinearPlant(with_errors(aircraft, scenario), begin.point)
+    nothing = np.zeros(0)
+    return fly_policy(
+        plant,
+        ScheduledPolicy(reference),
+        lambda tick: nothing,
+        replace(scenario, reference=reference),
+        envelope,
+        progress=progress,
+    )

@@ -1,0 +1,1 @@
+"""What a solution means: cost, saddle point, gain, margins."""

@@ -1,0 +1,73 @@
+"""What a pair of linear policies costs: in closed form and by flying it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.support.checks import Check, at_most
+from hfa_model.support.errors import NoSolutionError
+from verification.meaning.linear_flight import simulate
+from verification.riccati.spectrum import is_hurwitz, spectrum
+
+COST_TOLERANCE = 1e-8
+#: Time constants of the slowest mode until a quadratic cost has spent all but e^-40 of itself.
+TIME_CONSTANTS = 20.0
+
+
+def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
+    """X with cost z0'X z0 of u = -K z, d = L z:  F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
+
+    K: (m, n); L: (k, n); X: (n, n).  Raises NoSolutionError when F is not Hurwitz: the cost is not finite.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    loop = _stable_loop(game, K, L)
+    price = 0.0 if math.isinf(game.delta) else game.delta**2
+    X = solve_continuous_lyapunov(loop.T, -(game.Q + K.T @ game.R @ K - price * L.T @ L))
+    return (X + X.T) / 2.0
+
+
+def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray) -> float:
+    """The cost of u = -K z, d = L z from z(0) = initial, (n,), integrated until the state has died out.
+
+    Raises NoSolutionError when A - B K + E L is not Hurwitz.
+    """
+    slowest = -spectrum(_stable_loop(game, K, L)).abscissa
+    times = np.array([0.0, TIME_CONSTANTS / slowest])
+    flight = simulate(game, lambda _, z: -K @ z, lambda _, z: L @ z, initial, times)
+    return float(flight.cost[-1])
+
+
+def cost_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
+    """The policies of P cost z0'P z0, by a Lyapunov equation and by flying them from z0 = initial, (n,)."""
+    K, L = game.gain(P), game.disturbance_gain(P)
+    claimed = float(initial @ P @ initial)
+    if not is_hurwitz(game.A - game.B @ K + game.E @ L):
+        reason = "the policies of P do not bring the state to rest: their cost is not finite"
+        return tuple(at_most(name, math.inf, COST_TOLERANCE, reason) for name in ("cost_lyapunov", "cost_simulated"))
+    costs = {
+        "cost_lyapunov": float(initial @ cost_matrix(game, K, L) @ initial),
+        "cost_simulated": simulated_cost(game, K, L, initial),
+    }
+    return tuple(
+        at_most(
+            name,
+            abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny),
+            COST_TOLERANCE,
+            f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}",
+        )
+        for name, cost in costs.items()
+    )
+
+
+def _stable_loop(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
+    loop = game.A - game.B @ K + game.E @ L
+    abscissa = spectrum(loop).abscissa
+    if abscissa >= 0.0:
+        raise NoSolutionError(
+            f"A - B K + E L has abscissa {abscissa:+.4g} rad/s: the cost of these policies is infinite"
+        )
+    return loop

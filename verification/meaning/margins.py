@@ -1,0 +1,178 @@
+"""How much gain and phase the loop of a policy u = -K z stands at the plant input.
+
+L(s) = K (sI - A)⁻¹ B is the loop broken at the input, S = (I + L)⁻¹. The margins concern the gain alone: learned
+and exact gains are judged by the same numbers. Gains are factors (not dB), phases degrees, frequencies rad/s.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.support.errors import NoSolutionError
+from verification.riccati.l2_gain import frequency_grid
+from verification.riccati.spectrum import spectrum
+
+#: Peaks whose scaling is optimised one after another until none is left above; a loop has far fewer.
+MAX_PEAKS = 200
+#: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
+DISK_AT_INFINITY = 2.0
+
+
+class LoopMargin(NamedTuple):
+    """One input at a time, all other loops closed (classical margins, and the balanced disk margin).
+
+    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), or its phase
+    shifted by less than `phase`; with both at once, within the disk of margin `disk`.
+    """
+
+    gain_low: float
+    gain_high: float
+    phase: float
+    disk: float
+    disk_gain: float
+    disk_phase: float
+
+
+class DiskMargin(NamedTuple):
+    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+
+    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2 arctan(α/2).
+    frequency: where the margin is smallest.  A lower bound: the true margin may be a little larger.
+    """
+
+    disk: float
+    gain: float
+    phase: float
+    frequency: float
+
+
+def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
+    """Margins of each input, in the order of the inputs. K: (m, n).
+
+    L_i(s) = K_i (sI - A + Σ_{j≠i} B_j K_j)⁻¹ B_i.  Raises NoSolutionError when A - B K is not Hurwitz.
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994); computed by python-control.
+    """
+    grid = _grid(game, K)
+    return tuple(_loop_margin(game, K, i, grid) for i in range(game.B.shape[1]))
+
+
+def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
+    """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
+
+    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of a frequency
+    grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K is not Hurwitz.
+    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
+    """
+    grid = _grid(game, K)
+    responses = _balanced_sensitivity(game, K, grid)
+    bounds = _scaled_norm(responses, _osborne_scaling(responses))
+    minimised = np.zeros(len(grid), dtype=bool)
+    for _ in range(MAX_PEAKS):
+        peak = int(np.argmax(bounds))
+        if minimised[peak]:
+            break
+        # The scaling found at a peak serves its neighbours too: a flat top is done at once.
+        bounds = np.minimum(bounds, _scaled_norm(responses, _best_scaling(responses[peak])))
+        minimised[peak] = True
+    peak = int(np.argmax(bounds))
+    alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
+    return DiskMargin(alpha, _disk_gain(alpha), _disk_phase(alpha), float(grid[peak]))
+
+
+def structured_bound(M: np.ndarray) -> float:
+    """min over diagonal D > 0 of σ_max(D M D⁻¹), the upper bound of μ(M) for independent complex factors.
+
+    M: (m, m) complex. Exact for m <= 3.  Source: Packard and Doyle, Automatica 29 (1993), 71-109.
+    """
+    return float(_scaled_norm(M, _best_scaling(M)))
+
+
+def _best_scaling(M: np.ndarray) -> np.ndarray:
+    """log D of `structured_bound`, (m,)."""
+    from scipy.optimize import minimize
+
+    start = _osborne_scaling(M)
+    if len(M) == 1:
+        return start
+    size = float(_scaled_norm(M, start))
+    found = minimize(
+        lambda free: float(_scaled_norm(M, np.append(free, 0.0))),
+        start[:-1] - start[-1],
+        method="Nelder-Mead",
+        options={"xatol": 1e-7, "fatol": 1e-10 * max(size, 1e-300), "maxiter": 4000},
+    )
+    return np.append(found.x, 0.0) if found.fun < size else start
+
+
+def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray) -> LoopMargin:
+    import control
+
+    others = [j for j in range(game.B.shape[1]) if j != i]
+    others_closed = game.A - game.B[:, others] @ K[others]
+    loop = control.ss(others_closed, game.B[:, [i]], K[[i]], 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # python-control warns where a loop has no crossover
+        gains, phases, *_ = control.stability_margins(loop, returnall=True)
+        alpha, *_ = control.disk_margins(loop, grid, skew=0.0)
+    gains, phases = np.asarray(gains), np.abs(np.asarray(phases))
+    disk = min(float(alpha), DISK_AT_INFINITY)
+    return LoopMargin(
+        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
+        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
+        phase=float(np.minimum(phases, 360.0 - phases).min(initial=math.inf)),
+        disk=disk,
+        disk_gain=_disk_gain(disk),
+        disk_phase=_disk_phase(disk),
+    )
+
+
+def _grid(game: Game, K: np.ndarray) -> np.ndarray:
+    closed = spectrum(game.A - game.B @ K)
+    if closed.abscissa >= 0.0:
+        raise NoSolutionError(f"A - B K has abscissa {closed.abscissa:+.4g} rad/s: an unstable loop has no margins")
+    both = np.concatenate([closed.eigenvalues, np.linalg.eigvals(game.A)])
+    return frequency_grid(both)
+
+
+def _balanced_sensitivity(game: Game, K: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """S(jω) - I/2 = I/2 - K (jω I - A + B K)⁻¹ B, (N, m, m)."""
+    m = game.B.shape[1]
+    resolvent = 1j * frequencies[:, None, None] * np.eye(len(game.A)) - (game.A - game.B @ K)
+    return 0.5 * np.eye(m) - K @ np.linalg.solve(resolvent, np.broadcast_to(game.B, (len(frequencies), *game.B.shape)))
+
+
+def _scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
+    """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
+    scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
+
+
+def _osborne_scaling(M: np.ndarray) -> np.ndarray:
+    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start.
+
+    M: (..., m, m), one matrix or a stack; returns (..., m).
+    """
+    m = M.shape[-1]
+    off = np.abs(M) ** 2 * (1.0 - np.eye(m))
+    log_D = np.zeros(M.shape[:-1])
+    for _ in range(20):
+        for i in range(m):
+            weights = np.exp(2.0 * (log_D - log_D[..., i : i + 1]))
+            row, column = (off[..., i, :] / weights).sum(axis=-1), (off[..., :, i] * weights).sum(axis=-1)
+            both = (row > 0.0) & (column > 0.0)
+            ratio = np.divide(column, row, out=np.ones_like(row), where=both)
+            log_D[..., i] += 0.25 * np.log(np.where(both, ratio, 1.0))
+    return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
+
+
+def _disk_gain(alpha: float) -> float:
+    return (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
+
+
+def _disk_phase(alpha: float) -> float:
+    return math.degrees(2.0 * math.atan(alpha / 2.0))

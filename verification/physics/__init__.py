@@ -1,0 +1,1 @@
+"""The equations of motion derived a second time."""

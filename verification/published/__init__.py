@@ -1,0 +1,1 @@
+"""Both printed pairs regenerated and judged; the main report."""

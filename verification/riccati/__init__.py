@@ -1,0 +1,1 @@
+"""The exact solution of the game, certified by a second derivation."""

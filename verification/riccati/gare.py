@@ -1,0 +1,80 @@
+"""The exact solution of the zero-sum game on a linear model, certified, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.support.checks import finite_or_none
+from hfa_model.support.errors import NoSolutionError
+from verification.riccati.certificate import Certificate
+from verification.riccati.delta_min import minimum_delta
+from verification.riccati.derivations import certified_solution
+from verification.riccati.spectrum import spectrum
+
+
+@dataclass(frozen=True, eq=False)
+class GameSolution:
+    """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds for them.
+
+    P: (n, n); K: (m, n); disturbance_gain L: (k, n).
+    closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s.
+    worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance, rad/s.
+    """
+
+    P: np.ndarray
+    K: np.ndarray
+    disturbance_gain: np.ndarray
+    delta: float
+    certificate: Certificate
+    closed_loop_eigenvalues: np.ndarray
+    worst_case_eigenvalues: np.ndarray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes None."""
+        return {
+            "P": self.P.tolist(),
+            "K": self.K.tolist(),
+            "disturbance_gain": self.disturbance_gain.tolist(),
+            "delta": finite_or_none(self.delta),
+            "certificate": self.certificate.to_dict(),
+            "closed_loop_eigenvalues": _pairs(self.closed_loop_eigenvalues),
+            "worst_case_eigenvalues": _pairs(self.worst_case_eigenvalues),
+        }
+
+
+def solve_game(game: Game) -> GameSolution:
+    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section 3.1).
+
+    Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the test of the
+    certificate that failed together with delta_min.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    """
+    try:
+        P, certificate = certified_solution(game)
+    except NoSolutionError as failure:
+        raise NoSolutionError(_explanation(game, str(failure))) from failure
+    K, disturbance_gain = game.gain(P), game.disturbance_gain(P)
+    return GameSolution(
+        P=P,
+        K=K,
+        disturbance_gain=disturbance_gain,
+        delta=game.delta,
+        certificate=certificate,
+        closed_loop_eigenvalues=spectrum(game.A - game.B @ K).eigenvalues,
+        worst_case_eigenvalues=spectrum(game.A - game.S @ P).eigenvalues,
+    )
+
+
+def _explanation(game: Game, reason: str) -> str:
+    """What failed and what delta would do; raises by itself when no delta would do."""
+    smallest = minimum_delta(game)
+    verdict = "no value of the game" if game.delta < smallest.value else "not certified"
+    return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
+
+
+def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:
+    return [[float(value.real), float(value.imag)] for value in eigenvalues]
