@@ -6,7 +6,7 @@ import io
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, written_whole
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.report import Report
 from hfa_model.support.text import Table
 
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
@@ -41,6 +42,11 @@ def check_folder(path: str) -> Path:
     if not path or (not folder.is_dir() and (folder.exists() or not folder.parent.is_dir())):
         raise BadInputError(f"cannot make the folder {path or repr(path)}: choose another, in a folder that exists")
     return folder
+
+
+def show(report: Report, *, as_json: bool, target: Path | None) -> None:
+    """Print the report or, with `as_json`, its data; write the file, if one was asked for, first."""
+    deliver(dict(report.data), report.text, lambda: report.records or Table((), []), as_json=as_json, target=target)
 
 
 def deliver(
@@ -142,7 +148,7 @@ def _field_name(key: str) -> str:
     return name if name[:1].isalpha() else f"x{name}"
 
 
-def _csv(header: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+def _csv(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> str:
     import csv
 
     stream = io.StringIO()

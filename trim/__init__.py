@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
     from trim.linear.linearize import LinearModel as LinearModel, linearize as linearize
     from trim.linear.mode_tracking import track_modes as track_modes
-    from trim.linear.model_report import linear_model_text as linear_model_text
+    from trim.linear.model_report import linear_model_report as linear_model_report
     from trim.linear.modes import Mode as Mode, modes_of as modes_of
     from trim.point.condition import (
         CONTROL_LIMITS as CONTROL_LIMITS,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         save_operating_point as save_operating_point,
     )
     from trim.point.solve import TrimError as TrimError, find_operating_point as find_operating_point
-    from trim.point.trim_report import trim_text as trim_text
+    from trim.point.trim_report import trim_report as trim_report
     from trim.sweeps.stored_sweep import stream_sweep as stream_sweep
     from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
     from trim.sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan

@@ -27,7 +27,7 @@ def learning_table(result: LearningResult) -> Table:
             result.times, result.residual_norm, result.law_residual_norm, result.weights, strict=True
         )
     ]
-    return header, rows
+    return Table(header, rows)
 
 
 def learning_text(result: LearningResult, states: tuple[str, ...], inputs: tuple[str, ...], origin: str) -> str:

@@ -61,7 +61,7 @@ def study_table(rows: tuple[StudyRow, ...]) -> Table:
         for row in rows
         for run in row.runs
     ]
-    return ("row", *numbers, *settings), body
+    return Table(("row", *numbers, *settings), body)
 
 
 def study_text(rows: tuple[StudyRow, ...]) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import check_target, show
 from trim.linear.bands import bands_known, uncertainty
-from trim.linear.compare import comparison_text, printed_at
+from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
-from trim.linear.model_report import linear_model_data, linear_model_table, linear_model_text
+from trim.linear.model_report import linear_model_report
 from trim.point.solve import find_operating_point
 
 
@@ -33,14 +33,6 @@ def run(arguments: argparse.Namespace) -> int:
     known = bands_known(parameters) and not arguments.full
     bands = uncertainty(parameters, aircraft.variant, condition, point) if known else None
     printed = printed_at(point) if not arguments.full else None
-    data = linear_model_data(model, bands)
-    if printed is not None:
-        data["printed"] = {"A": printed.A.tolist(), "B": printed.B.tolist()}
-    deliver(
-        data,
-        lambda: linear_model_text(model, bands) + ("" if printed is None else "\n\n" + comparison_text(model, printed)),
-        lambda: linear_model_table(model, bands),
-        as_json=arguments.json,
-        target=target,
-    )
+    report = linear_model_report(model, bands)
+    show(report if printed is None else beside_the_print(report, model, printed), as_json=arguments.json, target=target)
     return 0

@@ -6,12 +6,12 @@ import argparse
 from pathlib import Path
 
 from hfa_cli import options
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import check_target, show
 from hfa_cli.values import assignments
 from trim.point.condition import release
 from trim.point.operating_point import load_operating_point
 from trim.point.solve import find_operating_point
-from trim.point.trim_report import trim_data, trim_table, trim_text
+from trim.point.trim_report import trim_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,11 +35,5 @@ def run(arguments: argparse.Namespace) -> int:
     )
     start = None if arguments.start is None else load_operating_point(Path(arguments.start))
     point = find_operating_point(aircraft, condition, start)
-    deliver(
-        trim_data(aircraft, condition, point),
-        lambda: trim_text(aircraft, condition, point),
-        lambda: trim_table(point),
-        as_json=arguments.json,
-        target=target,
-    )
+    show(trim_report(aircraft, condition, point), as_json=arguments.json, target=target)
     return 0

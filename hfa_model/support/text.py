@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-#: A header and its rows: what a CSV file and a terminal table have in common.
-Table = tuple[tuple[str, ...], list[tuple[Any, ...]]]
+
+class Table(NamedTuple):
+    """A header and its rows: what a CSV file and a terminal table have in common."""
+
+    header: tuple[str, ...]
+    rows: Sequence[tuple[Any, ...]]
+
+
+def matrix_table(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> Table:
+    """A matrix with its row and column names, four decimals like the paper's."""
+    body = [(row, *(_four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
+    return Table((name, *column_names), body)
 
 
 def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> str:
-    """A matrix with its row and column names, four decimals like the paper's."""
-    body = [(row, *(_four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
-    return columns((name, *column_names), body)
+    """`matrix_table` as text."""
+    return columns(*matrix_table(name, rows, column_names, matrix))
 
 
 def in_degrees(angle: float) -> float:

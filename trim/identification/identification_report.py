@@ -61,7 +61,7 @@ def identification_table(result: Identification) -> Table:
         for angle, table in result.tables.items()
         for entry in table
     ]
-    return ("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows
+    return Table(("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows)
 
 
 def identification_text(result: Identification) -> str:

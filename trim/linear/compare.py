@@ -8,7 +8,8 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
-from hfa_model.support.text import columns
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight
@@ -86,7 +87,13 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     return None
 
 
-def comparison_text(model: LinearModel, published: PublishedModel) -> str:
+def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
+    """The report of a model with the printed pair of its condition."""
+    data = {**report.data, "printed": {"A": published.A.tolist(), "B": published.B.tolist()}}
+    return Report("", (report, comparison_table(model, published)), data=data, records=report.records)
+
+
+def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
     """The table of entries: printed, computed, difference in half units of the last digit and in percent."""
     rows = [
         (
@@ -100,4 +107,4 @@ def comparison_text(model: LinearModel, published: PublishedModel) -> str:
         if not entry.is_zero
     ]
     header = (f"at {published.dihedral_deg:g} deg", "printed", "computed", "half units", "percent")
-    return columns(header, rows)
+    return Table(header, rows)

@@ -1,4 +1,4 @@
-"""What a trim says: as numbers for JSON, as a table, and as text for a person."""
+"""What a trim says."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.text import Table, columns, degrees, in_degrees
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table, degrees, in_degrees
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint
@@ -31,9 +32,51 @@ def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]
     return result
 
 
-def trim_data(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> dict[str, Any]:
-    """Everything in a trim report, ready for JSON: radians, feet, pounds, as stored in the point."""
+def warnings(point: OperatingPoint) -> list[str]:
+    """What a user should know before trusting a model at this point."""
+    found = []
+    if abs(point.states.dihedral) > PAPER_RANGE * (1 + 1e-12):
+        found.append(
+            f"dihedral {math.degrees(point.states.dihedral):.6g} deg lies beyond the paper's range, "
+            f"which ends at {math.degrees(PAPER_RANGE):.0f} deg"
+        )
+    return found
+
+
+def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> Report:
+    """State, inputs, the residual of each equation, loads and margins; angles in degrees for people."""
     loads = aircraft.loads(point.states, point.inputs)
+    left = margins(condition, point)
+    # The flight-path angle is no state: it stands among them where it is an unknown.
+    states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
+    residuals = [
+        (f"rate of {name}", f"{value:.2e}", getattr(RATE_UNITS, name), f"{point.scaled_residuals[name]:.2e}")
+        for name, value in point.residuals.items()
+    ]
+    load_rows = [
+        ("lift", f"{loads.lift:.4f}", f"{loads.center.lift:.4f}", f"{loads.outer.lift:.4f}", "lbf"),
+        ("drag", f"{loads.drag:.4f}", f"{loads.center.drag:.4f}", f"{loads.outer.drag:.4f}", "lbf"),
+        ("thrust", f"{loads.thrust:.4f}", "", "", "lbf"),
+        ("lift/drag", f"{loads.lift / loads.drag:.3f}", "", "", "1"),
+        ("pitching moment", f"{loads.pitching_moment:.4f}", "", "", "ft lbf"),
+        ("hinge moment", "", "", f"{loads.hinge_moment:.4f}", "ft lbf"),
+    ]
+    return Report(
+        title=f"Trim, {point.dynamics} dynamics: {point.status}",
+        parts=(
+            _values("state", states, left),
+            _values("input", point.inputs._asdict(), left),
+            Table(("equation", "residual", "unit", "scaled"), residuals),
+            Table(("load", "aircraft", "center panel", "outer panel", "unit"), load_rows),
+        ),
+        notes=warnings(point),
+        data=_data(condition, point, loads),
+        records=_records(point),
+    )
+
+
+def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads) -> dict[str, Any]:
+    """Radians, feet, pounds, as stored in the point."""
     return {
         "schema": TRIM_SCHEMA,
         "dihedral_deg": in_degrees(point.states.dihedral),
@@ -52,69 +95,21 @@ def trim_data(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoin
     }
 
 
-def warnings(point: OperatingPoint) -> list[str]:
-    """What a user should know before trusting a model at this point."""
-    found = []
-    if abs(point.states.dihedral) > PAPER_RANGE * (1 + 1e-12):
-        found.append(
-            f"dihedral {math.degrees(point.states.dihedral):.6g} deg lies beyond the paper's range, "
-            f"which ends at {math.degrees(PAPER_RANGE):.0f} deg"
-        )
-    return found
-
-
-def trim_table(point: OperatingPoint) -> Table:
+def _records(point: OperatingPoint) -> Table:
     """Header and rows (kind, name, value, unit) of an operating point, angles in radians."""
     rows: list[tuple[Any, ...]] = [
         *(("state", name, getattr(point.states, name), getattr(STATE_UNITS, name)) for name in STATES),
         *(("input", name, getattr(point.inputs, name), getattr(INPUT_UNITS, name)) for name in INPUTS),
         *(("residual", name, value, getattr(RATE_UNITS, name)) for name, value in point.residuals.items()),
     ]
-    return ("kind", "name", "value", "unit"), rows
+    return Table(("kind", "name", "value", "unit"), rows)
 
 
-def trim_text(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> str:
-    """The trim report on a terminal, angles in degrees."""
-    loads = aircraft.loads(point.states, point.inputs)
-    left = margins(condition, point)
-    # The flight-path angle is no state: it stands among them where it is an unknown.
-    states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
-    parts = [
-        f"Trim, {point.dynamics} dynamics: {point.status}",
-        _values_text("state", states, left),
-        _values_text("input", point.inputs._asdict(), left),
-        columns(
-            ("equation", "residual", "unit", "scaled"),
-            [
-                (
-                    f"rate of {name}",
-                    f"{value:.2e}",
-                    getattr(RATE_UNITS, name),
-                    f"{point.scaled_residuals[name]:.2e}",
-                )
-                for name, value in point.residuals.items()
-            ],
-        ),
-        columns(
-            ("load", "aircraft", "center panel", "outer panel", "unit"),
-            [
-                ("lift", f"{loads.lift:.4f}", f"{loads.center.lift:.4f}", f"{loads.outer.lift:.4f}", "lbf"),
-                ("drag", f"{loads.drag:.4f}", f"{loads.center.drag:.4f}", f"{loads.outer.drag:.4f}", "lbf"),
-                ("thrust", f"{loads.thrust:.4f}", "", "", "lbf"),
-                ("lift/drag", f"{loads.lift / loads.drag:.3f}", "", "", "1"),
-                ("pitching moment", f"{loads.pitching_moment:.4f}", "", "", "ft lbf"),
-                ("hinge moment", "", "", f"{loads.hinge_moment:.4f}", "ft lbf"),
-            ],
-        ),
-    ]
-    return "\n\n".join(parts + [f"Note: {warning}" for warning in warnings(point)])
-
-
-def _values_text(kind: str, values: dict[str, float], left: dict[str, float]) -> str:
+def _values(kind: str, values: dict[str, float], left: dict[str, float]) -> Table:
     """Values with their units, and margins where there are any."""
     rows = [
         (name, *degrees(value, UNITS[name]), degrees(left[name], UNITS[name])[0] if name in left else "")
         for name, value in values.items()
     ]
     width = 4 if any(name in left for name in values) else 3
-    return columns((kind, "value", "unit", "margin")[:width], [row[:width] for row in rows])
+    return Table((kind, "value", "unit", "margin")[:width], [row[:width] for row in rows])

@@ -49,7 +49,7 @@ def sweep_table(result: Sweep) -> Table:
                 *result.B[i].ravel(),
             )
         )
-    return header, rows
+    return Table(header, rows)
 
 
 def sweep_text(result: Sweep) -> str:

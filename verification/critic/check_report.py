@@ -25,7 +25,7 @@ def check_table(check: CriticCheck, states: tuple[str, ...], inputs: tuple[str, 
         for i, row in enumerate(row_names)
         for j, column in enumerate(states)
     ]
-    return ("matrix", "row", "column", "learned", "exact"), rows
+    return Table(("matrix", "row", "column", "learned", "exact"), rows)
 
 
 def check_text(check: CriticCheck, states: tuple[str, ...], inputs: tuple[str, ...], origin: str) -> str:

@@ -76,7 +76,7 @@ def flight_table(result: NonlinearFlight) -> Table:
     parts = [result.flight.times[every, None], result.states[every], result.inputs[every]]
     rows = np.hstack([*parts, result.flight.updrafts[every, None]])
     units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"updraft": "ft/s"}
-    return tuple(f"{name} [{unit}]" for name, unit in units.items()), [tuple(row) for row in rows.tolist()]
+    return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), [tuple(row) for row in rows.tolist()])
 
 
 def flight_text(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, ...], title: str) -> str:

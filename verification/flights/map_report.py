@@ -28,7 +28,7 @@ def map_table(maps: tuple[RecoverableMap, ...]) -> Table:
                 for j, speed in enumerate(each.speeds.tolist()):
                     first = STATES[left[i, j]] if left[i, j] >= 0 else ""
                     rows.append((each.dynamics, plant, speed, dihedral, int(held[i, j]), int(returned[i, j]), first))
-    return ("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first"), rows
+    return Table(("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first"), rows)
 
 
 def map_text(maps: tuple[RecoverableMap, ...], title: str) -> str:

@@ -72,7 +72,7 @@ def solution_table(report: SolutionReport, states: tuple[str, ...], inputs: tupl
     for name, row_names, matrix in (("P", states, report.solution.P), ("K", inputs, report.solution.K)):
         for i, row in enumerate(row_names):
             rows += [(name, row, column, matrix[i, j]) for j, column in enumerate(states)]
-    return ("matrix", "row", "column", "value"), rows
+    return Table(("matrix", "row", "column", "value"), rows)
 
 
 def solution_text(report: SolutionReport, states: tuple[str, ...], inputs: tuple[str, ...], origin: str) -> str:

@@ -11,9 +11,9 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.support.checks import Check, at_most, checks_text
 from hfa_model.support.text import Table, columns, eigenvalue_text
-from trim.linear.compare import EntryRow, compare, comparison_text, eigenvalue_errors, regenerate
+from trim.linear.compare import EntryRow, compare, comparison_table, eigenvalue_errors, regenerate
 from trim.linear.linearize import LinearModel
-from trim.linear.model_report import matrix_rows_text
+from trim.linear.model_report import matrices
 
 SCHEMA = "hfa.regeneration/1"
 
@@ -125,7 +125,7 @@ def regeneration_table(pairs: tuple[RegeneratedPair, ...]) -> Table:
         for pair in pairs
         for entry in pair.entries
     ]
-    return header, rows
+    return Table(header, rows)
 
 
 def regeneration_text(pairs: tuple[RegeneratedPair, ...]) -> str:
@@ -134,8 +134,8 @@ def regeneration_text(pairs: tuple[RegeneratedPair, ...]) -> str:
     for pair in pairs:
         parts += [
             f"Dihedral {pair.published.dihedral_deg:g} deg, {pair.model.point.dynamics} dynamics",
-            matrix_rows_text(pair.model),
-            comparison_text(pair.model, pair.published),
+            *(columns(*table) for table in matrices(pair.model)),
+            columns(*comparison_table(pair.model, pair.published)),
             columns(
                 ("eigenvalues 1/s", "printed A", "regenerated A"),
                 [

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -193,9 +194,11 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chunks):
     script = textwrap.dedent(
         f"""
+        import sys
         import time
         from pathlib import Path
-        from tests.test_stream import _plan
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from test_stream import _plan
         from trim.sweeps import stored_sweep
         from hfa_model.support import stream
         stored_sweep.CHUNK = 30

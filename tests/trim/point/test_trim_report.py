@@ -12,7 +12,7 @@ from hfa_model.vectors import INPUTS
 from trim.point.condition import LIMITS, TrimCondition, level_flight, release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
-from trim.point.trim_report import margins, trim_text
+from trim.point.trim_report import margins, trim_report
 
 BASE = level_flight(float(np.radians(10.0)))
 
@@ -24,7 +24,7 @@ def solved(aircraft: Aircraft, condition: TrimCondition) -> tuple[TrimCondition,
 def test_with_only_inputs_free_there_are_theirs_alone(published_aircraft: Aircraft) -> None:
     condition, point = solved(published_aircraft, BASE)
     assert tuple(margins(condition, point)) == INPUTS
-    assert "state                value   unit\n" in trim_text(published_aircraft, condition, point)
+    assert "state                value   unit\n" in trim_report(published_aircraft, condition, point).text()
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: A
     value, (lowest, highest) = getattr(point.states, free), LIMITS[free]
     assert found[free] == min(value - lowest, highest - value)
     shown = found[free] if free == "speed" else np.degrees(found[free])
-    assert re.search(rf"^{free} .*  {shown:.5f}$", trim_text(published_aircraft, condition, point), re.M)
+    assert re.search(rf"^{free} .*  {shown:.5f}$", trim_report(published_aircraft, condition, point).text(), re.M)
 
 
 def test_a_free_flight_path_angle_has_what_pitch_leaves(published_aircraft: Aircraft) -> None:
@@ -45,7 +45,9 @@ def test_a_free_flight_path_angle_has_what_pitch_leaves(published_aircraft: Airc
     found = margins(condition, point)
     assert found["gamma"] == pytest.approx(np.radians(60.0) - point.states.pitch)
     assert found["pitch"] == pytest.approx(found["gamma"])
-    assert re.search(r"^gamma +-2\.55286 +deg +59\.75286$", trim_text(published_aircraft, condition, point), re.M)
+    assert re.search(
+        r"^gamma +-2\.55286 +deg +59\.75286$", trim_report(published_aircraft, condition, point).text(), re.M
+    )
 
 
 def test_what_has_no_limit_has_no_margin(published_aircraft: Aircraft) -> None:
