@@ -24,6 +24,7 @@ COMMANDS = {
     "sweep": "trims and linear models over a grid, modes tracked",
     "identify": "find the aircraft's parameters from the printed matrices",
     "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
+    "validate": "compare the model with a third printed model and with a released simulation",
     "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "a learned critic against the exact game solution",

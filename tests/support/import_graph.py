@@ -30,6 +30,7 @@ ROOMS = (
     "verification.meaning",
     "verification.critic",
     "verification.published",
+    "verification.validation",
     "verification.flights",
     "verification.experiments",
     "hfa_cli",

@@ -1,0 +1,26 @@
+"""Compare the model with what others have printed and released: a third printed model, and a simulation's trims."""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa_cli import options
+from hfa_cli.output import check_target, show
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa validate`."""
+    options.add_aircraft(parser)
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare and report; exit 1 when a difference is beyond its limit."""
+    from verification.validation.comparison import validate
+    from verification.validation.validation_report import validation_report
+
+    target = check_target(arguments.output)
+    aircraft = options.aircraft_of(arguments)
+    found = validate(aircraft)
+    show(validation_report(found, arguments.dynamics), as_json=arguments.json, target=target)
+    return 0 if found.ok else 1

@@ -1,0 +1,73 @@
+"""The comparison with the outside: it passes for the identified aircraft and sees every planted error."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from hfa_model import Aircraft, Parameters
+from verification.validation import comparison
+from verification.validation.comparison import validate
+from verification.validation.outside import outside_data, released_trims, third_printed_model
+from verification.validation.validation_report import validation_report
+
+
+def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
+    found = validate(published_aircraft)
+    assert [check for check in found.checks if not check.ok] == []
+    assert {each.released.speed for each in found.trims} == {68.0, 64.0, 30.0}
+    assert max(math.degrees(each.released.dihedral) for each in found.trims) == pytest.approx(45.0)
+    assert len(found.trims) == 20
+    assert sum(each.printed.half_unit > 0 for each in found.entries) == 27
+
+
+def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
+    found = validate(Aircraft(parameters, "newton"))
+    failed = {check.name: check.reason for check in found.checks if not check.ok}
+    assert "eigenvalue_30_ft_s" in failed
+    assert "A(dihedral_rate, dihedral_rate)" in failed["third_printed_model_half_units"]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "check"),
+    [
+        ("hinge_damping", 1.02, "gibson_fig_7_fast_root"),
+        ("hinge_damping", 1.0001, "eigenvalue_30_ft_s"),
+        ("zero_lift_moment", 1.01, "deflection_68_ft_s"),
+        ("induced_drag", 1.02, "thrust_30_ft_s"),
+        ("inertia_pitch", 1.01, "third_printed_model_half_units"),
+    ],
+)
+def test_a_wrong_parameter_is_seen(parameters: Parameters, name: str, factor: float, check: str) -> None:
+    wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
+    failed = [each for each in validate(Aircraft(wrong)).checks if not each.ok]
+    assert check in {each.name for each in failed}
+    assert all(each.reason for each in failed)
+
+
+def test_a_wrong_number_of_theirs_is_seen(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, *rest = released_trims()
+    moved = dataclasses.replace(first, eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
+    monkeypatch.setattr(comparison, "released_trims", lambda: (moved, *rest))
+    failed = [check for check in validate(published_aircraft).checks if not check.ok]
+    assert [check.name for check in failed] == ["eigenvalue_68_ft_s"]
+    assert failed[0].reason.endswith("1/s at 0 deg")
+
+
+def test_a_printed_number_knows_its_last_digit() -> None:
+    entries = {each.name: each for each in third_printed_model()}
+    assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
+    assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
+    assert entries["A(pitch, pitch_rate)"].half_unit == 0.0
+    assert "B(speed, elevator_center)" not in entries  # what is printed there belongs to another input
+
+
+def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
+    report = validation_report(validate(published_aircraft), "published")
+    assert report.title.endswith("PASS")
+    assert outside_data()["gibson_2011"]["source"] in report.text()
+    assert len(report.data["trims"]) == 20
+    assert report.data["ok"] is True
+    assert "<table>" in report.html()

@@ -1,0 +1,1 @@
+"""The model compared with what others have printed and released."""

@@ -1,0 +1,90 @@
+"""What the comparison with the outside says."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hfa_model.support.checks import checks_text
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table
+from verification.validation.comparison import Validation
+from verification.validation.outside import outside_data
+
+SCHEMA = "hfa.validation/1"
+
+
+def validation_report(found: Validation, dynamics: str) -> Report:
+    """The released simulation trim by trim, the third printed model entry by entry, and the verdicts."""
+    sources = outside_data()
+    return Report(
+        title=f"Comparison with the outside, {dynamics} dynamics: {'PASS' if found.ok else 'FAIL'}",
+        parts=(
+            f"Trims and eigenvalues of the released simulation\n{sources['released_simulation']['source']}",
+            _trims(found),
+            f"The third printed model, 10 deg at 30 ft/s\n{sources['qu_2018']['source']}",
+            _entries(found),
+            f"Fast dihedral root at 30 ft/s\n{sources['gibson_2011']['source']}",
+            Table(
+                ("dihedral deg", "read from the figure 1/s", "computed 1/s"),
+                [(f"{degrees:g}", f"{read:.2f}", f"{computed:.4f}") for degrees, read, computed in found.fast_roots],
+            ),
+            checks_text(found.checks),
+        ),
+        data=_data(found, dynamics),
+        records=Table(
+            ("entry", "printed", "computed", "half_units"),
+            [(each.printed.name, each.printed.value, each.computed, each.half_units) for each in found.entries],
+        ),
+    )
+
+
+def _trims(found: Validation) -> Table:
+    rows = [
+        (
+            f"{each.released.speed:g}",
+            f"{math.degrees(each.released.dihedral):g}",
+            f"{math.degrees(each.released.alpha):.3f}",
+            f"{each.deflection:.1e}",
+            f"{each.thrust:.1e}",
+            f"{each.eigenvalue:.1e}",
+        )
+        for each in found.trims
+    ]
+    header = ("speed ft/s", "dihedral deg", "alpha deg", "deflection, rad", "thrust, relative", "eigenvalue, 1/s")
+    return Table(header, rows)
+
+
+def _entries(found: Validation) -> Table:
+    rows = [
+        (each.printed.name, each.printed.digits, f"{each.computed:.6f}", f"{each.half_units:+.2f}")
+        for each in found.entries
+        if each.printed.half_unit
+    ]
+    return Table(("entry", "printed", "computed", "half units"), rows)
+
+
+def _data(found: Validation, dynamics: str) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "dynamics": dynamics,
+        "ok": found.ok,
+        "checks": [check.to_dict() for check in found.checks],
+        "trims": [
+            {
+                "speed": each.released.speed,
+                "dihedral": each.released.dihedral,
+                "alpha": each.released.alpha,
+                "deflection_difference": each.deflection,
+                "thrust_difference": each.thrust,
+                "eigenvalue_difference": each.eigenvalue,
+            }
+            for each in found.trims
+        ],
+        "entries": [
+            {"entry": each.printed.name, "printed": each.printed.value, "computed": each.computed}
+            | {"half_units": each.half_units}
+            for each in found.entries
+        ],
+        "misprints": outside_data()["qu_2018"]["misprints"],
+    }
