@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         ParameterSet as ParameterSet,
         default_parameters as default_parameters,
         load_parameters as load_parameters,
+        named_parameters as named_parameters,
         save_parameters as save_parameters,
     )
     from hfa_model.published import PublishedModel as PublishedModel, published_models as published_models

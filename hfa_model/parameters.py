@@ -78,7 +78,7 @@ FIELDS = Parameters(
 #: A matrix of correlations without a negative eigenvalue may have one of this size after rounding.
 _ROUNDING = 1e-10
 #: Where a value may come from.
-SOURCES = ("identified", "assumed", "print")
+SOURCES = ("identified", "assumed", "print", "released")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,18 @@ class ParameterSet:
 
 def default_parameters() -> ParameterSet:
     """The identified aircraft that comes with the package (`hfa identify` writes it)."""
-    return load_parameters(Path(str(files("hfa_model").joinpath("parameters.toml"))))
+    return named_parameters("identified")
+
+
+#: Parameter sets that come with the package: name -> file.
+NAMED = {"identified": "parameters.toml", "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml"}
+
+
+def named_parameters(name: str) -> ParameterSet:
+    """A parameter set that comes with the package, by its name in `NAMED`; BadInputError for another name."""
+    if name not in NAMED:
+        raise BadInputError(f"unknown parameter set {name!r}; choose from {', '.join(NAMED)}, or give a file")
+    return load_parameters(Path(str(files("hfa_model").joinpath(NAMED[name]))))
 
 
 def load_parameters(path: Path) -> ParameterSet:

@@ -15,6 +15,7 @@ from hfa_model.parameters import (
     ParameterSet,
     default_parameters,
     load_parameters,
+    named_parameters,
     save_parameters,
 )
 from hfa_model.support.errors import BadInputError
@@ -190,3 +191,14 @@ def test_saving_replaces_whole_and_leaves_nothing_beside(saved: Path, parameter_
     save_parameters(changed, saved, "")
     assert load_parameters(saved).values.chord == 9.0
     assert list(saved.parent.iterdir()) == [saved]
+
+
+def test_the_named_sets_are_there() -> None:
+    identified, released = (named_parameters(name).values for name in ("identified", "gibson-2011-simulation"))
+    assert identified == default_parameters().values
+    # The identification found the released values, each within three of its standard errors.
+    errors = default_parameters().standard_errors
+    off = {name: abs(getattr(identified, name) - getattr(released, name)) / error for name, error in errors.items()}
+    assert max(off.values()) < 3.0, off
+    with pytest.raises(BadInputError, match="unknown parameter set 'gibson'; choose from identified, gibson-2011"):
+        named_parameters("gibson")

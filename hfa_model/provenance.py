@@ -1,0 +1,89 @@
+"""Where an output comes from: which program, equations, aircraft and flight condition, by which command, and when."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
+from hfa_model.support.version import toolchain_version
+
+SCHEMA = "hfa.provenance/1"
+#: Hexadecimal digits of a parameter hash.
+_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """One block that every output carries.
+
+    command: as typed. dynamics: the equations, empty for a plant of the user's own. parameters: name or file of the
+    set. parameter_hash: of the values alone, so that two files with the same numbers have the same. changed: parameter
+    -> (value, identified value), where they differ. condition: what a trim imposes, leaves free and limits. model:
+    file of a plant. date: UTC; taken from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte
+    for byte.
+    """
+
+    command: str
+    dynamics: str = ""
+    parameters: str = ""
+    parameter_hash: str = ""
+    changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    condition: Mapping[str, Any] = field(default_factory=dict)
+    model: str = ""
+    version: str = field(default_factory=toolchain_version)
+    date: str = field(default_factory=lambda: _now())
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON data: angles in radians."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "command": self.command,
+            "date": self.date,
+            "dynamics": self.dynamics,
+            "parameters": self.parameters,
+            "parameter_hash": self.parameter_hash,
+            "changed": {name: {"value": value, "identified": known} for name, (value, known) in self.changed.items()},
+            "condition": dict(self.condition),
+            "model": self.model,
+        }
+
+    def text(self) -> str:
+        """For people: a line, and a second one where the aircraft is not the identified one."""
+        about = [f"hfa {self.version}", self.date[:10]]
+        if self.model:
+            about.append(f"plant {self.model}")
+        else:
+            about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
+        changes = [
+            f"{name} {value:.6g} {getattr(FIELDS, name).unit} (identified: {known:.6g})"
+            for name, (value, known) in self.changed.items()
+        ]
+        lines = [", ".join(about)]
+        if changes:
+            lines.append(f"not the identified aircraft: {'; '.join(changes)}")
+        return "\n".join(lines)
+
+
+def parameter_hash(values: Parameters) -> str:
+    """The first digits of SHA-256 over the 17-digit values in their order."""
+    text = "\n".join(f"{name}={float(value):.17g}" for name, value in values._asdict().items())
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+
+
+def changed_parameters(parameters: ParameterSet) -> dict[str, tuple[float, float]]:
+    """Parameter -> (value, identified value) for those that are not the identified ones."""
+    known = default_parameters().values
+    pairs = zip(Parameters._fields, parameters.values, known, strict=True)
+    return {name: (value, other) for name, value, other in pairs if value != other}
+
+
+def _now() -> str:
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -1,0 +1,43 @@
+"""Where an output comes from: told apart by what differs, the same for what is the same."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import pytest
+
+from hfa_model.parameters import ParameterSet, named_parameters
+from hfa_model.provenance import Provenance, changed_parameters, parameter_hash
+
+
+def heavy(parameters: ParameterSet) -> ParameterSet:
+    return dataclasses.replace(parameters, values=parameters.values._replace(panel_mass=10.5))
+
+
+def test_the_identified_aircraft_has_no_changes(parameter_set: ParameterSet) -> None:
+    assert changed_parameters(parameter_set) == {}
+    assert len(changed_parameters(named_parameters("gibson-2011-simulation"))) >= 12
+
+
+def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
+    edited = heavy(parameter_set)
+    assert parameter_hash(edited.values) != parameter_hash(parameter_set.values)
+    assert changed_parameters(edited) == {"panel_mass": (10.5, parameter_set.values.panel_mass)}
+    block = Provenance("hfa trim", "published", "heavy.toml", "0" * 12, changed_parameters(edited))
+    assert "panel_mass 10.5 slug (identified: 9.32593)" in block.text()
+    assert json.loads(json.dumps(block.to_dict()))["changed"]["panel_mass"]["value"] == 10.5
+
+
+def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> None:
+    values = parameter_set.values
+    nudged = values._replace(gravity=math.nextafter(values.gravity, 33.0))
+    assert parameter_hash(nudged) != parameter_hash(values)
+
+
+def test_the_date_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert Provenance("hfa trim").date > "2026"
