@@ -15,6 +15,7 @@ ROOMS = (
     "hfa_model.support",
     "hfa_model.native",
     "hfa_model",
+    "trim.conditions",
     "trim.point",
     "trim.linear",
     "trim.sweeps",

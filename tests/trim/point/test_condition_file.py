@@ -1,0 +1,76 @@
+"""Named conditions: what comes with the package trims, and what is wrong in a file is named."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from hfa_model import Aircraft, BadInputError
+from trim.point.condition import level_flight
+from trim.point.condition_file import NAMED, load_condition
+from trim.point.solve import find_operating_point
+from verification.validation.outside import released_trims
+
+
+def test_the_paper_s_condition_is_the_default() -> None:
+    named, default = load_condition("paper").at(0.2), level_flight(0.2)
+    assert named.imposed == pytest.approx(default.imposed)
+    assert set(named.free) == set(default.free)
+
+
+@pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
+def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
+    published_aircraft: Aircraft, name: str, speed: float
+) -> None:
+    condition = load_condition(name)
+    found = [each for each in released_trims() if each.speed == speed]
+    assert len(found) >= 5
+    for released in found:
+        point = find_operating_point(published_aircraft, condition.at(released.dihedral))
+        assert point.states.speed == speed
+        assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)
+
+
+def test_every_named_condition_says_where_it_comes_from() -> None:
+    folder = Path(__file__).parents[3] / "trim" / "conditions"
+    assert {path.name for path in folder.glob("*.toml")} == set(NAMED.values())
+    for path in folder.glob("*.toml"):
+        assert "source = " in path.read_text(encoding="utf-8")
+
+
+def test_beyond_the_angles_of_a_table_there_is_no_condition() -> None:
+    with pytest.raises(BadInputError, match="simvfa-64: alpha is given from 0 to 20 deg of dihedral; 30 deg lies out"):
+        load_condition("simvfa-64").at(math.radians(30.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[impose]\nspeeed = 60", "unknown trim variable 'speeed'; choose from speed"),
+        ("[impose]\nspeed_deg = 60", "speed_deg is no angle; write speed, in ft/s"),
+        ("[impose]\nalpha_deg = 'two'", "alpha_deg is 'two'; give a finite number"),
+        ("[impose]\nalpha_deg = inf", "alpha_deg is inf; give a finite number"),
+        ("[impose]\nalpha_deg = true", "alpha_deg is True; give a finite number"),
+        ("[impose]\nalpha_deg = [[0, 1]]", "at least two"),
+        ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "do not increase; sort its rows"),
+        ("[limits]\nalpha_deg = 3", "the limits of alpha_deg are 3; give"),
+        ("free = 'alpha'", "free is 'alpha'; give a list of names"),
+        ("free = ['flaps']", "unknown trim variable 'flaps'"),
+        ("impose = 3", "impose is 3; make it the table"),
+        ("hold = 3", "unknown entry 'hold'; a condition has description"),
+        ("free = [", "is not a TOML file"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"own\.toml: ") as caught:
+        load_condition(str(path))
+    assert message in str(caught.value)
+
+
+def test_a_name_that_is_neither_is_said() -> None:
+    with pytest.raises(BadInputError, match="no condition of that name and no readable file; the names are paper, "):
+        load_condition("papre")

@@ -1,0 +1,1 @@
+"""Flight conditions that come with the package, one TOML file each."""

@@ -1,0 +1,141 @@
+"""Named flight conditions: what a trim imposes, frees and limits, in a TOML file."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import UNITS
+from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
+
+#: Conditions that come with the package: name -> file.
+NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
+_KEYS = ("description", "source", "impose", "free", "limits")
+
+
+@dataclass(frozen=True)
+class NamedCondition:
+    """The paper's level flight with changes.
+
+    name: of the condition or its file. imposed: variable -> (dihedral angles, values), linear between the angles;
+    one value for a constant. free: variables that the solver finds. limits: variable -> (lowest, highest). Rad, ft/s,
+    ft.
+    """
+
+    name: str
+    imposed: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
+    free: tuple[str, ...] = ()
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def at(self, dihedral: float) -> TrimCondition:
+        """The condition at a dihedral angle, rad; BadInputError outside the angles of a table."""
+        hold = {name: self._value(name, dihedral) for name in self.imposed}
+        return release(level_flight(dihedral, limits=self.limits), free=self.free, hold=hold)
+
+    def _value(self, name: str, dihedral: float) -> float:
+        angles, values = self.imposed[name]
+        if len(values) == 1:
+            return values[0]
+        if not angles[0] - 1e-12 <= dihedral <= angles[-1] + 1e-12:
+            raise BadInputError(
+                f"condition {self.name}: {name} is given from {math.degrees(angles[0]):g} to "
+                f"{math.degrees(angles[-1]):g} deg of dihedral; {math.degrees(dihedral):g} deg lies outside"
+            )
+        return float(np.interp(dihedral, angles, values))
+
+
+def load_condition(name: str) -> NamedCondition:
+    """A condition that comes with the package, by its name in `NAMED`, or one of the user's, by its file.
+
+    [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the variable's name
+    with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
+    likewise. BadInputError names the file, the entry and what is wrong with it.
+    """
+    if name in NAMED:
+        text = files("trim.conditions").joinpath(NAMED[name]).read_text(encoding="utf-8")
+    else:
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInputError(
+                f"{name}: no condition of that name and no readable file; the names are {', '.join(NAMED)}"
+            ) from error
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise BadInputError(f"{name}: is not a TOML file ({error})") from error
+    unknown = sorted(set(data) - set(_KEYS))
+    if unknown:
+        raise BadInputError(f"{name}: unknown entry {unknown[0]!r}; a condition has {', '.join(_KEYS)}")
+    return NamedCondition(
+        name=name,
+        imposed=dict(_imposed(name, key, value) for key, value in _table(name, data, "impose").items()),
+        free=_free(name, data.get("free", [])),
+        limits=dict(_limits(name, key, value) for key, value in _table(name, data, "limits").items()),
+    )
+
+
+def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: {key} is {table!r}; make it the table [{key}]")
+    return table
+
+
+def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, float]:
+    """The variable that a key names, and the factor from its unit."""
+    name = key.removesuffix("_deg")
+    if name not in (*VARIABLES, *also):
+        raise BadInputError(f"{where}: unknown trim variable {key!r}; choose from {', '.join((*VARIABLES, *also))}")
+    if name == key:
+        return name, 1.0
+    if not UNITS[name].startswith("rad"):
+        raise BadInputError(f"{where}: {key} is no angle; write {name}, in {UNITS[name]}")
+    return name, math.pi / 180.0
+
+
+def _imposed(where: str, key: str, value: Any) -> tuple[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    name, factor = _variable(where, key)
+    if not isinstance(value, list):
+        return name, ((), (_number(where, key, value) * factor,))
+    rows = [row if isinstance(row, list) and len(row) == 2 else None for row in value]
+    if len(rows) < 2 or None in rows:
+        raise BadInputError(f"{where}: {key} is {value!r}; give a number or at least two [dihedral, value] rows")
+    angles = tuple(_number(where, key, row[0]) * math.pi / 180.0 for row in rows if row)
+    if any(later <= earlier for earlier, later in pairwise(angles)):
+        raise BadInputError(f"{where}: the dihedral angles of {key} do not increase; sort its rows")
+    return name, (angles, tuple(_number(where, key, row[1]) * factor for row in rows if row))
+
+
+def _limits(where: str, key: str, value: Any) -> tuple[str, tuple[float, float]]:
+    name, factor = _variable(where, key, ("pitch",))
+    if not isinstance(value, list) or len(value) != 2:
+        raise BadInputError(f"{where}: the limits of {key} are {value!r}; give [lowest, highest]")
+    lowest, highest = (_number(where, key, each) * factor for each in value)
+    return name, (lowest, highest)
+
+
+def _free(where: str, value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise BadInputError(f"{where}: free is {value!r}; give a list of names in quotes")
+    return tuple(_variable(where, name)[0] for name in value)
+
+
+def _number(where: str, key: str, value: Any) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    try:
+        number = float(value) if is_number else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise BadInputError(f"{where}: {key} is {value!r}; give a finite number")
+    return number
