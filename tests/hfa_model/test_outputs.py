@@ -1,0 +1,96 @@
+"""Outputs: what they are in steady flight, and against derivatives of the motion that they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from random_points import random_points
+
+from hfa_model import STATES, Aircraft, Input, Parameters, State
+from hfa_model.kinematics import center_height, outer_height
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
+from hfa_model.vectors import STATE_UNITS
+from trim import find_operating_point, level_flight
+
+
+def outputs(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0) -> dict[str, float]:
+    moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, updraft)
+    return dict(zip(OUTPUTS, map(float, outputs_of(moment, tuple(OUTPUTS))), strict=True))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 11.0])
+def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
+    point = find_operating_point(aircraft, level_flight(np.radians(degrees)))
+    found = outputs(aircraft, np.array(point.states), np.array(point.inputs))
+    assert found["load_factor"] == pytest.approx(1.0, abs=1e-9)
+    assert found["vertical_acceleration"] == pytest.approx(0.0, abs=1e-9)
+    assert found["load_factor_center"] == pytest.approx(np.cos(point.states.pitch), abs=1e-9)
+    assert found["load_factor_outer"] == pytest.approx(
+        np.cos(point.states.pitch) * np.cos(point.states.dihedral), abs=1e-9
+    )
+    assert found["climb_rate"] == pytest.approx(0.0, abs=1e-9)
+    assert found["gamma"] == pytest.approx(0.0, abs=1e-12)
+    assert found["alpha_air_center"] == pytest.approx(point.states.alpha, abs=1e-12)
+    # The spring and the loads balance about the hinge.
+    assert found["hinge_moment_total"] == pytest.approx(0.0, abs=1e-6)
+    loads = aircraft.loads(np.array(point.states), np.array(point.inputs))
+    assert found["lift_center"] + 2 * found["lift_outer"] * np.cos(point.states.dihedral) == pytest.approx(
+        loads.lift, rel=0.05
+    )
+
+
+def test_states_are_outputs_too(published_aircraft: Aircraft) -> None:
+    x, u = random_points(1, seed=3)
+    moment = moment_of(State(*x[0]), Input(*u[0]), published_aircraft.parameters, published_aircraft.variant)
+    assert outputs_of(moment, STATES) == pytest.approx(tuple(x[0]))
+    assert [unit_of(name) for name in STATES] == list(STATE_UNITS)
+
+
+def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
+    """North, east, down of a panel's center of mass from that of the aircraft, ft."""
+    eta, theta = x[STATES.index("dihedral")], x[STATES.index("pitch")]
+    down = float(height(eta, p))
+    return np.array([down * np.sin(theta), side * p.panel_span / 2 * (1 + np.cos(eta)), down * np.cos(theta)])
+
+
+def velocity_of_panel(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, height: Callable, side: float) -> np.ndarray:
+    """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's place."""
+    state, ahead = State(*x), 1e-6 * aircraft.rates(x, u)
+    places = [place_of_panel(x + sign * ahead, height, side, aircraft.parameters) for sign in (1, -1)]
+    gamma = state.pitch - state.alpha
+    path = np.array([state.speed * np.cos(gamma), 0.0, -state.speed * np.sin(gamma)])
+    return path + (places[0] - places[1]) / 2e-6
+
+
+def later(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
+    """The state t seconds on, by the midpoint rule."""
+    return np.asarray(x + t * aircraft.rates(x + t / 2 * aircraft.rates(x, u), u))
+
+
+@pytest.mark.parametrize(
+    ("name", "height", "side"),
+    [("load_factor_center", center_height, 0.0), ("load_factor_outer", outer_height, 1.0)],
+)
+def test_panel_load_factors_are_those_of_the_moving_panels(
+    aircraft: Aircraft, name: str, height: Callable, side: float
+) -> None:
+    """Gravity less the acceleration of the panel's center of mass, differenced along the motion, across the panel."""
+    gravity = np.array([0.0, 0.0, aircraft.parameters.gravity])
+    for x, u in zip(*random_points(20, seed=11), strict=True):
+        velocities = [velocity_of_panel(aircraft, later(aircraft, x, u, t), u, height, side) for t in (1e-5, -1e-5)]
+        acceleration = (velocities[0] - velocities[1]) / 2e-5
+        theta, eta = x[STATES.index("pitch")], side * x[STATES.index("dihedral")]
+        across = np.array([np.sin(theta) * np.cos(eta), np.sin(eta), np.cos(theta) * np.cos(eta)])
+        felt = (gravity - acceleration) @ across / gravity[2]
+        assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
+
+
+def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: Aircraft) -> None:
+    point = find_operating_point(published_aircraft, level_flight(0.2))
+    x, u = np.array(point.states), np.array(point.inputs)
+    still, rising = outputs(published_aircraft, x, u), outputs(published_aircraft, x, u, 5.0)
+    assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(5.0 / 68.0, rel=0.01)
+    assert rising["load_factor"] > still["load_factor"]
+    assert rising["gamma"] == still["gamma"]
