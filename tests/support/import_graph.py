@@ -21,6 +21,8 @@ ROOMS = (
     "trim.sweeps",
     "trim.identification",
     "controller.game",
+    "controller.designs",
+    "controller.design",
     "controller.samples",
     "controller.laws",
     "controller.flight",

@@ -1,0 +1,95 @@
+"""The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from hfa_model.outputs import OUTPUTS
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+
+#: Behind the name of an output: only its dependence on alpha and the inputs is integrated (the peer's A_z).
+SHORT_PERIOD = "_short_period"
+#: What the disturbance of the game is.
+DISTURBANCES = ("states", "updraft")
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """order 1: a' = -ω a + ω λ u.  order 2: a'' = -ω² a - 2 ζ ω a' + ω² λ u.
+
+    bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that arrives.
+    BadInputError when the order is another or a number is not positive.
+    """
+
+    order: int = 1
+    bandwidth: float = 2.0
+    damping: float = 0.7
+    effectiveness: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no actuator."""
+        if self.order not in (1, 2):
+            raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
+        for name in ("bandwidth", "damping", "effectiveness"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise BadInputError(f"the {name} of an actuator is {value}; it must be a positive number")
+
+
+@dataclass(frozen=True)
+class Design:
+    """The design model is the linear model with `inputs` alone, their actuators, and e' = y for `integrals`.
+
+    actuators: input -> actuator; an input without one acts at once. disturbance: "states" adds to the rates of the six
+    states (the paper's), "updraft" is the vertical velocity of the air, ft/s. state_weights, input_weights: diagonal
+    of Q and R by name, in the names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of
+    the game, inf for an LQR. BadInputError when a name is unknown or given twice.
+    """
+
+    name: str
+    inputs: tuple[str, ...] = INPUTS
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    integrals: tuple[str, ...] = ()
+    disturbance: str = "states"
+    state_weights: Mapping[str, float] = field(default_factory=dict)
+    input_weights: Mapping[str, float] = field(default_factory=dict)
+    delta: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Name what is wrong before anything is built."""
+        if not self.inputs:
+            raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
+        known = (*STATES, *OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
+        for what, names, choices in (
+            ("input", self.inputs, INPUTS),
+            ("integrated output", self.integrals, known),
+            ("actuator", tuple(self.actuators), self.inputs),
+            ("weight of a state", tuple(self.state_weights), self.states),
+            ("weight of an input", tuple(self.input_weights), self.inputs),
+            ("disturbance", (self.disturbance,), DISTURBANCES),
+        ):
+            for name in names:
+                if name not in choices:
+                    raise BadInputError(
+                        f"design {self.name}: unknown {what} {name!r}; choose from {', '.join(choices)}"
+                    )
+                if names.count(name) > 1:
+                    raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
+        missing = [name for name in self.inputs if name not in self.input_weights]
+        if missing:
+            raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The aircraft's six, then actuator positions, actuator rates, integrals."""
+        moving = [name for name in self.inputs if name in self.actuators]
+        second = [name for name in moving if self.actuators[name].order == 2]
+        return (
+            *LINEAR_STATES,
+            *(f"{name}_position" for name in moving),
+            *(f"{name}_rate" for name in second),
+            *(f"{name}_integral" for name in self.integrals),
+        )

@@ -1,0 +1,100 @@
+"""Designs in TOML files: those that come with the package, and the user's own."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from controller.design.design import Actuator, Design
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS
+
+#: Designs that come with the package: name -> file.
+NAMED = {"paper": "paper.toml", "simvfa-1": "simvfa_1.toml", "simvfa-2": "simvfa_2.toml"}
+_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta", "actuators", "weights")
+
+
+def load_design(name: str) -> Design:
+    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its file.
+
+    inputs, integrals: lists of names. disturbance: "states" or "updraft". delta: a number, inf for none.
+    [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name =
+    weight. BadInputError names the file, the entry and what is wrong with it.
+    """
+    data = _read(name)
+    unknown = sorted(set(data) - set(_KEYS))
+    if unknown:
+        raise BadInputError(f"{name}: unknown entry {unknown[0]!r}; a design has {', '.join(_KEYS)}")
+    weights = _table(name, data, "weights")
+    odd = sorted(set(weights) - {"states", "inputs"})
+    if odd:
+        raise BadInputError(f"{name}: unknown entry weights.{odd[0]}; give [weights.states] and [weights.inputs]")
+    delta = data.get("delta", math.inf)
+    if isinstance(delta, bool) or not isinstance(delta, (int, float)) or not delta > 0:
+        raise BadInputError(f"{name}: delta is {delta!r}; give a positive number, or inf for no disturbance")
+    return Design(
+        name=name,
+        inputs=_names(name, data, "inputs", INPUTS),
+        integrals=_names(name, data, "integrals", ()),
+        disturbance=str(data.get("disturbance", "states")),
+        delta=float(delta),
+        actuators={key: _actuator(name, key, table) for key, table in _table(name, data, "actuators").items()},
+        state_weights=_weights(name, weights, "states"),
+        input_weights=_weights(name, weights, "inputs"),
+    )
+
+
+def _read(name: str) -> dict[str, Any]:
+    try:
+        if name in NAMED:
+            text = files("controller.designs").joinpath(NAMED[name]).read_text(encoding="utf-8")
+        else:
+            text = Path(name).read_text(encoding="utf-8")
+        return tomllib.loads(text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInputError(
+            f"{name}: no design of that name and no readable file; the names are {', '.join(NAMED)}"
+        ) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise BadInputError(f"{name}: is not a TOML file ({error})") from error
+
+
+def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: {key} is {table!r}; make it the table [{key}]")
+    return table
+
+
+def _names(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...]) -> tuple[str, ...]:
+    value = data.get(key, list(default))
+    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
+        raise BadInputError(f"{where}: {key} is {value!r}; give a list of names in quotes")
+    return tuple(value)
+
+
+def _actuator(where: str, key: str, table: Any) -> Actuator:
+    known = [each.name for each in fields(Actuator)]
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: the actuator of {key} is {table!r}; make it the table [actuators.{key}]")
+    for name, value in table.items():
+        if name not in known:
+            raise BadInputError(f"{where}: unknown entry actuators.{key}.{name}; choose from {', '.join(known)}")
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise BadInputError(f"{where}: actuators.{key}.{name} is {value!r}; give a number")
+    return Actuator(**table)
+
+
+def _weights(where: str, data: Mapping[str, Any], key: str) -> dict[str, float]:
+    found = {}
+    for name, value in _table(where, data, key).items():
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and 0.0 <= value < 1e100):
+            raise BadInputError(f"{where}: the weight of {name} is {value!r}; give a number that is not negative")
+        found[name] = float(value)
+    return found

@@ -1,0 +1,57 @@
+"""Designs in files: those of the package load, and what is wrong in a file is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from controller.design.design import Actuator
+from controller.design.design_file import NAMED, load_design
+from hfa_model import BadInputError
+
+DESIGNS = Path(__file__).parents[3] / "controller" / "designs"
+
+
+def test_every_design_of_the_package_has_a_name_and_a_source() -> None:
+    assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
+    assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
+
+
+def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
+    own = tmp_path / "servo.toml"
+    own.write_text((DESIGNS / NAMED["simvfa-2"]).read_text(encoding="utf-8"), encoding="utf-8")
+    mine, theirs = load_design(str(own)), load_design("simvfa-2")
+    assert mine.states == theirs.states
+    assert mine.actuators == theirs.actuators == dict.fromkeys(mine.inputs, Actuator(2, 2.0, 0.7, 1.0))
+    assert mine.state_weights == theirs.state_weights
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("inputs = 'throttle'", "inputs is 'throttle'; give a list"),
+        ("weight = 3", "unknown entry 'weight'; a design has"),
+        ("weights = 3", "weights is 3; make it the table [weights]"),
+        ("[weights.outputs]\nx = 1", "unknown entry weights.outputs"),
+        ("[weights.inputs]\nthrottle = -1", "the weight of throttle is -1; give a number that is not negative"),
+        ("[weights.inputs]\nthrottle = nan", "the weight of throttle is nan"),
+        ("[actuators]\nthrottle = 3", "the actuator of throttle is 3; make it the table [actuators.throttle]"),
+        ("[actuators.throttle]\nlag = 3", "unknown entry actuators.throttle.lag; choose from order, bandwidth"),
+        ("[actuators.throttle]\nbandwidth = '3'", "actuators.throttle.bandwidth is '3'; give a number"),
+        ("delta = -1", "delta is -1; give a positive number"),
+        ("delta = true", "delta is True"),
+        ("delta = [", "is not a TOML file"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"own\.toml: ") as caught:
+        load_design(str(path))
+    assert message in str(caught.value)
+
+
+def test_a_name_that_is_neither_is_said() -> None:
+    with pytest.raises(BadInputError, match="no design of that name and no readable file; the names are paper, simvfa"):
+        load_design("simvfa")

@@ -1,0 +1,113 @@
+"""The design model: the peer's gains from the peer's settings, the paper's game, and matrices by differences."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controller import Game, published_game
+from controller.design.design import Actuator, Design
+from controller.design.design_file import NAMED, load_design
+from controller.design.design_model import DesignModel, design_model
+from hfa_model import Aircraft, BadInputError
+from trim import find_operating_point, level_flight, linearize
+from trim.linear.output_model import output_model
+from verification import solve_game
+
+PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
+
+
+def design_at(aircraft: Aircraft, design: Design, degrees: float) -> DesignModel:
+    point = find_operating_point(aircraft, level_flight(math.radians(degrees)))
+    return design_model(aircraft, linearize(aircraft, point), design)
+
+
+@pytest.mark.parametrize("name", PEER)
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_the_peer_s_settings_give_the_peer_s_gains(published_aircraft: Aircraft, name: str, degrees: str) -> None:
+    theirs = np.array(PEER[name][degrees])
+    ours = solve_game(design_at(published_aircraft, load_design(name), float(degrees)).game()).K
+    assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
+
+
+def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Aircraft, game: Game) -> None:
+    built = design_at(published_aircraft, load_design("paper"), 15.0).game()
+    for name in ("A", "B", "E", "Q", "R"):
+        np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
+    assert built.delta == game.delta
+    assert published_game(game.A, game.B).delta == 200.0
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_names_and_units_fit_the_matrices(published_aircraft: Aircraft, name: str) -> None:
+    built = design_at(published_aircraft, load_design(name), 11.0)
+    n, m = len(built.states), len(built.inputs)
+    assert (built.A.shape, built.B.shape) == ((n, n), (n, m))
+    assert (len(built.state_units), len(built.input_units)) == (n, m)
+
+
+def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(published_aircraft: Aircraft) -> None:
+    """A constant disturbance of the input is rejected: the integrals' inputs vanish at rest."""
+    built = design_at(published_aircraft, load_design("simvfa-2"), 11.0)
+    K = solve_game(built.game()).K
+    closed = built.A - built.B @ K
+    assert np.linalg.eigvals(closed).real.max() < 0.0
+    rest = -np.linalg.solve(closed, built.B @ np.array([0.01, -0.02]))
+    integrals = [index for index, name in enumerate(built.states) if name.endswith("_integral")]
+    assert np.abs(built.A[integrals] @ rest).max() < 1e-12
+
+
+def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircraft) -> None:
+    design = replace(load_design("simvfa-1"), integrals=("dihedral", "vertical_acceleration"), state_weights={})
+    gusty = design_at(published_aircraft, replace(design, disturbance="updraft"), 11.0)
+    still = design_at(published_aircraft, design, 11.0)
+    np.testing.assert_array_equal(gusty.A, still.A)
+    assert gusty.E.shape == (len(gusty.states), 1)
+    found = output_model(published_aircraft, gusty.model.point, ("vertical_acceleration",))
+    assert gusty.E[-1, 0] == pytest.approx(found.F[0, 0])
+    assert found.F[0, 0] == pytest.approx(68.0 * found.E[1, 0], rel=1e-9)  # V alpha'
+    assert gusty.E[6:-1].any() == np.False_
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: int) -> None:
+    weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
+    design = Design("own", ("throttle",), {"throttle": weak}, input_weights={"throttle": 1.0})
+    built = design_at(published_aircraft, design, 5.0)
+    rows = slice(6, None)
+    rest = -np.linalg.solve(built.A[rows, rows], built.B[rows])
+    assert rest[0, 0] == pytest.approx(0.2)
+    poles = np.linalg.eigvals(built.A[rows, rows])
+    assert np.abs(poles) == pytest.approx(np.full(order, 0.5))
+    assert built.A[0, 6] == pytest.approx(built.model.B[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"inputs": ("flaps",)}, "unknown input 'flaps'"),
+        ({"inputs": ()}, "no input is left"),
+        ({"integrals": ("lift",)}, "unknown integrated output 'lift'"),
+        ({"integrals": ("dihedral", "dihedral")}, "integrated output dihedral is named twice"),
+        ({"actuators": {"throttle": Actuator()}}, "unknown actuator 'throttle'; choose from aileron_outer"),
+        ({"state_weights": {"sped": 1.0}}, "unknown weight of a state 'sped'"),
+        ({"input_weights": {}}, "input aileron_outer has no weight"),
+        ({"disturbance": "wind"}, "unknown disturbance 'wind'; choose from states, updraft"),
+    ],
+)
+def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:
+    with pytest.raises(BadInputError, match="design simvfa-1: ") as caught:
+        replace(load_design("simvfa-1"), **changes)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("changes", [{"order": 3}, {"effectiveness": 0.0}, {"bandwidth": -1.0}, {"damping": math.nan}])
+def test_what_is_no_actuator_is_refused(changes: dict) -> None:
+    (name,) = changes
+    with pytest.raises(BadInputError, match=f"the {name} of an actuator is .*; it must be"):
+        Actuator(**changes)

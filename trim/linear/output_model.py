@@ -1,0 +1,64 @@
+"""Outputs of a linear model: y = C x + D u + F w, and the updraft's own column of the rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False)
+class OutputModel:
+    """y - Y0 = C x + D u + F w,  x' = A x + B u + E w  for the six states of the linear model.
+
+    C: (k, 6). D: (k, 5). F: (k, 1). E: (6, 1). w: updraft of the air, ft/s, positive up. offsets: Y0, (k,).
+    outputs, output_units: names and units, in order.
+    """
+
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    C: np.ndarray
+    D: np.ndarray
+    F: np.ndarray
+    E: np.ndarray
+    offsets: np.ndarray
+
+
+def output_model(aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> OutputModel:
+    """C = ∂y/∂X, D = ∂y/∂U, F = ∂y/∂w, E = ∂f/∂w at the operating point in still air, exact to rounding.
+
+    BadInputError when a name is neither an output nor a state, or named twice.
+    """
+    for name in names:
+        if name not in OUTPUTS and name not in STATES:
+            raise BadInputError(f"unknown output {name!r}; choose from {', '.join((*STATES, *OUTPUTS))}")
+        if names.count(name) > 1:
+            raise BadInputError(f"output {name} is named twice; name it once")
+    found = _derivatives(aircraft.variant, names)(
+        np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
+    )
+    offsets, C, D, F, E = (np.array(ca.DM(part)) for part in found)
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    return OutputModel(names, tuple(map(unit_of, names)), C[:, rows], D, F, E[rows], offsets.ravel())
+
+
+@lru_cache(maxsize=16)
+def _derivatives(variant: Variant, names: tuple[str, ...]) -> ca.Function:
+    """(x, u, p) -> y, ∂y/∂x, ∂y/∂u, ∂y/∂w, ∂f/∂w at w = 0."""
+    x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
+    p = ca.SX.sym("p", len(Parameters._fields))
+    moment = moment_of(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant, w)
+    y, f = ca.vertcat(ca.SX(0, 1), *outputs_of(moment, names)), ca.vertcat(*moment.rates)
+    parts = [y, *(ca.jacobian(y, by) for by in (x, u, w)), ca.jacobian(f, w)]
+    still = [ca.densify(ca.substitute(part, w, 0)) for part in parts]
+    return ca.Function("outputs", [x, u, p], still)
