@@ -12,6 +12,7 @@ from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulate import Scenario
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import games
+from hfa_cli.learning import add_settings
 from hfa_cli.values import number, quantity, span, split_assignments, whole
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
@@ -58,9 +59,7 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
     """--law (one of `laws`), --set, --seed, --delta, --Q, --R."""
     parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(laws)}; default certified")
-    parser.add_argument(
-        "--set", action="append", metavar="NAME=VALUE", help="a setting of the law, for example predefined_time=2"
-    )
+    add_settings(parser)
     parser.add_argument("--seed", metavar="N", help="seed of the recorded data and of the turbulence; default 0")
     games.add_weights(parser)
 

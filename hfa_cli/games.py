@@ -5,16 +5,20 @@ from __future__ import annotations
 import argparse
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from controller.game.model_file import load_game, parse_diagonal
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
-from hfa_cli.values import disturbance_weight
+from hfa_cli.argument_types import disturbance_weight, input_file, parsed
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
 from trim.point.trim_report import warnings
+
+#: Formats of files with matrices.
+MATRIX_FILES = (".json", ".npz", ".mat")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,23 +45,32 @@ def add_game(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser, dihedral_required=False)
     options.add_aircraft(parser)
     parser.add_argument(
-        "--model", metavar="FILE", help="a plant of your own: A, B, optionally E, Q, R (.mat .npz .json)"
+        "--model",
+        type=input_file(*MATRIX_FILES),
+        metavar="FILE",
+        help=f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
     )
     add_weights(parser)
 
 
 def add_weights(parser: argparse.ArgumentParser) -> None:
     """--delta, --Q, --R."""
-    parser.add_argument("--delta", metavar="NUMBER", help="disturbance weight, inf for none; default: the paper's 200")
-    parser.add_argument("--Q", metavar="a,b,...", help="diagonal of Q; default: the paper's")
-    parser.add_argument("--R", metavar="a,b,...", help="diagonal of R; default: the paper's")
+    parser.add_argument(
+        "--delta",
+        type=disturbance_weight,
+        metavar="NUMBER",
+        help="disturbance weight, inf for none; default: the paper's 200",
+    )
+    for name in ("Q", "R"):
+        diagonal = parsed(partial(parse_diagonal, name))
+        parser.add_argument(
+            f"--{name}", type=diagonal, metavar="a,b,...", help=f"diagonal of {name}; default: the paper's"
+        )
 
 
 def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:
     """Changes of the published game that the options name."""
-    given = {name: text for name in ("Q", "R") if (text := getattr(arguments, name)) is not None}
-    changes: dict[str, Any] = {name: parse_diagonal(name, text) for name, text in given.items()}
-    return changes if arguments.delta is None else changes | {"delta": disturbance_weight(arguments.delta)}
+    return {name: value for name in ("Q", "R", "delta") if (value := getattr(arguments, name)) is not None}
 
 
 def game_of(arguments: argparse.Namespace) -> NamedGame:
@@ -66,7 +79,9 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     changes = weights_of(arguments)
     if arguments.model is not None:
-        _refuse_options_of_the_aircraft(arguments)
+        of_the_aircraft = (*options.OF_THE_CONDITION, "limit", "parameters")
+        of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
+        options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
         game = load_game(arguments.model, **changes)
         n, m = game.B.shape
         states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
@@ -74,16 +89,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     aircraft = options.aircraft_of(arguments)
     point = find_operating_point(aircraft, options.condition_of(arguments))
     model = linearize(aircraft, point)
-    origin = f"the aircraft at dihedral {float(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
+    origin = f"the aircraft at dihedral {math.degrees(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
     game = published_game(model.A, model.B, **changes)
     units = model.state_units, model.input_units
     return NamedGame(game, model.states, model.inputs, *units, origin, tuple(warnings(point)))
-
-
-def _refuse_options_of_the_aircraft(arguments: argparse.Namespace) -> None:
-    """An option that would change nothing is a mistake."""
-    names = ("speed", "altitude", "alpha", "gamma", "limit", "parameters")
-    given = [name for name in names if getattr(arguments, name) is not None]
-    given += ["dynamics"] * (arguments.dynamics != options.DEFAULT_DYNAMICS)
-    if given:
-        raise BadInputError(f"--{given[0]} belongs to the aircraft; leave it out with --model")

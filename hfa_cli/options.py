@@ -5,13 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hfa_cli.values import limits, quantity
+from hfa_cli.argument_types import PICTURES, Named, angle, number, output_file, parsed, span, whole
+from hfa_cli.output import SUFFIXES
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
 from hfa_model.support.errors import BadInputError
 from trim.point.condition import TrimCondition, level_flight
 
 DEFAULT_DYNAMICS = "published"
+#: What --speed and its like impose, by name; --dihedral apart.
+OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
+_MOST_WORKERS = 1000
 
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
@@ -22,25 +26,57 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
         metavar="VARIANT",
         help="published (regenerates the print; default) or newton (first principles)",
     )
-    parser.add_argument("--parameters", metavar="FILE", help="parameters file (default: the identified aircraft)")
+    parser.add_argument(
+        "--parameters",
+        type=parsed(_parameters),
+        metavar="FILE",
+        help="parameters file (default: the identified aircraft)",
+    )
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
     """--dihedral, --speed, --altitude, --alpha, --gamma, --limit."""
-    parser.add_argument("--dihedral", required=dihedral_required, metavar="DEG", help="dihedral angle, degrees")
-    parser.add_argument("--speed", metavar="FT/S", help="default: the paper's 68")
-    parser.add_argument("--altitude", metavar="FT", help="default: the paper's 40000")
-    parser.add_argument("--alpha", metavar="DEG", help="angle of attack, degrees; default: the paper's 2.8")
-    parser.add_argument("--gamma", metavar="DEG", help="flight-path angle, degrees; default 0")
     parser.add_argument(
-        "--limit", action="append", metavar="NAME=LOW:HIGH", help="limits of an unknown, degrees for angles; repeatable"
+        "--dihedral", required=dihedral_required, type=angle, metavar="DEG", help="dihedral angle, degrees"
+    )
+    parser.add_argument("--speed", type=number, metavar="FT/S", help="default: the paper's 68")
+    parser.add_argument("--altitude", type=number, metavar="FT", help="default: the paper's 40000")
+    parser.add_argument("--alpha", type=angle, metavar="DEG", help="angle of attack, degrees; default: the paper's 2.8")
+    parser.add_argument("--gamma", type=angle, metavar="DEG", help="flight-path angle, degrees; default 0")
+    parser.add_argument(
+        "--limit",
+        action=Named,
+        value=span,
+        metavar="NAME=LOW:HIGH",
+        help="limits of an unknown, degrees for angles; repeatable",
     )
 
 
-def add_output(parser: argparse.ArgumentParser, also: str = "") -> None:
-    """--json, --output."""
+def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
+    """--json, --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
     parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
-    parser.add_argument("-o", "--output", metavar="FILE", help=f"also write .json, .npz, .mat, .csv{also}")
+    more = f" or {', '.join(also)}{what}" if also else ""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=output_file(*SUFFIXES, *also),
+        metavar="FILE",
+        help=f"also write {', '.join(SUFFIXES)}{more}",
+    )
+
+
+def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
+    """--picture."""
+    parser.add_argument(
+        "--picture", type=output_file(*PICTURES), metavar="FILE", help=f"draw {what} ({' or '.join(PICTURES)})"
+    )
+
+
+def add_workers(parser: argparse._ActionsContainer, what: str) -> None:
+    """--workers, --scheduler, --resume."""
+    parser.add_argument("--workers", type=whole(1, _MOST_WORKERS), metavar="N", help="processes; default 1")
+    parser.add_argument("--scheduler", metavar="URL", help="Dask scheduler, tcp://host:port")
+    parser.add_argument("--resume", action="store_true", help=f"continue an interrupted {what}")
 
 
 def given(arguments: argparse.Namespace, name: str) -> bool:
@@ -49,17 +85,17 @@ def given(arguments: argparse.Namespace, name: str) -> bool:
     return value is not None and value is not False
 
 
+def refuse(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:
+    """BadInputError for the first option of these that was given: it would change nothing."""
+    for name in names:
+        if given(arguments, name):
+            raise BadInputError(f"--{name} {reason}")
+
+
 def parameters_of(arguments: argparse.Namespace) -> ParameterSet:
-    """The parameters that the options name; BadInputError when they belong to equations that no option names."""
-    if arguments.parameters is None:
-        return default_parameters()
-    parameters = load_parameters(Path(arguments.parameters))
-    if parameters.structure:
-        raise BadInputError(
-            f"{arguments.parameters}: its [structure] {', '.join(parameters.structure)} belongs to equations that no "
-            "command flies; give the parameters.toml that `hfa identify --write` puts beside it"
-        )
-    return parameters
+    """The parameters that the options name."""
+    chosen: ParameterSet | None = arguments.parameters
+    return default_parameters() if chosen is None else chosen
 
 
 def aircraft_of(arguments: argparse.Namespace) -> Aircraft:
@@ -75,13 +111,22 @@ def one_place(arguments: argparse.Namespace) -> None:
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """The level, climbing or gliding flight that the options name."""
-    given = {name: getattr(arguments, name) for name in ("dihedral", "speed", "altitude", "alpha", "gamma")}
-    values = {name: quantity(name, text) for name, text in given.items() if text is not None}
     return level_flight(
-        values["dihedral"],
-        speed=values.get("speed"),
-        altitude=values.get("altitude"),
-        alpha=values.get("alpha"),
-        gamma=values.get("gamma", 0.0),
-        limits=limits(arguments.limit),
+        arguments.dihedral,
+        speed=arguments.speed,
+        altitude=arguments.altitude,
+        alpha=arguments.alpha,
+        gamma=0.0 if arguments.gamma is None else arguments.gamma,
+        limits=arguments.limit,
     )
+
+
+def _parameters(text: str) -> ParameterSet:
+    """Parameters of a file; BadInputError when they belong to equations that no option names."""
+    parameters = load_parameters(Path(text))
+    if parameters.structure:
+        raise BadInputError(
+            f"{text}: its [structure] {', '.join(parameters.structure)} belongs to equations that no "
+            "command flies; give the parameters.toml that `hfa identify --write` puts beside it"
+        )
+    return parameters

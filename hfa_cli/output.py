@@ -22,17 +22,17 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv")
 _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
-def check_target(path: str | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
+def check_target(path: str | Path | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
     """The output file of a command, refused before anything is computed when it cannot be written."""
     if path is None:
         return None
     target = Path(path)
     if target.suffix.lower() not in suffixes:
-        raise BadInputError(f"cannot write {path}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
+        raise BadInputError(f"{path or repr(path)}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
     if not target.parent.is_dir():
-        raise BadInputError(f"cannot write {path}: the folder {target.parent} does not exist; create it first")
+        raise BadInputError(f"{path}: the folder {target.parent} does not exist; create it first")
     if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
-        raise BadInputError(f"cannot write {path}: it is a folder; name a file")
+        raise BadInputError(f"{path}: it is a folder; name a file")
     return target
 
 
@@ -40,7 +40,7 @@ def check_folder(path: str) -> Path:
     """A folder that exists or can be made; made only when there is something to put in."""
     folder = Path(path)
     if not path or (not folder.is_dir() and (folder.exists() or not folder.parent.is_dir())):
-        raise BadInputError(f"cannot make the folder {path or repr(path)}: choose another, in a folder that exists")
+        raise BadInputError(f"{path or repr(path)}: cannot make the folder; choose another, in a folder that exists")
     return folder
 
 

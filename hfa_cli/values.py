@@ -28,11 +28,6 @@ def quantity(name: str, text: str) -> float:
     return math.radians(value) if _is_angle(name) else value
 
 
-def disturbance_weight(text: str) -> float:
-    """delta of a game, positive or "inf" for no disturbance."""
-    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text, "delta")
-
-
 def grid(name: str, text: str, most: int) -> np.ndarray:
     """The values of `axis` as one array."""
     values = axis(name, text, most)
@@ -98,26 +93,6 @@ def split_assignments(words: list[str] | None) -> dict[str, str]:
         if name in result:
             raise BadInputError(f"{name} is given twice, as {result[name]!r} and as {text!r}; give it once")
         result[name] = text
-    return result
-
-
-def assignments(words: list[str] | None) -> dict[str, float]:
-    """`NAME=VALUE` words to values in internal units."""
-    result = {}
-    for name, text in split_assignments(words).items():
-        if name not in UNITS:
-            raise BadInputError(f"unknown variable {name!r}; choose from {', '.join(UNITS)}")
-        result[name] = quantity(name, text)
-    return result
-
-
-def limits(words: list[str] | None) -> dict[str, tuple[float, float]]:
-    """`NAME=LOW:HIGH` words to limits in internal units."""
-    result = {}
-    for name, text in split_assignments(words).items():
-        if name not in UNITS:
-            raise BadInputError(f"unknown variable {name!r}; choose from {', '.join(UNITS)}")
-        result[name] = span(name, text)
     return result
 
 

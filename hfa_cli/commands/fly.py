@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,7 +124,7 @@ def _scheduled(arguments: argparse.Namespace, target: Path | None, picture: Path
         if options.given(arguments, name):
             raise BadInputError(f"--{name} does not go with --to, which flies the paper's level trims")
     aircraft = options.aircraft_of(arguments)
-    start, end = quantity("dihedral", arguments.dihedral), quantity("dihedral", arguments.to)
+    start, end = arguments.dihedral, quantity("dihedral", arguments.to)
     over = 60.0 if arguments.over is None else number(arguments.over, "--over")
     change = change_over(start, end, over)
     scenario = scenario_of(arguments, find_operating_point(aircraft, level_flight(start)), LEAD + over + REST)
@@ -196,7 +197,7 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
         )
         found.append(result)
     maps = tuple(found)
-    title = f"How far u = -K z holds, dihedral {float(arguments.dihedral):g} deg, law {arguments.law}"
+    title = f"How far u = -K z holds, dihedral {math.degrees(arguments.dihedral):g} deg, law {arguments.law}"
     save(map_figure(maps, title), path)
     return _say(
         arguments,
@@ -274,7 +275,7 @@ def _say(
 
 
 def _title(arguments: argparse.Namespace, rest: str) -> str:
-    return f"Flight, {arguments.dynamics} dynamics, dihedral {float(arguments.dihedral):g} deg, {rest}"
+    return f"Flight, {arguments.dynamics} dynamics, dihedral {math.degrees(arguments.dihedral):g} deg, {rest}"
 
 
 def _needs(arguments: argparse.Namespace, name: str, other: str) -> None:

@@ -8,7 +8,7 @@ from controller.laws.learning_report import learning_data, learning_table, learn
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import check_target, deliver, say_notes, write
+from hfa_cli.output import deliver, say_notes, write
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,12 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn and report; exit 1 when a certificate does not hold."""
-    target = check_target(arguments.output)
     named = game_of(arguments)
     result = run_learning(arguments, named.game)
-    if target is not None:
+    if arguments.output is not None:
         # Files hold the whole history; on a terminal it would drown the result.
-        write(target, learning_data(result, history=True) | named.labels(), lambda: learning_table(result))
+        write(arguments.output, learning_data(result, history=True) | named.labels(), lambda: learning_table(result))
     deliver(
         learning_data(result, history=False) | named.labels(),
         lambda: learning_text(result, named.states, named.inputs, named.origin),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.output import check_target, show
+from hfa_cli.output import show
+from hfa_model.aircraft import Aircraft
 from trim.linear.bands import bands_known, uncertainty
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
@@ -23,9 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize and report."""
-    target = check_target(arguments.output)
     parameters = options.parameters_of(arguments)
-    aircraft = options.aircraft_of(arguments)
+    aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
     point = find_operating_point(aircraft, condition)
     model = linearize(aircraft, point, full=arguments.full)
@@ -34,5 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     bands = uncertainty(parameters, aircraft.variant, condition, point) if known else None
     printed = printed_at(point) if not arguments.full else None
     report = linear_model_report(model, bands)
-    show(report if printed is None else beside_the_print(report, model, printed), as_json=arguments.json, target=target)
+    if printed is not None:
+        report = beside_the_print(report, model, printed)
+    show(report, as_json=arguments.json, target=arguments.output)
     return 0

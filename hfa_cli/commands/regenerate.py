@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import deliver
 from verification.published.regeneration import regenerate_all, regeneration_data, regeneration_table, regeneration_text
 
 
@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Regenerate, compare and judge; exit 1 when a check fails."""
-    target = check_target(arguments.output)
     pairs = regenerate_all(options.aircraft_of(arguments))
     data = regeneration_data(pairs)
     deliver(
@@ -25,6 +24,6 @@ def run(arguments: argparse.Namespace) -> int:
         lambda: regeneration_text(pairs),
         lambda: regeneration_table(pairs),
         as_json=arguments.json,
-        target=target,
+        target=arguments.output,
     )
     return 0 if data["ok"] else 1

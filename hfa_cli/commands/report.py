@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from hfa_cli import options
-from hfa_cli.output import check_folder, check_target
+from hfa_cli.argument_types import output_file, parsed
+from hfa_cli.output import check_folder
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, written_whole
 from hfa_model.support.jsonable import jsonable
@@ -19,9 +20,18 @@ from verification.published.report_page import Report, make_report, report_data,
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa report`."""
     options.add_aircraft(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the page, one self-contained .html file")
     parser.add_argument(
-        "--folder", metavar="FOLDER", help="write the page, its pictures and its numbers (JSON) into this folder"
+        "-o",
+        "--output",
+        type=output_file(".html"),
+        metavar="FILE",
+        help="write the page, one self-contained .html file",
+    )
+    parser.add_argument(
+        "--folder",
+        type=parsed(check_folder),
+        metavar="FOLDER",
+        help="write the page, its pictures and its numbers (JSON) into this folder",
     )
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
 
@@ -31,11 +41,9 @@ def run(arguments: argparse.Namespace) -> int:
     places = sum(place is not None for place in (arguments.output, arguments.folder))
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
-    target = check_target(arguments.output, (".html",))
-    folder = None if arguments.folder is None else check_folder(arguments.folder)
     report = make_report(options.parameters_of(arguments), arguments.dynamics)
     data = jsonable(report_data(report))
-    lines = [f"wrote {name}" for name in _written(report, data, target, folder)]
+    lines = [f"wrote {name}" for name in _written(report, data, arguments.output, arguments.folder)]
     lines.append(f"Both printed pairs regenerated: {'yes' if report.regenerated else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if report.learned else 'NO'}")
     print(json.dumps(data, indent=2, allow_nan=False) if arguments.json else "\n".join(lines))

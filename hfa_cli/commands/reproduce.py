@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 
+from hfa_cli.argument_types import parsed
 from hfa_cli.output import Progress, check_folder
 from hfa_model.support.files import write_text
 
@@ -16,7 +17,14 @@ from hfa_model.support.files import write_text
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa reproduce`."""
     parser.add_argument("experiment", metavar="SECTION", help="5.1, 5.2, 5.3, 5.4 or all")
-    parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where results go; made when missing")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=parsed(check_folder),
+        metavar="FOLDER",
+        help="where results go; made when missing",
+    )
     parser.add_argument(
         "--matrices",
         default="regenerated",
@@ -39,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = experiments(arguments.experiment)
     reading = default_reading() if arguments.reading is None else load_reading(arguments.reading)
     setting = make_setting(reading, arguments.matrices)
-    folder = check_folder(arguments.output)
+    folder = arguments.output
     folder.mkdir(exist_ok=True)
     counters: dict[str, Progress] = {}
 

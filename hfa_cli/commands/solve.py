@@ -6,7 +6,7 @@ import argparse
 
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
-from hfa_cli.output import check_target, deliver, say_notes
+from hfa_cli.output import deliver, say_notes
 from verification.meaning.solution_report import solution_data, solution_report, solution_table, solution_text
 
 
@@ -18,7 +18,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
-    target = check_target(arguments.output)
     named = game_of(arguments)
     report = solution_report(named.game)
     deliver(
@@ -26,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
         lambda: solution_text(report, named.states, named.inputs, named.origin),
         lambda: solution_table(report, named.states, named.inputs),
         as_json=arguments.json,
-        target=target,
+        target=arguments.output,
     )
     say_notes(named.warnings)
     return 0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from hfa_cli import options
-from hfa_cli.output import check_target, show
-from hfa_cli.values import assignments
+from hfa_cli.argument_types import Named, parsed, quantity
+from hfa_cli.output import show
+from hfa_model.support.errors import BadInputError
 from trim.point.condition import release
 from trim.point.operating_point import load_operating_point
 from trim.point.solve import find_operating_point
@@ -19,21 +21,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
     parser.add_argument(
-        "--hold", action="append", metavar="NAME=VALUE", help="hold a variable, degrees for angles; repeatable"
+        "--hold",
+        action=Named,
+        value=quantity,
+        metavar="NAME=VALUE",
+        help="hold a variable, degrees for angles; repeatable",
     )
-    parser.add_argument("--start", metavar="FILE", help="begin from a saved operating point (.json)")
+    parser.add_argument(
+        "--start",
+        type=parsed(lambda text: load_operating_point(Path(text))),
+        metavar="FILE",
+        help="begin from a saved operating point (.json)",
+    )
     options.add_aircraft(parser)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report."""
-    target = check_target(arguments.output)
+    free, hold = tuple(arguments.free or ()), arguments.hold or {}
+    _refuse_two_values(arguments, free, hold)
     aircraft = options.aircraft_of(arguments)
-    condition = release(
-        options.condition_of(arguments), free=tuple(arguments.free or ()), hold=assignments(arguments.hold)
-    )
-    start = None if arguments.start is None else load_operating_point(Path(arguments.start))
-    point = find_operating_point(aircraft, condition, start)
-    show(trim_report(aircraft, condition, point), as_json=arguments.json, target=target)
+    condition = release(options.condition_of(arguments), free=free, hold=hold)
+    point = find_operating_point(aircraft, condition, arguments.start)
+    show(trim_report(aircraft, condition, point), as_json=arguments.json, target=arguments.output)
     return 0
+
+
+def _refuse_two_values(arguments: argparse.Namespace, free: tuple[str, ...], hold: Mapping[str, float]) -> None:
+    """A variable has one value, or none: --dihedral, which is always given, may be set free, the others not."""
+    for name in ("dihedral", *options.OF_THE_CONDITION):
+        if options.given(arguments, name) and name in hold:
+            raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
+        if options.given(arguments, name) and name in free and name != "dihedral":
+            raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")

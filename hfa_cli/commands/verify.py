@@ -14,10 +14,10 @@ from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.model_file import load_critic
 from hfa_cli import options
-from hfa_cli.games import NamedGame, add_game, game_of
+from hfa_cli.argument_types import input_file, positive
+from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import check_target, deliver, say_notes
-from hfa_cli.values import number
+from hfa_cli.output import deliver, say_notes
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.critic.candidate import Candidate, from_stored, from_weights
@@ -29,39 +29,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    parser.add_argument("--weights", metavar="FILE", help="a critic from elsewhere: W, or P, or K (.npz .mat .json)")
+    parser.add_argument(
+        "--weights",
+        type=input_file(*MATRIX_FILES),
+        metavar="FILE",
+        help=f"a critic from elsewhere: W, or P, or K ({' '.join(MATRIX_FILES)})",
+    )
     parser.add_argument("--basis", metavar="NAME", help="basis of --weights; default quadratic")
-    parser.add_argument("--limit-error", metavar="X", help=f"limit of the relative errors; default {LIMIT:g}")
-    parser.add_argument("--picture", metavar="FILE", help="draw P learned, exact, difference, and errors over time")
+    parser.add_argument(
+        "--limit-error",
+        type=positive,
+        default=LIMIT,
+        metavar="X",
+        help=f"limit of the relative errors; default {LIMIT:g}",
+    )
+    options.add_picture(parser, "P learned, exact, difference, and errors over time")
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
-    target = check_target(arguments.output)
-    picture = check_target(arguments.picture, (".png", ".svg"))
-    limit = LIMIT if arguments.limit_error is None else number(arguments.limit_error, "--limit-error")
-    if limit <= 0:
-        raise BadInputError(f"--limit-error is {limit:g}; it must be positive")
     if arguments.weights is None and arguments.basis is not None:
         raise BadInputError("--basis belongs to --weights; for a law, use --set basis=NAME")
-    of_a_law = [name for name in ("law", "seed", "set", "save", "resume") if getattr(arguments, name) is not None]
-    if arguments.weights is not None and of_a_law:
-        raise BadInputError(f"--{of_a_law[0]} belongs to a law; leave it out with --weights")
+    if arguments.weights is not None:
+        options.refuse(
+            arguments, ("law", "seed", "set", "save", "resume"), "belongs to a law; leave it out with --weights"
+        )
     named = game_of(arguments)
     functions, candidate, result = _candidate(arguments, named)
     time = None if result is None else result.settings.get("predefined_time")
     check = check_critic(
-        named.game, candidate, functions, limit=limit, box=_box(named), run=result, predefined_time=time
+        named.game, candidate, functions, limit=arguments.limit_error, box=_box(named), run=result, predefined_time=time
     )
-    if picture is not None:
-        _draw(check, named, functions, result, time, picture)
+    if arguments.picture is not None:
+        _draw(check, named, functions, result, time, arguments.picture)
     deliver(
         check.to_dict() | named.labels(),
         lambda: check_text(check, named.states, named.inputs, named.origin),
         lambda: check_table(check, named.states, named.inputs),
         as_json=arguments.json,
-        target=target,
+        target=arguments.output,
     )
     say_notes(named.warnings)
     return 0 if check.ok else 1

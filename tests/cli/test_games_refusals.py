@@ -15,6 +15,7 @@ from cli import assert_refused, hfa
 from game_files import SMALL, small, stored
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from hfa_model.parameters import default_parameters, save_parameters
 
 AT_15 = ("--dihedral", "15")
 GAME_COMMANDS = ("solve", "learn", "verify")
@@ -69,6 +70,7 @@ def assert_command_refuses(command: str, words: tuple[str, ...], code: int, *nam
 )
 def test_bad_games(command: str, words: str, named: str) -> None:
     small("given.json")
+    save_parameters(default_parameters(), Path("given.toml"), "")
     assert_command_refuses(command, tuple(words.split()), BAD_INPUT, named)
 
 

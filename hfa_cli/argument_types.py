@@ -1,0 +1,138 @@
+"""Types of options: one word of a command line becomes a value in internal units, or the reason why not.
+
+A reason is the rest of a sentence that begins with the option: "--speed" and "is 'fast'; give a number". Angles are
+given in degrees and become radians here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from argparse import ArgumentTypeError
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from hfa_cli.echo import shortened
+from hfa_cli.output import check_target
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import UNITS
+
+Value = TypeVar("Value")
+PICTURES = (".png", ".svg")
+_LARGEST_WHOLE = 10**18
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give a number") from None
+    if not math.isfinite(value):
+        raise ArgumentTypeError(f"is {shortened(text)}; give a finite number")
+    return value
+
+
+def positive(text: str) -> float:
+    """A finite number above zero."""
+    value = number(text)
+    if value <= 0:
+        raise ArgumentTypeError(f"is {value:g}; it must be positive")
+    return value
+
+
+def angle(text: str) -> float:
+    """Degrees, as radians."""
+    return math.radians(number(text))
+
+
+def quantity(name: str, text: str) -> float:
+    """The value of a named variable; a parameter of the aircraft is given in its own unit, whatever that is."""
+    return angle(text) if UNITS.get(name, "").startswith("rad") else number(text)
+
+
+def span(name: str, text: str) -> tuple[float, float]:
+    """`LOW:HIGH` of a named variable, low < high."""
+    low, colon, high = text.partition(":")
+    if not colon or ":" in high:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give LOW:HIGH")
+    lowest, highest = quantity(name, low), quantity(name, high)
+    if not lowest < highest:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; the first limit must be the lower one")
+    return lowest, highest
+
+
+def disturbance_weight(text: str) -> float:
+    """delta of a game, or "inf" for no disturbance."""
+    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
+
+
+def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
+    """The type of whole numbers from `lowest` to `highest`."""
+
+    def convert(text: str) -> int:
+        value = number(text)
+        # From the digits where there are only digits: a float would round the large ones.
+        result = int(text) if text.strip().isdigit() else int(value)
+        if value != int(value) or not lowest <= result <= highest:
+            raise ArgumentTypeError(f"is {shortened(text)}; give a whole number from {lowest} to {highest:.6g}")
+        return result
+
+    return convert
+
+
+def parsed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
+    """The type of what a function makes of a word; its BadInputError is the reason."""
+
+    def convert(text: str) -> Value:
+        try:
+            return parse(text)
+        except BadInputError as error:
+            raise ArgumentTypeError(str(error)) from error
+
+    return convert
+
+
+def input_file(*suffixes: str) -> Callable[[str], Path]:
+    """The type of files that are there, with one of the suffixes."""
+
+    def convert(text: str) -> Path:
+        path = Path(text)
+        if path.suffix.lower() not in suffixes:
+            raise ArgumentTypeError(f"{text}: the suffix {path.suffix!r} is not known; use {', '.join(suffixes)}")
+        if not path.is_file():
+            raise ArgumentTypeError(f"{text}: there is no such file")
+        return path
+
+    return convert
+
+
+def output_file(*suffixes: str) -> Callable[[str], Path | None]:
+    """The type of files that can be written, with one of the suffixes."""
+    return parsed(lambda text: check_target(text, suffixes))
+
+
+class Named(argparse.Action):
+    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); a name that comes twice is refused."""
+
+    def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
+        super().__init__(**options)
+        self._value = value
+        self._texts: dict[str, str] = {}
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Take one word in."""
+        name, separator, text = values.partition("=")
+        if not separator:
+            raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
+        if name in self._texts:
+            raise argparse.ArgumentError(
+                self, f"{name} is given twice, as {self._texts[name]!r} and as {text!r}; give it once"
+            )
+        self._texts[name] = text
+        try:
+            value = self._value(name, text)
+        except ArgumentTypeError as error:
+            raise argparse.ArgumentError(self, f"{name} {error}") from error
+        setattr(namespace, self.dest, (getattr(namespace, self.dest) or {}) | {name: value})
