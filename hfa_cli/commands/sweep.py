@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and arguments.output.suffix.lower() == STORE:
         return _to_store(arguments, ranges)
     options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
-    axes = {name: array_of(f"--{name}", values, MOST_POINTS) for name, values in ranges.items()}
+    axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
     axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))  # what stays fixed first: it is not drawn
     varied = [name for name, values in axes.items() if values.size > 1]
     if arguments.picture is not None and len(varied) > 1:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import hfa
+from cli import Terminal, hfa
 
 from hfa_model.parameters import default_parameters
 from trim.sweeps.sweep_plan import Steps, SweepPlan
@@ -63,6 +63,15 @@ def test_a_sweep_has_its_notes_in_its_data_and_files(tmp_path: Path) -> None:
     assert json.loads(result.out)["warnings"] == json.loads(path.read_text(encoding="utf-8"))["warnings"]
     assert json.loads(result.out)["warnings"] == [sweep_note(3)]
     assert json.loads(hfa("sweep", "--dihedral", "0:15:5", "--json").out)["warnings"] == []
+
+
+def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
+    words = ("sweep", "--dihedral", "14:20:2")
+    for quiet in ("-q", "--quiet"):
+        terminal = Terminal()
+        assert hfa(*words, quiet, err=terminal) == hfa(*words)._replace(err="")
+    refused = hfa("trim", "--quiet", "--dihedral", "15", "--speed", "20")
+    assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 
 
 @pytest.mark.parametrize(

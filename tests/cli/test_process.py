@@ -28,6 +28,14 @@ def test_failures(tmp_path: Path, words: tuple[str, ...], code: int, named: str)
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    for words in (("trim", "--dihedral", "15", "--json"), ("trim", "--dihedrl", "15")):
+        done = subprocess.run(
+            [sys.executable, "-m", "hfa_cli", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        )
+        assert (done.returncode, done.stdout, done.stderr) == hfa_process(*words, folder=tmp_path)
+
+
 @pytest.mark.parametrize("words", [("trim", "--dihedral", "12.5", "--json"), ("sweep", "--dihedral", "14:16:1")])
 def test_a_process_says_the_same_as_any_other(tmp_path: Path, words: tuple[str, ...]) -> None:
     inside = hfa(*words)
