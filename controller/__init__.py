@@ -1,8 +1,13 @@
 """How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
 
+import sys
 from typing import TYPE_CHECKING
 
-from hfa_model.support.door import open_door
+try:
+    from hfa_model.support.door import open_door
+except ModuleNotFoundError:  # hfa_model is some other file or folder
+    path = getattr(sys.modules.get("hfa_model"), "__file__", None)
+    raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
     from controller.flight.actuators import Actuators as Actuators

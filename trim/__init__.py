@@ -1,8 +1,13 @@
 """Where the aircraft flies: operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
+import sys
 from typing import TYPE_CHECKING
 
-from hfa_model.support.door import open_door
+try:
+    from hfa_model.support.door import open_door
+except ModuleNotFoundError:  # hfa_model is some other file or folder
+    path = getattr(sys.modules.get("hfa_model"), "__file__", None)
+    raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
     from trim.identification.identify import Fit as Fit, fit as fit, identify as identify

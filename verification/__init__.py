@@ -1,8 +1,13 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against it."""
 
+import sys
 from typing import TYPE_CHECKING
 
-from hfa_model.support.door import open_door
+try:
+    from hfa_model.support.door import open_door
+except ModuleNotFoundError:  # hfa_model is some other file or folder
+    path = getattr(sys.modules.get("hfa_model"), "__file__", None)
+    raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
     from verification.critic.candidate import (

@@ -5,8 +5,14 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import os
+import sys
+import warnings
 from collections.abc import Callable
 from typing import Any
+
+#: From the bottom to the top: each needs those before it.
+PACKAGES = ("hfa_model", "trim", "controller", "verification", "hfa_cli")
 
 
 def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -15,6 +21,7 @@ def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     Type checkers read that block as it stands; at run time a name loads its module only when somebody asks for it,
     because CasADi and SciPy are slow to load and `hfa --help` needs neither.
     """
+    check_hidden()
     homes = _homes(package)
     names = sorted(homes)
 
@@ -27,6 +34,31 @@ def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         return names
 
     return look_up, list_names, names
+
+
+def check_hidden() -> None:
+    """Says which file or folder of the user, such as a `trim.py` beside the script, Python takes for a package of ours.
+
+    ImportError when a package that is loaded needs the hidden one; a warning when none does, because the name may well
+    be meant.
+    """
+    hidden = {name: path for name in PACKAGES if (path := _path_before(name))}
+    loaded = [level for level, name in enumerate(PACKAGES) if name in sys.modules and name not in hidden]
+    for name, path in hidden.items():
+        message = f"{path} hides the package {name!r} of hfa-toolchain: rename it, or run Python with the option -P"
+        if loaded and PACKAGES.index(name) < loaded[-1]:
+            raise ImportError(message, name=name, path=path)
+        warnings.warn(message, stacklevel=4)
+
+
+def _path_before(name: str) -> str | None:
+    """What Python finds in place of a package of ours."""
+    spec = sys.modules[name].__spec__ if name in sys.modules else importlib.util.find_spec(name)
+    if spec is None:
+        return None
+    ours = os.path.join(os.path.dirname(__file__), "..", "..", name, "__init__.py")
+    found = spec.origin or next(iter(spec.submodule_search_locations or ()), "")  # a folder has no origin
+    return None if os.path.realpath(found) == os.path.realpath(ours) else found
 
 
 def _homes(package: str) -> dict[str, str]:
