@@ -1,0 +1,47 @@
+"""The wheel: our packages by name with their data, and nothing else that lies beside them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from import_graph import LAYERS, ROOT
+
+DATA = {
+    *(f"{package}/py.typed" for package in LAYERS),
+    *("hfa_model/parameters.toml", "hfa_model/parameters_rival.toml", "hfa_model/published.json"),
+    "verification/experiments/section5.toml",
+}
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """The files of a wheel that is built from our sources and a stray package of results."""
+    sources, wheels = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheels")
+    for name in ("pyproject.toml", "README.md"):
+        shutil.copy(ROOT / name, sources)
+    for package in LAYERS:
+        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for stray in ("trim_results", "controller_old"):
+        (sources / stray).mkdir()
+        (sources / stray / "__init__.py").touch()
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*command, "--wheel-dir", str(wheels), str(sources)], check=True, timeout=120)
+    (wheel,) = wheels.glob("*.whl")
+    return set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_the_wheel_holds_our_packages_and_nothing_else(names: set[str]) -> None:
+    tops = {name.partition("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == set(LAYERS)
+    assert len(tops) == len(LAYERS) + 1
+
+
+def test_the_wheel_holds_every_module_and_all_data(names: set[str]) -> None:
+    files = (path for package in LAYERS for path in (ROOT / package).rglob("*") if path.is_file())
+    ours = {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
+    assert ours >= DATA
+    assert {name for name in names if ".dist-info/" not in name} == ours
