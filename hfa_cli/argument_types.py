@@ -6,12 +6,11 @@ given in degrees and become radians here and nowhere else.
 
 from __future__ import annotations
 
-import argparse
 import math
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from hfa_cli.echo import shortened
 from hfa_cli.output import check_target
@@ -111,28 +110,3 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(*suffixes: str) -> Callable[[str], Path | None]:
     """The type of files that can be written, with one of the suffixes."""
     return parsed(lambda text: check_target(text, suffixes))
-
-
-class Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); a name that comes twice is refused."""
-
-    def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
-        super().__init__(**options)
-        self._value = value
-        self._texts: dict[str, str] = {}
-
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        """Take one word in."""
-        name, separator, text = values.partition("=")
-        if not separator:
-            raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
-        if name in self._texts:
-            raise argparse.ArgumentError(
-                self, f"{name} is given twice, as {self._texts[name]!r} and as {text!r}; give it once"
-            )
-        self._texts[name] = text
-        try:
-            value = self._value(name, text)
-        except ArgumentTypeError as error:
-            raise argparse.ArgumentError(self, f"{name} {error}") from error
-        setattr(namespace, self.dest, (getattr(namespace, self.dest) or {}) | {name: value})

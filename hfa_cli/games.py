@@ -12,6 +12,7 @@ from controller.game.model_file import load_game, parse_diagonal
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
 from hfa_cli.argument_types import disturbance_weight, input_file, parsed
+from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
@@ -44,28 +45,18 @@ def add_game(parser: argparse.ArgumentParser) -> None:
     """--dihedral or --model, and the weights."""
     options.add_condition(parser, dihedral_required=False)
     options.add_aircraft(parser)
-    parser.add_argument(
-        "--model",
-        type=input_file(*MATRIX_FILES),
-        metavar="FILE",
-        help=f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
-    )
+    about = f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})"
+    add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
 
 
 def add_weights(parser: argparse.ArgumentParser) -> None:
     """--delta, --Q, --R."""
-    parser.add_argument(
-        "--delta",
-        type=disturbance_weight,
-        metavar="NUMBER",
-        help="disturbance weight, inf for none; default: the paper's 200",
-    )
+    about = "disturbance weight, inf for none; default: the paper's 200"
+    add_value(parser, "--delta", disturbance_weight, "NUMBER", about)
     for name in ("Q", "R"):
         diagonal = parsed(partial(parse_diagonal, name))
-        parser.add_argument(
-            f"--{name}", type=diagonal, metavar="a,b,...", help=f"diagonal of {name}; default: the paper's"
-        )
+        add_value(parser, f"--{name}", diagonal, "a,b,...", f"diagonal of {name}; default: the paper's")
 
 
 def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:

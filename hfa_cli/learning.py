@@ -11,8 +11,9 @@ from typing import Any
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.learn import LAWS, learn
-from hfa_cli.argument_types import Named, number, whole
+from hfa_cli.argument_types import number, whole
 from hfa_cli.output import check_target
+from hfa_cli.parser import add_named, add_value
 from hfa_model.support.errors import BadInputError
 
 DEFAULT_LAW = "certified"
@@ -21,7 +22,7 @@ DEFAULT_LAW = "certified"
 def add_learning(parser: argparse.ArgumentParser) -> None:
     """--law, --seed, --set, --save, --resume."""
     parser.add_argument("--law", metavar="NAME", help=f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
-    parser.add_argument("--seed", type=whole(0), metavar="N", help="seed of the recorded data; default 0")
+    add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     add_settings(parser)
     parser.add_argument("--save", metavar="FILE", help="keep the state of the run in this .npz file")
     parser.add_argument("--resume", metavar="FILE", help="continue from a kept state")
@@ -29,13 +30,8 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """--set, whose words wait until the law is known."""
-    parser.add_argument(
-        "--set",
-        action=Named,
-        value=lambda _, text: text,
-        metavar="NAME=VALUE",
-        help="a setting of the law, for example predefined_time=2",
-    )
+    about = "a setting of the law, for example predefined_time=2"
+    add_named(parser, "--set", lambda _, text: text, "NAME=VALUE", about)
 
 
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:

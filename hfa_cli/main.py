@@ -7,12 +7,12 @@ import contextlib
 import importlib
 import io
 import os
-import re
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn
+from collections.abc import Sequence
+from typing import Any
 
 from hfa_cli.echo import on_one_line, shortened
+from hfa_cli.parser import Parser, unknown
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.version import toolchain_version
 
@@ -35,57 +35,6 @@ COMMANDS = {
     "reproduce": "fly Section 5 of the paper again: its figures, and its claims with numbers",
     "report": "the main job on one page: regeneration and the sweep, with pictures",
 }
-
-
-class _Once(argparse.Action):
-    """Store the value of an option that is given once."""
-
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        setattr(namespace, self.dest, values)
-
-
-class _Parser(argparse.ArgumentParser):
-    """An argument parser whose complaints are one line each, the unknown option before the missing one."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(allow_abbrev=False, exit_on_error=False, **options)
-        self.register("action", None, _Once)
-
-    def parse_words(self, words: list[str]) -> argparse.Namespace:
-        """The options and their values; BadInputError says what is wrong with them."""
-        words = _attached(words)
-        self._check_options(words)
-        try:
-            return self.parse_args(words)
-        except argparse.ArgumentError as error:
-            if error.argument_name is None:
-                self.error(error.message)
-            raise BadInputError(f"{error.argument_name.rpartition('/')[2]} {error.message}") from error
-
-    def error(self, message: str) -> NoReturn:
-        raise BadInputError(f"{message} (see `{self.prog} --help`)")
-
-    def _check_options(self, words: list[str]) -> None:
-        """What argparse does not see: options that are unknown or given twice, and "--" as a value."""
-        known = self._option_string_actions
-        given: dict[str, str] = {}
-        for word, following in zip(words, [*words[1:], ""], strict=False):
-            if word == "--":
-                return  # only positional words follow
-            if not re.match(r"-[^\d.]", word):
-                continue
-            option, equals, value = word.partition("=") if word.startswith("--") else (word[:2], word[2:], word[2:])
-            if option not in known:
-                raise BadInputError(_unknown(f"option {shortened(option)}", option, known, self.prog))
-            if equals and value == "--":
-                raise BadInputError(f"{option} is '--'; give a value")
-            action, text = known[option], value if equals else following
-            if isinstance(action, _Once):
-                if action.dest in given:
-                    raise BadInputError(
-                        f"{option} is given twice, as {given[action.dest]!r} and as {text!r}; give it once"
-                    )
-                given[action.dest] = text
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -133,17 +82,17 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
     chosen = words[0] if words else "--help"
     if chosen not in COMMANDS:
         _overview().parse_words([chosen])
-        raise BadInputError(_unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa"))
+        raise BadInputError(unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa"))
     module = importlib.import_module(f"hfa_cli.commands.{chosen.replace('-', '_')}")
-    command = _Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip())
+    command = Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip())
     command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
     module.add_arguments(command)
     return module, command.parse_words(words[1:])
 
 
-def _overview() -> _Parser:
+def _overview() -> Parser:
     """`hfa` without a command: --help and --version."""
-    parser = _Parser(
+    parser = Parser(
         prog="hfa",
         usage="hfa [-h] [--version] command ...",
         description="Linear models and checked controllers of a highly flexible aircraft.",
@@ -153,25 +102,6 @@ def _overview() -> _Parser:
     parser.add_argument("command", nargs="?", help="one of the commands below")
     parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     return parser
-
-
-def _unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
-    """Says that an option or a command does not exist, with the one that was probably meant."""
-    import difflib
-
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
-    return f"unknown {what}" + (f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)")
-
-
-def _attached(words: list[str]) -> list[str]:
-    """`--option -5:5:1` as `--option=-5:5:1`: argparse takes a word with a "-" for an option, plain numbers apart."""
-    result: list[str] = []
-    for word in words:
-        if result and re.fullmatch(r"--[\w-]+", result[-1]) and re.match(r"-[\d.]", word):
-            result[-1] += f"={word}"
-        else:
-            result.append(word)
-    return result
 
 
 def _drop_output() -> None:

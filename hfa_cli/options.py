@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hfa_cli.argument_types import PICTURES, Named, angle, number, output_file, parsed, span, whole
+from hfa_cli.argument_types import PICTURES, angle, number, output_file, parsed, span, whole
 from hfa_cli.output import SUFFIXES
+from hfa_cli.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
 from hfa_model.support.errors import BadInputError
@@ -20,62 +21,37 @@ _MOST_WORKERS = 1000
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
-    parser.add_argument(
-        "--dynamics",
-        default=DEFAULT_DYNAMICS,
-        metavar="VARIANT",
-        help="published (regenerates the print; default) or newton (first principles)",
-    )
-    parser.add_argument(
-        "--parameters",
-        type=parsed(_parameters),
-        metavar="FILE",
-        help="parameters file (default: the identified aircraft)",
-    )
+    equations = "published (regenerates the print; default) or newton (first principles)"
+    add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
+    add_value(parser, "--parameters", parsed(_parameters), "FILE", "parameters file (default: the identified aircraft)")
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
     """--dihedral, --speed, --altitude, --alpha, --gamma, --limit."""
-    parser.add_argument(
-        "--dihedral", required=dihedral_required, type=angle, metavar="DEG", help="dihedral angle, degrees"
-    )
-    parser.add_argument("--speed", type=number, metavar="FT/S", help="default: the paper's 68")
-    parser.add_argument("--altitude", type=number, metavar="FT", help="default: the paper's 40000")
-    parser.add_argument("--alpha", type=angle, metavar="DEG", help="angle of attack, degrees; default: the paper's 2.8")
-    parser.add_argument("--gamma", type=angle, metavar="DEG", help="flight-path angle, degrees; default 0")
-    parser.add_argument(
-        "--limit",
-        action=Named,
-        value=span,
-        metavar="NAME=LOW:HIGH",
-        help="limits of an unknown, degrees for angles; repeatable",
-    )
+    add_value(parser, "--dihedral", angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
+    add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
+    add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
+    add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
+    add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
+    add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
     """--json, --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
     parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
-    more = f" or {', '.join(also)}{what}" if also else ""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=output_file(*SUFFIXES, *also),
-        metavar="FILE",
-        help=f"also write {', '.join(SUFFIXES)}{more}",
-    )
+    about = f"also write {', '.join(SUFFIXES)}" + (f" or {', '.join(also)}{what}" if also else "")
+    parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, *also), metavar="FILE", help=about)
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
     """--picture."""
-    parser.add_argument(
-        "--picture", type=output_file(*PICTURES), metavar="FILE", help=f"draw {what} ({' or '.join(PICTURES)})"
-    )
+    add_value(parser, "--picture", output_file(*PICTURES), "FILE", f"draw {what} ({' or '.join(PICTURES)})")
 
 
 def add_workers(parser: argparse._ActionsContainer, what: str) -> None:
     """--workers, --scheduler, --resume."""
-    parser.add_argument("--workers", type=whole(1, _MOST_WORKERS), metavar="N", help="processes; default 1")
-    parser.add_argument("--scheduler", metavar="URL", help="Dask scheduler, tcp://host:port")
+    add_value(parser, "--workers", whole(1, _MOST_WORKERS), "N", "processes; default 1")
+    add_value(parser, "--scheduler", str, "URL", "Dask scheduler, tcp://host:port")
     parser.add_argument("--resume", action="store_true", help=f"continue an interrupted {what}")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from hfa_cli import options
 from hfa_cli.argument_types import parsed, whole
 from hfa_cli.output import Progress, deliver
+from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit, save_identification
 from trim.identification.identification_report import identification_data, identification_table, identification_text
@@ -18,13 +19,9 @@ PARAMETERS = ".toml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa identify`."""
-    parser.add_argument("--seed", type=whole(0), default=0, metavar="N", help="seed of the rough guesses; default 0")
-    parser.add_argument(
-        "--write",
-        type=parsed(_folder),
-        metavar="FOLDER",
-        help="write parameters.toml and parameters_rival.toml into this folder",
-    )
+    add_value(parser, "--seed", whole(0), "N", "seed of the rough guesses; default 0", default=0)
+    about = "write parameters.toml and parameters_rival.toml into this folder"
+    add_value(parser, "--write", parsed(_folder), "FOLDER", about)
     options.add_output(parser, PARAMETERS, what=" (the parameters)")
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from hfa_cli import options
 from hfa_cli.argument_types import output_file, parsed
 from hfa_cli.output import check_folder
+from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, written_whole
 from hfa_model.support.jsonable import jsonable
@@ -20,19 +21,10 @@ from verification.published.report_page import Report, make_report, report_data,
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa report`."""
     options.add_aircraft(parser)
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=output_file(".html"),
-        metavar="FILE",
-        help="write the page, one self-contained .html file",
-    )
-    parser.add_argument(
-        "--folder",
-        type=parsed(check_folder),
-        metavar="FOLDER",
-        help="write the page, its pictures and its numbers (JSON) into this folder",
-    )
+    about = "write the page, one self-contained .html file"
+    parser.add_argument("-o", "--output", type=output_file(".html"), metavar="FILE", help=about)
+    about = "write the page, its pictures and its numbers (JSON) into this folder"
+    add_value(parser, "--folder", parsed(check_folder), "FOLDER", about)
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
 
 

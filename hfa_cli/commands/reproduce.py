@@ -11,26 +11,18 @@ import argparse
 
 from hfa_cli.argument_types import parsed
 from hfa_cli.output import Progress, check_folder
+from hfa_cli.parser import add_value
 from hfa_model.support.files import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa reproduce`."""
     parser.add_argument("experiment", metavar="SECTION", help="5.1, 5.2, 5.3, 5.4 or all")
-    parser.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        type=parsed(check_folder),
-        metavar="FOLDER",
-        help="where results go; made when missing",
-    )
-    parser.add_argument(
-        "--matrices",
-        default="regenerated",
-        metavar="SOURCE",
-        help="regenerated (trimmed and linearized here; default) or printed",
-    )
+    folder = parsed(check_folder)
+    about = "where results go; made when missing"
+    parser.add_argument("-o", "--output", required=True, type=folder, metavar="FOLDER", help=about)
+    about = "regenerated (trimmed and linearized here; default) or printed"
+    add_value(parser, "--matrices", str, "SOURCE", about, default="regenerated")
     parser.add_argument("--reading", metavar="FILE", help="another reading of what the print leaves open (.toml)")
     parser.add_argument("--resume", action="store_true", help="keep experiments that are finished")
     parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")

@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 
 from hfa_cli import options
-from hfa_cli.argument_types import Named, whole
+from hfa_cli.argument_types import whole
 from hfa_cli.output import Progress, deliver, say_notes
+from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_model.support.errors import BadInputError
 from trim.sweeps.sweep import MOST_POINTS, SWEPT, sweep
@@ -29,27 +30,17 @@ OF_A_STORE = ("vary", "samples", "seed", "workers", "scheduler", "resume")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa sweep`."""
     for name, unit in zip(SWEPT, ("deg", "ft/s", "ft", "deg"), strict=True):
-        parser.add_argument(
-            f"--{name}",
-            type=partial(value_range, name),
-            metavar="RANGE",
-            help=f"start:stop:step, a,b,c or one number, {unit}",
-        )
+        about = f"start:stop:step, a,b,c or one number, {unit}"
+        add_value(parser, f"--{name}", partial(value_range, name), "RANGE", about)
     parser.add_argument("--full", action="store_true", help="seven states, with altitude")
     options.add_picture(parser, "the root locus")
     options.add_aircraft(parser)
     options.add_output(parser, STORE)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
-    store.add_argument(
-        "--vary", action=Named, value=value_range, metavar="NAME=RANGE", help="also vary a parameter; repeatable"
-    )
-    store.add_argument(
-        "--samples",
-        type=whole(1),
-        metavar="N",
-        help="N points of a Latin hypercube; ranges are LOW:HIGH or one number",
-    )
-    store.add_argument("--seed", type=whole(0), metavar="N", help="seed of the samples; default 0")
+    add_named(store, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
+    about = "N points of a Latin hypercube; ranges are LOW:HIGH or one number"
+    add_value(store, "--samples", whole(1), "N", about)
+    add_value(store, "--seed", whole(0), "N", "seed of the samples; default 0")
     options.add_workers(store, "sweep")
 
 

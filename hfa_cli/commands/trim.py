@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hfa_cli import options
-from hfa_cli.argument_types import Named, parsed, quantity
+from hfa_cli.argument_types import parsed, quantity
 from hfa_cli.output import show
+from hfa_cli.parser import add_named, add_value
 from hfa_model.support.errors import BadInputError
 from trim.point.condition import release
 from trim.point.operating_point import load_operating_point
@@ -20,19 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa trim`."""
     options.add_condition(parser)
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
-    parser.add_argument(
-        "--hold",
-        action=Named,
-        value=quantity,
-        metavar="NAME=VALUE",
-        help="hold a variable, degrees for angles; repeatable",
-    )
-    parser.add_argument(
-        "--start",
-        type=parsed(lambda text: load_operating_point(Path(text))),
-        metavar="FILE",
-        help="begin from a saved operating point (.json)",
-    )
+    add_named(parser, "--hold", quantity, "NAME=VALUE", "hold a variable, degrees for angles; repeatable")
+    saved = parsed(lambda text: load_operating_point(Path(text)))
+    add_value(parser, "--start", saved, "FILE", "begin from a saved operating point (.json)")
     options.add_aircraft(parser)
     options.add_output(parser)
 

@@ -18,6 +18,7 @@ from hfa_cli.argument_types import input_file, positive
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
 from hfa_cli.output import deliver, say_notes
+from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.critic.candidate import Candidate, from_stored, from_weights
@@ -29,20 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    parser.add_argument(
-        "--weights",
-        type=input_file(*MATRIX_FILES),
-        metavar="FILE",
-        help=f"a critic from elsewhere: W, or P, or K ({' '.join(MATRIX_FILES)})",
-    )
-    parser.add_argument("--basis", metavar="NAME", help="basis of --weights; default quadratic")
-    parser.add_argument(
-        "--limit-error",
-        type=positive,
-        default=LIMIT,
-        metavar="X",
-        help=f"limit of the relative errors; default {LIMIT:g}",
-    )
+    about = f"a critic from elsewhere: W, or P, or K ({' '.join(MATRIX_FILES)})"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+    add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
+    about = f"limit of the relative errors; default {LIMIT:g}"
+    add_value(parser, "--limit-error", positive, "X", about, default=LIMIT)
     options.add_picture(parser, "P learned, exact, difference, and errors over time")
     options.add_output(parser)
 
