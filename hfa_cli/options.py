@@ -44,7 +44,7 @@ def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> N
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
-    """--picture."""
+    """--picture, which draws what is named."""
     add_value(parser, "--picture", output_file(*PICTURES), "FILE", f"draw {what} ({' or '.join(PICTURES)})")
 
 
