@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.output import check_target, show
+from hfa_cli.output import show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,8 +19,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.validation.comparison import validate
     from verification.validation.validation_report import validation_report
 
-    target = check_target(arguments.output)
     aircraft = options.aircraft_of(arguments)
     found = validate(aircraft)
-    show(validation_report(found, arguments.dynamics), as_json=arguments.json, target=target)
+    show(validation_report(found, arguments.dynamics), as_json=arguments.json, target=arguments.output)
     return 0 if found.ok else 1
