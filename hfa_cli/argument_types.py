@@ -89,6 +89,8 @@ def parsed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
             return parse(text)
         except BadInputError as error:
             raise ArgumentTypeError(str(error)) from error
+        except (ValueError, RecursionError) as error:  # a file of digits, or of brackets, without end
+            raise ArgumentTypeError(f"{text}: cannot be read ({shortened(str(error))})") from error
 
     return convert
 

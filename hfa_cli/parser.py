@@ -11,15 +11,14 @@ from hfa_cli.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 
-class Once(argparse.Action):
+class _Once(argparse.Action):
     """Store the value of an option that is given once."""
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        """Store it."""
         setattr(namespace, self.dest, values)
 
 
-class Named(argparse.Action):
+class _Named(argparse.Action):
     """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); a name that comes twice is refused."""
 
     def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
@@ -28,7 +27,6 @@ class Named(argparse.Action):
         self._texts: dict[str, str] = {}
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        """Take one word in."""
         name, separator, text = values.partition("=")
         if not separator:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
@@ -47,7 +45,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, exit_on_error=False, **options)
-        self.register("action", None, Once)
+        self.register("action", None, _Once)
 
     def parse_words(self, words: list[str]) -> argparse.Namespace:
         """The options and their values."""
@@ -79,7 +77,7 @@ class Parser(argparse.ArgumentParser):
             if equals and value == "--":
                 raise BadInputError(f"{option} is '--'; give a value")
             action, text = known[option], value if equals else following
-            if isinstance(action, Once):
+            if isinstance(action, _Once):
                 if action.dest in given:
                     raise BadInputError(f"{option} {_twice(given[action.dest], text)}")
                 given[action.dest] = text
@@ -96,7 +94,7 @@ def add_named(
     parser: argparse._ActionsContainer, option: str, kind: Callable[[str, str], Any], form: str, about: str
 ) -> None:
     """A repeatable option whose words name what they are about. kind: name, word -> value."""
-    parser.add_argument(option, action=Named, value=kind, metavar=form, help=about)
+    parser.add_argument(option, action=_Named, value=kind, metavar=form, help=about)
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

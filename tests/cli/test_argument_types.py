@@ -97,6 +97,20 @@ def test_an_unknown_option_is_named_before_a_missing_one(words: str, line: str) 
     assert hfa(*words.split()) == (BAD_INPUT, "", f"hfa: {line}\n")
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "text"),
+    [
+        ("--parameters", "digits.toml", f"[chord]\nvalue = {DIGITS}\n"),
+        ("--parameters", "brackets.toml", f"x = {'[' * 100_000}"),
+        ("--start", "digits.json", f'{{"speed": {DIGITS}}}'),
+        ("--start", "brackets.json", "[" * 100_000),
+    ],
+)
+def test_files_of_digits_or_brackets_without_end(folder: Path, option: str, name: str, text: str) -> None:
+    (folder / name).write_text(text, encoding="utf-8")
+    assert_refused(hfa("trim", "--dihedral", "15", option, name), BAD_INPUT, f"{option} {name}: ")
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_can_be_quiet(command: str) -> None:
     assert "-q, --quiet" in hfa(command, "--help").out
