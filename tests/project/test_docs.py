@@ -125,7 +125,7 @@ $ hfa --version
 $ hfa --version
 ...
 $ hfa trim --dihedral abc  # exit 2
-hfa: dihedral is 'abc'; give a number
+hfa: --dihedral is 'abc'; give a number
 ```
 """
 
