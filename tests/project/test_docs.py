@@ -153,7 +153,7 @@ def test_a_sound_document_passes() -> None:
         ("hfa --version\n...\n$ hfa --version", "hfa --version\n$ hfa --version", "+hfa 0"),
         ("hfa --version\n...", "hfa --version\nhfa 99.9.9", "-hfa 99.9.9"),
         ("  # exit 2", "", "exit code 2 instead of 0"),
-        ("give a number", "give another", "-hfa: dihedral is 'abc'; give another"),
+        ("give a number", "give another", "-hfa: --dihedral is 'abc'; give another"),
         ("$ make test", "$ ls", "neither hfa nor make"),
         ("end\n```", "end\n```\n```python\nprint(1)\n```\n", "is not shown"),
     ],
