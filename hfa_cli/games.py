@@ -15,7 +15,6 @@ from hfa_cli.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize
-from trim.point.solve import find_operating_point
 from trim.point.trim_report import warnings
 
 #: Formats of files with matrices.
@@ -70,7 +69,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     changes = weights_of(arguments)
     if arguments.model is not None:
-        of_the_aircraft = (*options.OF_THE_CONDITION, "limit", "parameters")
+        of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
         game = load_game(arguments.model, **changes)
@@ -78,7 +77,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
         return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model))
     aircraft = options.aircraft_of(arguments)
-    point = find_operating_point(aircraft, options.condition_of(arguments))
+    point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point)
     origin = f"the aircraft at dihedral {math.degrees(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
     game = published_game(model.A, model.B, **changes)

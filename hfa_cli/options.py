@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
-from hfa_cli.argument_types import PICTURES, angle, number, output_file, parsed, span, whole
+from hfa_cli.argument_types import PICTURES, angle, number, output_file, parsed, quantity, span, whole
 from hfa_cli.output import SUFFIXES
 from hfa_cli.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import ParameterSet, default_parameters, load_parameters
-from hfa_model.support.errors import BadInputError
-from trim.point.condition import TrimCondition, level_flight
+from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from trim.point.condition import TrimCondition, describe, release
+from trim.point.condition_file import NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
+from trim.point.operating_point import OperatingPoint, load_operating_point
+from trim.point.solve import TrimError, find_operating_point
 
 DEFAULT_DYNAMICS = "published"
 #: What --speed and its like impose, by name; --dihedral apart.
 OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
+#: All that says where the aircraft is trimmed, the dihedral angle apart.
+OF_THE_TRIM = (*OF_THE_CONDITION, "condition", "free", "hold", "limit", "start")
 _MOST_WORKERS = 1000
 
 
@@ -23,17 +29,24 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
     equations = "published (regenerates the print; default) or newton (first principles)"
     add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
-    add_value(parser, "--parameters", parsed(_parameters), "FILE", "parameters file (default: the identified aircraft)")
+    about = f"parameters file, or {' or '.join(NAMED)} (default: identified)"
+    add_value(parser, "--parameters", parsed(_parameters), "FILE", about)
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
-    """--dihedral, --speed, --altitude, --alpha, --gamma, --limit."""
+    """What every trim can be told: --dihedral and its like, --condition, --free, --hold, --limit, --start."""
     add_value(parser, "--dihedral", angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
     add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
     add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
     add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
     add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
+    named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
+    add_value(parser, "--condition", parsed(load_condition), "FILE", named)
+    parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
+    add_named(parser, "--hold", quantity, "NAME=VALUE", "hold a variable, degrees for angles; repeatable")
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
+    saved = parsed(lambda text: load_operating_point(Path(text)))
+    add_value(parser, "--start", saved, "FILE", "begin from a saved operating point (.json)")
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
@@ -86,19 +99,48 @@ def one_place(arguments: argparse.Namespace) -> None:
 
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
-    """The level, climbing or gliding flight that the options name."""
-    return level_flight(
-        arguments.dihedral,
-        speed=arguments.speed,
-        altitude=arguments.altitude,
-        alpha=arguments.alpha,
-        gamma=0.0 if arguments.gamma is None else arguments.gamma,
-        limits=arguments.limit,
-    )
+    """The flight that the options name: a named condition, changed by --speed and its like, --hold and --free."""
+    named: NamedCondition = arguments.condition or NamedCondition("the paper's")
+    free, hold = tuple(arguments.free or ()), arguments.hold or {}
+    _refuse_two_values(arguments, free, hold)
+    values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
+    condition = named.at(arguments.dihedral, limits=arguments.limit)
+    return release(condition, free=free, hold=values | hold)
+
+
+def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:
+    """The trim at the condition that the options name, begun where --start says.
+
+    Raises TrimError that also says so where a held angle of attack is why there is no trim.
+    """
+    condition = condition_of(arguments)
+    try:
+        return find_operating_point(aircraft, condition, arguments.start)
+    except TrimError as error:
+        if "alpha" in condition.free:
+            raise
+        try:
+            point = find_operating_point(aircraft, release(condition, free=("alpha",)), arguments.start)
+        except NoSolutionError:
+            raise error from None
+        held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
+        how = "leave --alpha out and add --free alpha" if given(arguments, "alpha") else "add --free alpha"
+        raise TrimError(f"{error}; alpha is held at {held}, free it trims at {found}: {how}", error.attempt) from None
+
+
+def _refuse_two_values(arguments: argparse.Namespace, free: tuple[str, ...], hold: Mapping[str, float]) -> None:
+    """A variable has one value, or none: --dihedral, which is always given, may be set free, the others not."""
+    for name in ("dihedral", *OF_THE_CONDITION):
+        if given(arguments, name) and name in hold:
+            raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
+        if given(arguments, name) and name in free and name != "dihedral":
+            raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")
 
 
 def _parameters(text: str) -> ParameterSet:
-    """Parameters of a file; BadInputError when they belong to equations that no option names."""
+    """A named set, or a file's; BadInputError when they belong to equations that no option names."""
+    if text in NAMED:
+        return named_parameters(text)
     parameters = load_parameters(Path(text))
     if parameters.structure:
         raise BadInputError(

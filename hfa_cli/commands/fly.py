@@ -101,7 +101,7 @@ def _flight(arguments: argparse.Namespace, target: Path | None, picture: Path | 
     from controller.flight.simulate import fly
 
     aircraft = options.aircraft_of(arguments)
-    point = find_operating_point(aircraft, options.condition_of(arguments))
+    point = options.operating_point_of(arguments, aircraft)
     scenario = scenario_of(arguments, point)
     envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
     plan = _plan(arguments, linearize(aircraft, point), scenario.tick)
@@ -182,7 +182,7 @@ def _map(arguments: argparse.Namespace, target: Path | None) -> int:
     found = []
     for dynamics in VARIANTS:
         aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)
-        point = find_operating_point(aircraft, options.condition_of(arguments))
+        point = options.operating_point_of(arguments, aircraft)
         plan = _plan(arguments, linearize(aircraft, point), 1.0)
         envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
         result = recoverable_map(

@@ -11,7 +11,6 @@ from trim.linear.bands import bands_known, uncertainty
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
 from trim.linear.model_report import linear_model_report
-from trim.point.solve import find_operating_point
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
-    point = find_operating_point(aircraft, condition)
+    point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point, full=arguments.full)
     # The bands are of the six printed states.
     known = bands_known(parameters) and not arguments.full

@@ -37,7 +37,6 @@ from hfa_cli.values import number, quantity, split_assignments, whole
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
 from trim.linear.linearize import LinearModel, linearize
-from trim.point.solve import find_operating_point
 from trim.point.trim_report import warnings
 
 if TYPE_CHECKING:
@@ -115,7 +114,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
     members = whole("--members", arguments.members, _DEFAULT_MEMBERS, lowest=1)
     uncertainty, seed = _uncertainty(arguments), seed_of(arguments)
     aircraft = options.aircraft_of(arguments)
-    point = find_operating_point(aircraft, options.condition_of(arguments))
+    point = options.operating_point_of(arguments, aircraft)
     envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
     times = {name: getattr(arguments, name) for name in ("duration", "step")}
     course = Course(

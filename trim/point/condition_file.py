@@ -36,10 +36,14 @@ class NamedCondition:
     free: tuple[str, ...] = ()
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def at(self, dihedral: float) -> TrimCondition:
-        """The condition at a dihedral angle, rad; BadInputError outside the angles of a table."""
+    def at(self, dihedral: float, limits: Mapping[str, tuple[float, float]] | None = None) -> TrimCondition:
+        """The condition at a dihedral angle, rad; BadInputError outside the angles of a table.
+
+        limits: of further variables, or in place of the condition's own.
+        """
         hold = {name: self._value(name, dihedral) for name in self.imposed}
-        return release(level_flight(dihedral, limits=self.limits), free=self.free, hold=hold)
+        level = level_flight(dihedral, limits={**self.limits, **(limits or {})})
+        return release(level, free=self.free, hold=hold)
 
     def _value(self, name: str, dihedral: float) -> float:
         angles, values = self.imposed[name]
