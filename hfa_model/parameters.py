@@ -14,6 +14,7 @@ import numpy as np
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.vectors import Quantity
 
 
 class Parameters(NamedTuple):
@@ -24,24 +25,24 @@ class Parameters(NamedTuple):
     and tail share one lift slope; `thrust_per_throttle` converts the throttle to total thrust.
     """
 
-    panel_mass: Any
-    panel_span: Any
-    chord: Any
-    tail_area: Any
-    boom_length: Any
-    inertia_roll: Any
-    inertia_pitch: Any
-    inertia_yaw: Any
-    lift_slope: Any
-    aileron_lift: Any
-    aileron_moment: Any
-    zero_lift_moment: Any
-    zero_lift_drag: Any
-    induced_drag: Any
-    hinge_stiffness: Any
-    hinge_damping: Any
-    thrust_per_throttle: Any
-    gravity: Any
+    panel_mass: Quantity
+    panel_span: Quantity
+    chord: Quantity
+    tail_area: Quantity
+    boom_length: Quantity
+    inertia_roll: Quantity
+    inertia_pitch: Quantity
+    inertia_yaw: Quantity
+    lift_slope: Quantity
+    aileron_lift: Quantity
+    aileron_moment: Quantity
+    zero_lift_moment: Quantity
+    zero_lift_drag: Quantity
+    induced_drag: Quantity
+    hinge_stiffness: Quantity
+    hinge_damping: Quantity
+    thrust_per_throttle: Quantity
+    gravity: Quantity
 
 
 class Field(NamedTuple):

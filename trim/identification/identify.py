@@ -13,12 +13,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 
 #: Not determined by the print: held, each with its reason.
 ASSUMED: dict[str, tuple[float, str, str]] = {
@@ -181,12 +181,10 @@ class _Problem:
         return np.concatenate(values), np.vstack(jacobians)
 
 
-def _compile(model: PublishedModel, theta: Any, p: Parameters, variant: Variant) -> ca.Function:
+def _compile(model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> ca.Function:
     """(parameters, free inputs) -> weighted entries and balance at one printed condition, with their Jacobians."""
-    x, u, inputs = (
-        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("v", len(_FREE_INPUTS)))
-    )
-    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
+    (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
+    f = state_rates(x, u, p, variant)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
     # The rows θ' = q and η' = η' are the same for every aircraft.
@@ -230,7 +228,7 @@ def _balance(case: ca.Function, theta: np.ndarray) -> np.ndarray:
     return best
 
 
-def _as_input(free: Sequence[Any]) -> Input:
+def _as_input(free: Sequence[Quantity]) -> Input:
     return Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, free, strict=True)))
 
 

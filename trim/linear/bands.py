@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
 from hfa_model.support.errors import BadInputError
+from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -121,10 +121,8 @@ def _move(name: str) -> np.ndarray:
 @cache
 def _derivatives(variant: Variant) -> ca.Function:
     """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
-    x, u, p = (
-        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
-    )
-    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant))
+    x, u, p = symbols()
+    f = state_rates(x, u, p, variant)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
     entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
