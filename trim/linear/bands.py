@@ -14,9 +14,9 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import state_rates, symbols
-from hfa_model.variants import Published, Rival, Variant
+from hfa_model.variants import Published, Rival, Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.linear.linearize import linearize
+from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -49,6 +49,7 @@ class Bands:
         return 2 * self.B_rounding + self.B_structure
 
 
+@cache
 def rival_parameters() -> ParameterSet:
     """The rival structure's parameters that come with the package (`hfa identify` writes them)."""
     return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
@@ -64,33 +65,34 @@ def bands_known(parameters: ParameterSet) -> bool:
     return same and not parameters.structure and parameters.covariance.size > 0
 
 
-def uncertainty(parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint) -> Bands:
-    """Bands of the six-state linear model at a trimmed point.
+def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
+    """Bands of the entries of a six-state linear model, made with these parameters at a trim of this condition.
 
     rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
     theorem), C the covariance of the identified parameters p, v the free variables of the trim.
-    BadInputError when the parameters have no bands (`bands_known`).
+    BadInputError when the parameters have no bands (`bands_known`), or the model is not of the paper's six states.
     """
+    if model.states != LINEAR_STATES:
+        raise BadInputError(f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them")
     if not bands_known(parameters):
         raise BadInputError(
             "bands are known for the identified parameters with their covariance only; "
             "use the parameters.toml of `hfa identify`, unchanged"
         )
-    jacobian = _total_derivative(parameters, variant, condition, point)
+    variant = variant_named(model.point.dynamics)
+    jacobian = _total_derivative(parameters, variant, condition, model.point)
     rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
     A_rounding, B_rounding = _split(rounding)
-    aircraft = Aircraft(parameters.values, variant)
-    model, rival = linearize(aircraft, point), _rival_model(variant, condition, point)
-    return Bands(A_rounding, B_rounding, np.abs(model.A - rival[0]), np.abs(model.B - rival[1]))
+    rival = _rival_model(variant, condition, model.point)
+    return Bands(A_rounding, B_rounding, np.abs(model.A - rival.A), np.abs(model.B - rival.B))
 
 
-def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> LinearModel:
     """The rival's linear model. Newton's own equations do not change with the rival, but its parameters do."""
     rival = rival_parameters()
     structure = Rival(**rival.structure) if isinstance(variant, Published) else variant
     aircraft = Aircraft(rival.values, structure)
-    model = linearize(aircraft, find_operating_point(aircraft, condition, start=point))
-    return model.A, model.B
+    return linearize(aircraft, find_operating_point(aircraft, condition, start=point))
 
 
 def _total_derivative(
