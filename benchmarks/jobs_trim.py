@@ -16,8 +16,7 @@ from trim.linear.linearize import linearize
 from trim.linear.mode_tracking import track_modes
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 

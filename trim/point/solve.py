@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
@@ -50,6 +52,12 @@ def find_operating_point(
             "the equations overflow or divide by zero at this condition with these parameters; "
             "take values nearer to an aircraft's"
         ) from error
+
+
+def beyond_limits(aircraft: Aircraft, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
+    """What `find_operating_point` says of a condition that balances beyond the limits only, at these free variables."""
+    problem = TrimProblem(aircraft, condition)
+    return problem.failure(problem.unknowns_at(balancing))
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:

@@ -19,7 +19,7 @@ from hfa_model.parameters import Parameters
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
-from trim.point.condition import BALANCED, LIMITS
+from trim.point.condition import BALANCED, LIMITS, TrimCondition, level_flight
 from trim.point.operating_point import BALANCE
 
 #: A level flight as numbers, in order.
@@ -55,6 +55,24 @@ class LevelFlights:
     def balanced(self) -> np.ndarray:
         """(N,) true where every residual is within `BALANCE`, whatever the limits say."""
         return _balanced(self.residuals)
+
+
+def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """Rows in the order of `CONDITION`: the given values, else what the paper has; zero dihedral.
+
+    Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
+    """
+    paper = level_flight(0.0).imposed
+    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+    for column, name in enumerate(variables):
+        if name in CONDITION:
+            conditions[:, CONDITION.index(name)] = values[:, column]
+    return conditions
+
+
+def level_flight_of(row: np.ndarray) -> TrimCondition:
+    """The condition of one row of `level_conditions`."""
+    return level_flight(**dict(zip(CONDITION, row.tolist(), strict=True)))
 
 
 def solve_level_flights(

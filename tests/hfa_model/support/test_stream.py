@@ -80,9 +80,11 @@ def test_each_point_of_a_chunk_carries_its_status():
     assert np.isnan(chunk.A[1:]).all()
     assert chunk.limiting[0] == -1
     assert chunk.limiting[1] >= 0
-    # The eigenvalues are those of A, fastest first.
-    assert np.all(np.diff(np.abs(chunk.eigenvalues[0])) <= 1e-9)
-    assert np.prod(chunk.eigenvalues[0]) == pytest.approx(np.linalg.det(chunk.A[0]), abs=1e-9)
+    # The store has the eigenvalues of A beside it, fastest first.
+    rows = stored_sweep.run_points(("dihedral", "speed"), values, PARAMETERS, "published", False)
+    assert np.all(np.diff(np.abs(rows["eigenvalues"][0])) <= 1e-9)
+    assert np.prod(rows["eigenvalues"][0]) == pytest.approx(np.linalg.det(chunk.A[0]), abs=1e-9)
+    assert np.isnan(rows["eigenvalues"][1:]).all()
 
 
 def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks):
