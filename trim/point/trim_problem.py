@@ -129,35 +129,39 @@ class TrimProblem:
         """One line on the best unknowns found: which equations do not balance within the limits, by how much, which
         limits bind, and, where the equations balance beyond them, what that would take."""
         unknowns = self.clip(found)
-        if self.balanced(unknowns):
-            below, above = (describe("pitch", limit) for limit in self.condition.limits_of("pitch"))
-            return (
-                f"no trim within limits: pitch would have to be {describe('pitch', self.pitch(unknowns))}, "
-                f"it must lie between {below} and {above}"
-            )
         scaled = self.residual(unknowns)
         off = [
             f"{name} by {scaled[i] * getattr(RATE_SCALES, name):.3g} {getattr(RATE_UNITS, name)}"
             for i, name in sorted(enumerate(self.equations), key=lambda item: -abs(scaled[item[0]]))
             if abs(scaled[i]) > BALANCE
         ]
-        binding = self._binding(found)
-        equations, count = self.count(unknowns)
+        if not off:
+            below, above = (describe("pitch", limit) for limit in self.condition.limits_of("pitch"))
+            return (
+                f"no trim within limits: pitch would have to be {describe('pitch', self.pitch(unknowns))}, "
+                f"it must lie between {below} and {above}"
+            )
+        can_balance = self.balanced(found)
+        binding = self._binding(unknowns, found if can_balance else unknowns)
         why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
+        equations, count = (0, 0) if can_balance else self.count(unknowns)
         if equations > count:
             why += f"; {equations} equations for {count} unknowns, set more free"
         return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
 
-    def _binding(self, found: np.ndarray) -> list[str]:
-        unknowns, balanced = self.clip(found), self.balanced(found)
+    def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
+        """The limits that the unknowns lie at, and what is wanted instead."""
         binding = []
-        for i, name in enumerate(self.condition.free):
-            for limits, word in zip(self.limits(), ("lowest", "highest"), strict=True):
-                if abs(unknowns[i] - limits[i]) <= 1e-6 * (1 + abs(limits[i])):
-                    words = f"{name} at its {word}, {describe(name, limits[i] * self.scales[i])}"
-                    if balanced and abs(found[i] - limits[i]) > 1e-6 * (1 + abs(limits[i])):
-                        words += f", would have to be {describe(name, found[i] * self.scales[i])}"
-                    binding.append(words)
+        for name, scale, value, other, *limits in zip(
+            self.condition.free, self.scales, unknowns, wanted, *self.limits(), strict=True
+        ):
+            for limit, word in zip(limits, ("lowest", "highest"), strict=True):
+                slack = 1e-6 * (1 + abs(limit))
+                if abs(value - limit) <= slack:
+                    instead = (
+                        f", would have to be {describe(name, other * scale)}" if abs(other - limit) > slack else ""
+                    )
+                    binding.append(f"{name} at its {word}, {describe(name, limit * scale)}{instead}")
         return binding
 
     def _scaled(self, value: np.ndarray) -> np.ndarray:
