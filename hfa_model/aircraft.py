@@ -16,9 +16,9 @@ from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
-from hfa_model.symbolic import state_rates, symbols
+from hfa_model.symbolic import by_name, state_rates, symbols
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_model.vectors import INPUTS, STATES, State
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -49,7 +49,7 @@ class CompiledDynamics:
     def loads(self) -> ca.Function:
         """(x, u, p) -> lift, drag, pitching moment, hinge moment, thrust, then the center's and an outer panel's
         loads in the order of `PanelLoads`."""
-        x, u, p = State(*ca.vertsplit(self._x)), Input(*ca.vertsplit(self._u)), Parameters(*ca.vertsplit(self._p))
+        x, u, p = by_name(self._x, self._u, self._p)
         loads = aircraft_loads(x, u, density(x.altitude), p, self.variant)
         flat = [*(getattr(loads, name) for name in _AIRCRAFT_LOADS), *loads.center, *loads.outer]
         return ca.Function("loads", [self._x, self._u, self._p], [ca.vertcat(*flat)])

@@ -15,8 +15,13 @@ def state_rates(x: Quantity, u: Quantity, p: Quantity, variant: Variant, updraft
 
     x: (7,), u: (5,). p: (18,) in the order of `Parameters`, or a `Parameters`. updraft: ft/s, positive up.
     """
+    return ca.vertcat(*rates(*by_name(x, u, p), variant, updraft))
+
+
+def by_name(x: Quantity, u: Quantity, p: Quantity) -> tuple[State, Input, Parameters]:
+    """The components of columns as `dynamics` and `aerodynamics` name them; a `Parameters` stays what it is."""
     parameters = p if isinstance(p, Parameters) else Parameters(*ca.vertsplit(p))
-    return ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), parameters, variant, updraft))
+    return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), parameters
 
 
 def symbols() -> tuple[ca.SX, ca.SX, ca.SX]:
