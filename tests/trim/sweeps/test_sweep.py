@@ -1,4 +1,4 @@
-"""A point that balances beyond the limits: which variable is named, by what, how far."""
+"""A sweep in memory: what it says of a point without a trim, and what it refuses."""
 
 from __future__ import annotations
 
@@ -6,36 +6,12 @@ import numpy as np
 import pytest
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, STATES
-from trim.point.condition import LIMITS, level_flight
+from trim.point.condition import level_flight
 from trim.point.solve import TrimError, find_operating_point
-from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
+from trim.sweeps.chunk import run_chunk
 from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_plan import Steps, SweepPlan
-
-VARIABLES = ("speed", "gamma", "alpha")
-#: Speed ft/s, gamma and alpha rad -> the variable farthest beyond its limits, in widths of them.
-FARTHEST = {
-    (68.0, 0.35, 0.0489): "throttle",
-    (68.0, -0.35, 0.0489): "throttle",
-    (30.0, 0.0, 0.0489): "elevator_center",
-    (68.0, 0.0, 0.36): "elevator_center",  # the throttle by more, but by less of its width
-    (68.0, 0.0, 0.0489): "",
-}
-
-
-def test_a_chunk_names_the_variable_farthest_beyond_its_limits(aircraft: Aircraft) -> None:
-    chunk = run_chunk(VARIABLES, np.array(list(FARTHEST)), aircraft.parameters, aircraft.variant.name)
-    names = STATES + INPUTS
-    for i, expected in enumerate(FARTHEST.values()):
-        assert chunk.status[i] == (BEYOND_LIMITS if expected else TRIMMED)
-        assert chunk.limiting[i] == (names.index(expected) if expected else -1)
-        values = dict(zip(names, [*chunk.states[i], *chunk.inputs[i]], strict=True))
-        finite = {name: limits for name, limits in LIMITS.items() if np.isfinite(limits).all()}
-        excess = {n: max(low - values[n], values[n] - high) / (high - low) for n, (low, high) in finite.items()}
-        assert max(excess.values()) == excess[expected] > 0 if expected else max(excess.values()) <= 0
+from trim.sweeps.sweep_plan import SweepPlan
 
 
 def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
@@ -86,8 +62,3 @@ def test_values_outside_their_limits_are_refused(
         sweep(published_aircraft, axes)
     with pytest.raises(BadInputError, match=words):
         SweepPlan({name: tuple(values) for name, values in axes.items()}, published_aircraft.parameters, "published")
-
-
-def test_steps_that_end_outside_the_limits_are_refused(parameters: Parameters) -> None:
-    with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
-        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, parameters, "published")
