@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,7 @@ from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of
 from trim.point.condition import check_imposed
 from trim.point.solve import beyond_limits
-from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
+from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, Chunk, run_chunk
 from trim.sweeps.level_flights import level_conditions, level_flight_of
 
 #: What a sweep can vary: the arguments of `level_flight`.
@@ -87,40 +88,26 @@ def sweep(
     BadInputError when a name is unknown, a value lies outside its limits, or the grid is empty or has more than
     `MOST_POINTS` points.
     """
-    variables = tuple(grid)
-    for name in variables:
-        if name not in SWEPT:
-            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
-    axes = [np.asarray(grid[name], dtype=float) for name in variables]
-    total = int(np.prod([axis.size for axis in axes], dtype=float)) if axes else 0
-    if not 0 < total <= MOST_POINTS:
-        raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
-    for name, axis in zip(variables, axes, strict=True):
-        check_imposed(name, *axis[[axis.argmin(), axis.argmax()]].tolist())
-    values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(total, len(axes))
+    axes = _axes(grid)
+    variables, sizes = tuple(axes), [axis.size for axis in axes.values()]
+    values = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, len(axes))
     chunk = run_chunk(variables, values, aircraft.parameters, aircraft.variant, progress=progress)
+    reasons = _reasons(aircraft, level_conditions(variables, values), chunk, progress)
     trimmed = chunk.status == TRIMMED
-    reasons = [chunk.failures.get(index, "") for index in range(total)]
-    beyond, conditions = np.flatnonzero(chunk.status == BEYOND_LIMITS), level_conditions(variables, values)
-    for done, index in enumerate(beyond.tolist(), start=total - beyond.size + 1):
-        inputs = Input(*chunk.inputs[index].tolist())
-        reasons[index] = beyond_limits(aircraft, level_flight_of(conditions[index]), inputs._asdict())
-        if progress is not None:
-            progress(done, total)
     for array in (chunk.states, chunk.inputs):
         array[~trimmed] = np.nan
     model_states = STATES if full else LINEAR_STATES
     rows = [STATES.index(name) for name in model_states]
     A, B = chunk.A[:, rows][:, :, rows], chunk.B[:, rows]
-    path = _snake_path([axis.size for axis in axes])
+    path = _snake_path(sizes)
     path = path[trimmed[path]]
-    eigenvalues = np.full((total, len(rows)), np.nan, dtype=complex)
+    eigenvalues = np.full((len(values), len(rows)), np.nan, dtype=complex)
     if path.size:
         eigenvalues[path] = track_modes(A[path], model_states)
     return Sweep(
         variables=variables,
         values=values,
-        reasons=tuple(reasons),
+        reasons=reasons,
         states=chunk.states,
         inputs=chunk.inputs,
         A=A,
@@ -130,6 +117,34 @@ def sweep(
         mode_names=_column_names(A[path[0]], eigenvalues[path[0]], model_states) if path.size else (),
         dynamics=aircraft.variant.name,
     )
+
+
+def _axes(grid: Mapping[str, Sequence[float] | np.ndarray]) -> dict[str, np.ndarray]:
+    """The values of each variable, checked."""
+    for name in grid:
+        if name not in SWEPT:
+            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
+    axes = {name: np.asarray(values, dtype=float) for name, values in grid.items()}
+    total = math.prod(axis.size for axis in axes.values()) if axes else 0
+    if not 0 < total <= MOST_POINTS:
+        raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
+    for name, axis in axes.items():
+        check_imposed(name, *axis[[axis.argmin(), axis.argmax()]].tolist())
+    return axes
+
+
+def _reasons(
+    aircraft: Aircraft, conditions: np.ndarray, chunk: Chunk, progress: Callable[[int, int], None] | None
+) -> tuple[str, ...]:
+    """Why each point has no trim, "" where it has one."""
+    total, beyond = len(conditions), np.flatnonzero(chunk.status == BEYOND_LIMITS).tolist()
+    reasons = [chunk.failures.get(index, "") for index in range(total)]
+    for done, index in enumerate(beyond, start=total - len(beyond) + 1):
+        inputs = Input(*chunk.inputs[index].tolist())
+        reasons[index] = beyond_limits(aircraft, level_flight_of(conditions[index]), inputs._asdict())
+        if progress is not None:
+            progress(done, total)
+    return tuple(reasons)
 
 
 def _snake_path(sizes: list[int]) -> np.ndarray:
