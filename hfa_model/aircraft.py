@@ -74,6 +74,9 @@ class Aircraft:
         self._functions = compiled_dynamics(self.variant)
         self._p = np.array(parameters, dtype=float)
 
+    def __reduce__(self) -> tuple[type[Aircraft], tuple[Parameters, Variant]]:
+        return Aircraft, (self.parameters, self.variant)  # compiled again where it is unpickled
+
     def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
         """dX/dt, (7,)."""
         return self._finite(self._functions.rates(*self._checked(x, u), self._p), "rates").ravel()

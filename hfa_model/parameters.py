@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.vectors import Quantity
@@ -82,8 +83,8 @@ _ROUNDING = 1e-10
 SOURCES = ("identified", "assumed", "print", "released")
 
 
-@dataclass(frozen=True)
-class ParameterSet:
+@dataclass(frozen=True, eq=False)
+class ParameterSet(ByValue):
     """Parameters with their provenance.
 
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.

@@ -15,6 +15,7 @@ import numpy as np
 
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant
@@ -66,8 +67,8 @@ _START_SPREAD = 0.3
 _PRIOR_SPREAD = 0.3
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, eq=False)
+class Fit(ByValue):
     """One least-squares fit.
 
     parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
@@ -159,10 +160,10 @@ class _Problem:
     ) -> None:
         self.extra = extra
         theta = ca.SX.sym("theta", len(IDENTIFIED) + len(extra))
-        symbols = ca.vertsplit(theta)
+        unknowns = ca.vertsplit(theta)
         known = {name: value for name, (value, _, _) in ASSUMED.items()}
-        p = Parameters(**known, **dict(zip(IDENTIFIED, symbols[: len(IDENTIFIED)], strict=True)))
-        constants = dict(zip(extra, symbols[len(IDENTIFIED) :], strict=True))
+        p = Parameters(**known, **dict(zip(IDENTIFIED, unknowns[: len(IDENTIFIED)], strict=True)))
+        constants = dict(zip(extra, unknowns[len(IDENTIFIED) :], strict=True))
         variant: Any = structure(**constants) if callable(structure) else structure
         self._cases = [_compile(model, theta, p, variant) for model in models]
 

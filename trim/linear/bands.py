@@ -12,6 +12,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant, variant_named
@@ -25,8 +26,8 @@ from trim.point.solve import find_operating_point
 _SAME = 1e-7
 
 
-@dataclass(frozen=True)
-class Bands:
+@dataclass(frozen=True, eq=False)
+class Bands(ByValue):
     """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
 
     rounding: standard error propagated from the rounding of the print through the parameters and the trim.

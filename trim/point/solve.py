@@ -25,6 +25,9 @@ class TrimError(NoSolutionError):
         super().__init__(message)
         self.attempt = attempt
 
+    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint]]:
+        return TrimError, (str(self), self.attempt)
+
 
 def find_operating_point(
     aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint | None = None

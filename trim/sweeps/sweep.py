@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, Input
 from trim.linear.mode_tracking import track_modes
@@ -25,8 +26,8 @@ MOST_POINTS = 1_000_000
 SCHEMA = "hfa.sweep/1"
 
 
-@dataclass(frozen=True)
-class Sweep:
+@dataclass(frozen=True, eq=False)
+class Sweep(ByValue):
     """N points in the order of the grid, the last variable running fastest.
 
     variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
