@@ -9,8 +9,7 @@ from benchmarks.timing import in_turn
 from controller.game.zero_sum import published_game
 from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_model.variants import variant_named
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
 from verification.riccati.gare_batch import solve_games
 
 

@@ -16,8 +16,7 @@ from trim.linear.linearize import linearize
 from trim.linear.mode_tracking import track_modes
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
@@ -143,14 +142,13 @@ def _optimizer(count: int, peer_count: int) -> Row:
     """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
     import casadi as ca
 
-    from hfa_model.dynamics import rates
-    from hfa_model.vectors import Input, State
+    from hfa_model.symbolic import state_rates
 
     parameters, variant = default_parameters().values, variant_named("published")
     opti = ca.Opti()
     u, dihedral = opti.variable(4), opti.parameter()
-    state = State(68.0, np.radians(2.8), 40_000.0, np.radians(2.8), 0.0, dihedral, 0.0)
-    f = ca.vertcat(*rates(state, Input(u[0], 0.0, u[1], u[2], u[3]), parameters, variant))
+    state = ca.vertcat(68.0, np.radians(2.8), 40_000.0, np.radians(2.8), 0.0, dihedral, 0.0)
+    f = state_rates(state, ca.vertcat(u[0], 0.0, u[1:]), parameters, variant)
     opti.subject_to(f[[0, 1, 4, 6]] == 0)
     opti.minimize(0)
     opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})

@@ -26,7 +26,7 @@ the entries of one row really move together, so the ranges are rather too wide t
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim.linear.bands import uncertainty
+from trim.linear.bands import entry_bands
 from trim.linear.linearize import linearize
 from trim.linear.modes import modes_of
 from trim.point.condition import level_flight
@@ -35,8 +35,8 @@ from trim.point.solve import find_operating_point
 shipped = default_parameters()
 for dynamics in ("published", "newton"):
     aircraft, condition = Aircraft(shipped.values, dynamics), level_flight(np.radians(10.0))
-    point = find_operating_point(aircraft, condition)
-    model, bands = linearize(aircraft, point), uncertainty(shipped, aircraft.variant, condition, point)
+    model = linearize(aircraft, find_operating_point(aircraft, condition))
+    bands = entry_bands(shipped, condition, model)
     print(dynamics)
     for i in np.argsort(-bands.A, axis=None)[:3]:
         row, column = np.unravel_index(i, bands.A.shape)

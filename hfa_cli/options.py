@@ -104,8 +104,7 @@ def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     free, hold = tuple(arguments.free or ()), arguments.hold or {}
     _refuse_two_values(arguments, free, hold)
     values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
-    condition = named.at(arguments.dihedral, limits=arguments.limit)
-    return release(condition, free=free, hold=values | hold)
+    return named.at(arguments.dihedral, free=free, hold=values | hold, limits=arguments.limit)
 
 
 def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:

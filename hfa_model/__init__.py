@@ -6,6 +6,7 @@ from hfa_model.support.door import open_door
 
 if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft as Aircraft
+    from hfa_model.parameter_samples import sample_parameters as sample_parameters
     from hfa_model.parameters import (
         Parameters as Parameters,
         ParameterSet as ParameterSet,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
 from hfa_model.kinematics import Flow, airspeed, center_flow, center_height, outer_flow
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, State
+from hfa_model.vectors import Input, Quantity, State
 
 
 class PanelLoads(NamedTuple):
@@ -19,13 +19,13 @@ class PanelLoads(NamedTuple):
     of `downward`, which acts at the end of the boom. moment: of the wing section about the quarter chord.
     """
 
-    lift: Any
-    drag: Any
-    forward: Any
-    sideward: Any
-    downward: Any
-    tail_downward: Any
-    moment: Any
+    lift: Quantity
+    drag: Quantity
+    forward: Quantity
+    sideward: Quantity
+    downward: Quantity
+    tail_downward: Quantity
+    moment: Quantity
 
 
 class Loads(NamedTuple):
@@ -33,16 +33,18 @@ class Loads(NamedTuple):
     and moment of one outer panel about its hinge without spring and damper (ft lbf), thrust (lbf), and the
     loads of the center and of one outer panel."""
 
-    lift: Any
-    drag: Any
-    pitching_moment: Any
-    hinge_moment: Any
-    thrust: Any
+    lift: Quantity
+    drag: Quantity
+    pitching_moment: Quantity
+    hinge_moment: Quantity
+    thrust: Quantity
     center: PanelLoads
     outer: PanelLoads
 
 
-def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: Any, p: Parameters) -> PanelLoads:
+def panel_loads(
+    flow: Flow, speed: Quantity, aileron: Quantity, elevator: Quantity, density: Quantity, p: Parameters
+) -> PanelLoads:
     """L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
@@ -71,7 +73,9 @@ def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: An
     )
 
 
-def aircraft_loads(x: State, u: Input, density: Any, p: Parameters, variant: Variant, updraft: Any = 0.0) -> Loads:
+def aircraft_loads(
+    x: State, u: Input, density: Quantity, p: Parameters, variant: Variant, updraft: Quantity = 0.0
+) -> Loads:
     """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),

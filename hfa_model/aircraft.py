@@ -7,18 +7,21 @@ argument is checked for its shape and every result for finiteness.
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.aerodynamics import Loads, aircraft_loads
+from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
-from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
+from hfa_model.symbolic import by_name, state_rates, symbols
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_model.vectors import INPUTS, STATES, State
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
 
@@ -28,14 +31,8 @@ class CompiledDynamics:
 
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
-        self._x, self._u, self._p = (
-            ca.SX.sym(name, size)
-            for name, size in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
-        )
-        self._state = State(*ca.vertsplit(self._x))
-        self._input = Input(*ca.vertsplit(self._u))
-        self._parameters = Parameters(*ca.vertsplit(self._p))
-        self._rates = ca.vertcat(*rates(self._state, self._input, self._parameters, variant))
+        self._x, self._u, self._p = symbols()
+        self._rates = state_rates(self._x, self._u, self._p, variant)
 
     @cached_property
     def rates(self) -> ca.Function:
@@ -52,7 +49,8 @@ class CompiledDynamics:
     def loads(self) -> ca.Function:
         """(x, u, p) -> lift, drag, pitching moment, hinge moment, thrust, then the center's and an outer panel's
         loads in the order of `PanelLoads`."""
-        loads = aircraft_loads(self._state, self._input, density(self._state.altitude), self._parameters, self.variant)
+        x, u, p = by_name(self._x, self._u, self._p)
+        loads = aircraft_loads(x, u, density(x.altitude), p, self.variant)
         flat = [*(getattr(loads, name) for name in _AIRCRAFT_LOADS), *loads.center, *loads.outer]
         return ca.Function("loads", [self._x, self._u, self._p], [ca.vertcat(*flat)])
 
@@ -76,25 +74,26 @@ class Aircraft:
         self._functions = compiled_dynamics(self.variant)
         self._p = np.array(parameters, dtype=float)
 
-    def rates(self, x: Any, u: Any) -> np.ndarray:
+    def __reduce__(self) -> tuple[type[Aircraft], tuple[Parameters, Variant]]:
+        return Aircraft, (self.parameters, self.variant)  # compiled again where it is unpickled
+
+    def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
         """dX/dt, (7,)."""
         return self._finite(self._functions.rates(*self._checked(x, u), self._p), "rates").ravel()
 
-    def jacobians(self, x: Any, u: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def jacobians(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """dX/dt (7,), ∂/∂x (7, 7), ∂/∂u (7, 5)."""
         value, A, B = self._functions.jacobians(*self._checked(x, u), self._p)
         return self._finite(value, "rates").ravel(), self._finite(A, "∂/∂x"), self._finite(B, "∂/∂u")
 
-    def loads(self, x: Any, u: Any) -> Loads:
+    def loads(self, x: ArrayLike, u: ArrayLike) -> Loads:
         """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
-        from hfa_model.aerodynamics import PanelLoads
-
         flat = self._finite(self._functions.loads(*self._checked(x, u), self._p), "loads").ravel().tolist()
         first, second = len(_AIRCRAFT_LOADS), len(_AIRCRAFT_LOADS) + len(PanelLoads._fields)
         totals = dict(zip(_AIRCRAFT_LOADS, flat[:first], strict=True))
         return Loads(**totals, center=PanelLoads(*flat[first:second]), outer=PanelLoads(*flat[second:]))
 
-    def _checked(self, x: Any, u: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         state, control = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
             if vector.shape != (len(names),):
@@ -105,7 +104,7 @@ class Aircraft:
         check_in_range(State(*state.tolist()))
         return state, control
 
-    def _finite(self, value: Any, what: str) -> np.ndarray:
+    def _finite(self, value: ca.DM, what: str) -> np.ndarray:
         array = np.array(value)
         if not np.isfinite(array).all():
             raise FloatingPointError(f"{what} of the {self.variant.name} dynamics are not finite")

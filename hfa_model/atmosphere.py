@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
+
+from hfa_model.vectors import Quantity
 
 #: The highest altitude that the two layers below cover, ft (the 20 km geopotential limit lies at 65,824 ft).
 HIGHEST_ALTITUDE = 65_000.0
@@ -22,7 +22,7 @@ _METRE_PER_FOOT = 0.3048
 _KILOGRAM_PER_SLUG = 14.593902937206364
 
 
-def density(altitude: Any) -> Any:
+def density(altitude: Quantity) -> Quantity:
     """ρ(h) = p(H) / (R T(H)) with the geopotential altitude H = r h / (r + h).
 
     altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression.

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, State
+from hfa_model.vectors import Input, Quantity, State
 
 
-def rates(x: State, u: Input, p: Parameters, variant: Variant, updraft: Any = 0.0) -> State:
+def rates(x: State, u: Input, p: Parameters, variant: Variant, updraft: Quantity = 0.0) -> State:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
     V'  = (T cos α - D)/m_tot - g sin γ
@@ -52,7 +50,7 @@ def rates_from_loads(x: State, loads: Loads, p: Parameters, variant: Variant) ->
     )
 
 
-def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Any:
+def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Quantity:
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
@@ -61,8 +59,8 @@ def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Any:
 
 
 def _dihedral_acceleration(
-    x: State, speed_rate: Any, alpha_rate: Any, loads: Loads, p: Parameters, variant: Variant
-) -> Any:
+    x: State, speed_rate: Quantity, alpha_rate: Quantity, loads: Loads, p: Parameters, variant: Variant
+) -> Quantity:
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
     inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate

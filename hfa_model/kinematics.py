@@ -11,46 +11,46 @@ to the air every panel then moves by w downward more, which in body axes is (-w 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
-from hfa_model.vectors import State
+from hfa_model.vectors import Quantity, State
 
 
 class Flow(NamedTuple):
     """Air relative to one panel, in panel axes: speed (ft/s), angle of attack and sideslip (rad)."""
 
-    speed: Any
-    alpha: Any
-    sideslip: Any
+    speed: Quantity
+    alpha: Quantity
+    sideslip: Quantity
 
 
-def center_height(dihedral: Any, p: Parameters) -> Any:
+def center_height(dihedral: Quantity, p: Parameters) -> Quantity:
     """z_c = (s/3) sin η: the center panel below the center of mass, ft."""
     return p.panel_span / 3 * ca.sin(dihedral)
 
 
-def outer_height(dihedral: Any, p: Parameters) -> Any:
+def outer_height(dihedral: Quantity, p: Parameters) -> Quantity:
     """z_o = -(s/6) sin η: an outer panel above the center of mass (negative), ft."""
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
-def airspeed(x: State, updraft: Any = 0.0) -> Any:
+def airspeed(x: State, updraft: Quantity = 0.0) -> Quantity:
     """V_a = sqrt(V² + w² - 2 V w sin γ): the speed of the center of mass relative to the air, ft/s; V in still air."""
     if isinstance(updraft, float) and updraft == 0.0:
         return x.speed
     return ca.sqrt(x.speed**2 + updraft**2 - 2 * x.speed * updraft * ca.sin(x.pitch - x.alpha))
 
 
-def center_flow(x: State, p: Parameters, updraft: Any = 0.0) -> Flow:
+def center_flow(x: State, p: Parameters, updraft: Quantity = 0.0) -> Flow:
     """u = V cos α + q z_c - w sin θ,  w_c = V sin α + (s/3) cos η η' + w cos θ  (Gibson et al. 2011, Eqs. 75-76)."""
     forward = _forward(x, updraft) + x.pitch_rate * center_height(x.dihedral, p)
     return flow_of(forward, 0.0, _hinge_descent(x, p, updraft))
 
 
-def outer_flow(x: State, p: Parameters, updraft: Any = 0.0) -> Flow:
+def outer_flow(x: State, p: Parameters, updraft: Quantity = 0.0) -> Flow:
     """u = V cos α + q z_o - w sin θ,  v = w_h sin η,  w_o = w_h cos η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ.
 
@@ -63,16 +63,16 @@ def outer_flow(x: State, p: Parameters, updraft: Any = 0.0) -> Flow:
     return flow_of(forward, hinge * ca.sin(x.dihedral), normal)
 
 
-def flow_of(forward: Any, sideward: Any, downward: Any) -> Flow:
+def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
     """V = |(u, v, w)|,  α = atan2(w, u),  β = asin(v / V)  (Gibson et al. 2011, Eq. 14)."""
     speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
-def _forward(x: State, updraft: Any) -> Any:
+def _forward(x: State, updraft: Quantity) -> Quantity:
     return x.speed * ca.cos(x.alpha) - updraft * ca.sin(x.pitch)
 
 
-def _hinge_descent(x: State, p: Parameters, updraft: Any) -> Any:
+def _hinge_descent(x: State, p: Parameters, updraft: Quantity) -> Quantity:
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + updraft * ca.cos(x.pitch)

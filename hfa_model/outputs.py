@@ -7,7 +7,7 @@ accelerometer fixed to the panel, so that steady level flight has a load factor 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -17,7 +17,7 @@ from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import center_flow, center_height, outer_flow, outer_height
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import STATE_UNITS, STATES, Input, State
+from hfa_model.vectors import STATE_UNITS, STATES, Input, Quantity, State
 
 
 class Moment(NamedTuple):
@@ -26,7 +26,7 @@ class Moment(NamedTuple):
     x: State
     u: Input
     p: Parameters
-    updraft: Any
+    updraft: Quantity
     loads: Loads
     rates: State
 
@@ -36,16 +36,16 @@ class Output(NamedTuple):
 
     unit: str
     meaning: str
-    of: Callable[[Moment], Any]
+    of: Callable[[Moment], Quantity]
 
 
-def moment_of(x: State, u: Input, p: Parameters, variant: Variant, updraft: Any = 0.0) -> Moment:
+def moment_of(x: State, u: Input, p: Parameters, variant: Variant, updraft: Quantity = 0.0) -> Moment:
     """Loads and rates at (x, u) in air that rises by `updraft`, ft/s."""
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, updraft)
     return Moment(x, u, p, updraft, loads, rates_from_loads(x, loads, p, variant))
 
 
-def outputs_of(moment: Moment, names: tuple[str, ...]) -> tuple[Any, ...]:
+def outputs_of(moment: Moment, names: tuple[str, ...]) -> tuple[Quantity, ...]:
     """The named outputs or states, in the order of the names."""
     return tuple(getattr(moment.x, name) if name in STATES else OUTPUTS[name].of(moment) for name in names)
 
@@ -55,22 +55,22 @@ def unit_of(name: str) -> str:
     return str(getattr(STATE_UNITS, name)) if name in STATES else OUTPUTS[name].unit
 
 
-def _vertical_acceleration(m: Moment) -> Any:
+def _vertical_acceleration(m: Moment) -> Quantity:
     """V (α' - q), ft/s^2, positive downward: of the path of the center of mass, in the axes of the path."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
-def _load_factor(m: Moment) -> Any:
+def _load_factor(m: Moment) -> Quantity:
     """n = (L + T sin α) / (m_tot g): force across the path over weight."""
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
-def _center_load_factor(m: Moment) -> Any:
+def _center_load_factor(m: Moment) -> Quantity:
     """n_c = cos θ - a_z / g of the center panel, a_z downward in body axes."""
     return ca.cos(m.x.pitch) - _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3) / m.p.gravity
 
 
-def _outer_load_factor(m: Moment) -> Any:
+def _outer_load_factor(m: Moment) -> Quantity:
     """n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, across its own plane.
 
     y = (s/2)(1 + cos η) to the side, so a_y = y'' = -(s/2)(sin η η'' + cos η η'²).
@@ -81,7 +81,7 @@ def _outer_load_factor(m: Moment) -> Any:
     return ca.cos(m.x.pitch) * cos_eta - (descent * cos_eta + outward * sin_eta) / m.p.gravity
 
 
-def _body_descent(m: Moment, height: Any, factor: float) -> Any:
+def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
     """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η: downward acceleration at height z, ft/s^2."""
     sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
     sin_alpha, cos_alpha = ca.sin(m.x.alpha), ca.cos(m.x.alpha)
@@ -90,7 +90,7 @@ def _body_descent(m: Moment, height: Any, factor: float) -> Any:
     return descent_rate - m.x.pitch_rate * m.x.speed * cos_alpha - m.x.pitch_rate**2 * height + bending
 
 
-def _elastic_moment(m: Moment) -> Any:
+def _elastic_moment(m: Moment) -> Quantity:
     """H - k_c η' - k_k η: what turns an outer panel about its hinge, spring and damper included."""
     return m.loads.hinge_moment - m.p.hinge_damping * m.x.dihedral_rate - m.p.hinge_stiffness * m.x.dihedral
 

@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.vectors import Quantity
 
 
 class Parameters(NamedTuple):
@@ -24,24 +26,24 @@ class Parameters(NamedTuple):
     and tail share one lift slope; `thrust_per_throttle` converts the throttle to total thrust.
     """
 
-    panel_mass: Any
-    panel_span: Any
-    chord: Any
-    tail_area: Any
-    boom_length: Any
-    inertia_roll: Any
-    inertia_pitch: Any
-    inertia_yaw: Any
-    lift_slope: Any
-    aileron_lift: Any
-    aileron_moment: Any
-    zero_lift_moment: Any
-    zero_lift_drag: Any
-    induced_drag: Any
-    hinge_stiffness: Any
-    hinge_damping: Any
-    thrust_per_throttle: Any
-    gravity: Any
+    panel_mass: Quantity
+    panel_span: Quantity
+    chord: Quantity
+    tail_area: Quantity
+    boom_length: Quantity
+    inertia_roll: Quantity
+    inertia_pitch: Quantity
+    inertia_yaw: Quantity
+    lift_slope: Quantity
+    aileron_lift: Quantity
+    aileron_moment: Quantity
+    zero_lift_moment: Quantity
+    zero_lift_drag: Quantity
+    induced_drag: Quantity
+    hinge_stiffness: Quantity
+    hinge_damping: Quantity
+    thrust_per_throttle: Quantity
+    gravity: Quantity
 
 
 class Field(NamedTuple):
@@ -81,8 +83,8 @@ _ROUNDING = 1e-10
 SOURCES = ("identified", "assumed", "print", "released")
 
 
-@dataclass(frozen=True)
-class ParameterSet:
+@dataclass(frozen=True, eq=False)
+class ParameterSet(ByValue):
     """Parameters with their provenance.
 
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.

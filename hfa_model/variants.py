@@ -18,13 +18,12 @@ the span and mass of one panel:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import State
+from hfa_model.vectors import Quantity, State
 
 
 @dataclass(frozen=True)
@@ -33,15 +32,15 @@ class Published:
 
     name = "published"
 
-    def outer_lever(self, dihedral: Any, p: Parameters) -> Any:
+    def outer_lever(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """l = s/2 - (s/3) sin η, ft."""
         return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
 
-    def section_projection(self, dihedral: Any) -> Any:
+    def section_projection(self, dihedral: Quantity) -> Quantity:
         """π = 1."""
         return 1.0
 
-    def hinge_coupling(self, x: State, p: Parameters) -> Any:
+    def hinge_coupling(self, x: State, p: Parameters) -> Quantity:
         """(m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], ft lbf."""
         sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -50,7 +49,7 @@ class Published:
             - 2 * p.panel_span / 3 * cos_eta * sin_eta * x.dihedral_rate**2
         )
 
-    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
         The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices.
@@ -65,15 +64,15 @@ class Newton:
 
     name = "newton"
 
-    def outer_lever(self, dihedral: Any, p: Parameters) -> Any:
+    def outer_lever(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """l = (s/6) sin η, ft: the height of an outer panel above the center of mass."""
         return p.panel_span / 6 * ca.sin(dihedral)
 
-    def section_projection(self, dihedral: Any) -> Any:
+    def section_projection(self, dihedral: Quantity) -> Quantity:
         """π = cos η: the panel's spanwise axis leans by η out of the pitch axis."""
         return ca.cos(dihedral)
 
-    def hinge_coupling(self, x: State, p: Parameters) -> Any:
+    def hinge_coupling(self, x: State, p: Parameters) -> Quantity:
         """(m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²], ft lbf."""
         cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -81,7 +80,7 @@ class Newton:
             - p.panel_span / 3 * cos_eta * ca.sin(x.dihedral) * x.dihedral_rate**2
         )
 
-    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the panel turns."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
@@ -95,10 +94,10 @@ class Rival(Published):
     `Published` does; the distance between the two at other angles measures what the print leaves open.
     """
 
-    cosine_factor: Any = 1.0
+    cosine_factor: Quantity = 1.0
     name = "rival"
 
-    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, slug ft^2."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + self.cosine_factor * mass_moment / 6 * ca.cos(dihedral) ** 2

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+#: A number or a CasADi expression (SX or MX); the shape, where it is not one number, stands in the docstring. To a
+#: type checker it is Any: the union of the three would let SX and MX be added, which CasADi refuses.
+Quantity: TypeAlias = Any
 
 
 class State(NamedTuple):

@@ -7,7 +7,7 @@ import argparse
 from hfa_cli import options
 from hfa_cli.output import show
 from hfa_model.aircraft import Aircraft
-from trim.linear.bands import bands_known, uncertainty
+from trim.linear.bands import bands_known, entry_bands
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
 from trim.linear.model_report import linear_model_report
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = linearize(aircraft, point, full=arguments.full)
     # The bands are of the six printed states.
     known = bands_known(parameters) and not arguments.full
-    bands = uncertainty(parameters, aircraft.variant, condition, point) if known else None
+    bands = entry_bands(parameters, condition, model) if known else None
     printed = printed_at(point) if not arguments.full else None
     report = linear_model_report(model, bands)
     if printed is not None:

@@ -101,7 +101,7 @@ def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str,
     [
         Steps(0.0, LIMIT / 30, 41),
         Steps(-2 * LIMIT, LIMIT / 7, 29),
-        Steps(1.5 * LIMIT, LIMIT, 4),
+        Steps(1.5 * LIMIT, LIMIT, 3),
         Steps(-3 * LIMIT, LIMIT / 2, 3),
         Steps(-LIMIT, LIMIT / 3, 7),
     ],

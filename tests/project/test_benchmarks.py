@@ -1,20 +1,18 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that say what was stored.
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO.
 
 Nothing here asserts a time.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import __main__ as bench, flight_case, jobs_no_compiler, report
-from benchmarks.documents import arithmetic, growth_table, markdown
+from benchmarks.documents import markdown
 from benchmarks.flight_case import Case, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
 from benchmarks.jobs_size import growth
 from benchmarks.jobs_trim import peer_point, peer_system
@@ -234,70 +232,3 @@ def test_the_peers_stay_out_of_the_lock() -> None:
     assert all(re.fullmatch(r"[\w.]+", version) for version in peers.values())
     assert set(peers) & set(packages("requirements.lock")) == set()
     assert "benchmarks/requirements.txt" in (ROOT / "Makefile").read_text("utf-8")
-
-
-# What the documents say is what was stored.
-
-
-def complaints_about(readme: str, scaling: str, data: dict) -> list[str]:
-    found = []
-    if markdown(data, with_target=True) not in readme:
-        found.append("README.md does not show the stored figures: paste `python -m benchmarks.documents`")
-    parts = (markdown(data, with_target=False), growth_table(data), arithmetic(data))
-    if not all(part in scaling for part in parts):
-        found.append("docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`")
-    missed = [figure["job"] for figure in data["figures"] if figure["reached"] == "NO"]
-    return found + [f"docs/scaling.md does not explain {job!r}" for job in missed if f'"{job}"' not in scaling]
-
-
-def documents() -> tuple[str, str]:
-    return (ROOT / "README.md").read_text("utf-8"), (ROOT / "docs" / "scaling.md").read_text("utf-8")
-
-
-def test_documents_show_the_stored_figures() -> None:
-    assert complaints_about(*documents(), report.stored()) == []
-    assert "docs/pictures/benchmarks.png" in documents()[0]
-
-
-def test_documents_of_other_figures_would_be_noticed() -> None:
-    changed = json.loads(json.dumps(report.stored()))
-    for figure in changed["figures"]:
-        figure["ratio"] *= 1.1
-    assert len(complaints_about(*documents(), changed)) == 2
-    dearer = json.loads(json.dumps(report.stored()))
-    for figure in dearer["figures"]:
-        for size in figure["sizes"]:
-            size["seconds"] *= 2.0
-    assert complaints_about(*documents(), dearer) == [
-        "docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`"
-    ]
-    lost = json.loads(json.dumps(report.stored()))
-    lost["figures"][0] |= {"reached": "NO", "job": "a job that nobody explains"}
-    assert any("does not explain" in complaint for complaint in complaints_about(*documents(), lost))
-
-
-def test_the_arithmetic_of_scale() -> None:
-    points = growth("points of a sweep into a store", [Size(10, 1e-5, 99.0, 300.0), Size(1000, 1e-5, 100.0, 250.0)])
-    data = report.data({"monte_carlo": [row(2.0, None)], "size": points})
-    data["machine"]["cores"] = "4"
-    data["figures"][0]["ours"] = 0.9
-    said = " ".join(arithmetic(data).split())
-    for words in (
-        "= 10,000 core seconds = 2.8 core hours; on 1000 cores 10.0 s",
-        "1e9 / 100,000 = 10,000, 10 a core; each is 1.00 s of work and 25 MB on disk",
-        "100 MB a process",
-        "= 250 GB",
-        "250 s = 4.2 minutes",
-        "1e6 x 0.9 s x 4 processes = 1000 core hours, 60 minutes on 1000 cores.",
-    ):
-        assert words in said
-
-
-def test_every_stored_verdict_follows_from_its_figures() -> None:
-    data = report.stored()
-    assert len(data["figures"]) >= 15
-    for figure in data["figures"]:
-        timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])
-        again = replace(row(1.0, None), timing=timing, target=figure["to_reach"])
-        assert again.verdict == figure["reached"], figure["job"]
-        assert figure["ratio"] == pytest.approx(figure["peers"] / figure["ours"], rel=0.2)

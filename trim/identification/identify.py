@@ -13,12 +13,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 
 #: Not determined by the print: held, each with its reason.
 ASSUMED: dict[str, tuple[float, str, str]] = {
@@ -66,8 +67,8 @@ _START_SPREAD = 0.3
 _PRIOR_SPREAD = 0.3
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, eq=False)
+class Fit(ByValue):
     """One least-squares fit.
 
     parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
@@ -159,10 +160,10 @@ class _Problem:
     ) -> None:
         self.extra = extra
         theta = ca.SX.sym("theta", len(IDENTIFIED) + len(extra))
-        symbols = ca.vertsplit(theta)
+        unknowns = ca.vertsplit(theta)
         known = {name: value for name, (value, _, _) in ASSUMED.items()}
-        p = Parameters(**known, **dict(zip(IDENTIFIED, symbols[: len(IDENTIFIED)], strict=True)))
-        constants = dict(zip(extra, symbols[len(IDENTIFIED) :], strict=True))
+        p = Parameters(**known, **dict(zip(IDENTIFIED, unknowns[: len(IDENTIFIED)], strict=True)))
+        constants = dict(zip(extra, unknowns[len(IDENTIFIED) :], strict=True))
         variant: Any = structure(**constants) if callable(structure) else structure
         self._cases = [_compile(model, theta, p, variant) for model in models]
 
@@ -181,12 +182,10 @@ class _Problem:
         return np.concatenate(values), np.vstack(jacobians)
 
 
-def _compile(model: PublishedModel, theta: Any, p: Parameters, variant: Variant) -> ca.Function:
+def _compile(model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> ca.Function:
     """(parameters, free inputs) -> weighted entries and balance at one printed condition, with their Jacobians."""
-    x, u, inputs = (
-        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("v", len(_FREE_INPUTS)))
-    )
-    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
+    (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
+    f = state_rates(x, u, p, variant)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
     # The rows θ' = q and η' = η' are the same for every aircraft.
@@ -230,7 +229,7 @@ def _balance(case: ca.Function, theta: np.ndarray) -> np.ndarray:
     return best
 
 
-def _as_input(free: Sequence[Any]) -> Input:
+def _as_input(free: Sequence[Quantity]) -> Input:
     return Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, free, strict=True)))
 
 

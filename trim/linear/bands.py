@@ -11,12 +11,13 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.variants import Published, Rival, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
-from trim.linear.linearize import linearize
+from hfa_model.symbolic import state_rates, symbols
+from hfa_model.variants import Published, Rival, Variant, variant_named
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -25,8 +26,8 @@ from trim.point.solve import find_operating_point
 _SAME = 1e-7
 
 
-@dataclass(frozen=True)
-class Bands:
+@dataclass(frozen=True, eq=False)
+class Bands(ByValue):
     """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
 
     rounding: standard error propagated from the rounding of the print through the parameters and the trim.
@@ -49,6 +50,7 @@ class Bands:
         return 2 * self.B_rounding + self.B_structure
 
 
+@cache
 def rival_parameters() -> ParameterSet:
     """The rival structure's parameters that come with the package (`hfa identify` writes them)."""
     return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
@@ -64,33 +66,34 @@ def bands_known(parameters: ParameterSet) -> bool:
     return same and not parameters.structure and parameters.covariance.size > 0
 
 
-def uncertainty(parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint) -> Bands:
-    """Bands of the six-state linear model at a trimmed point.
+def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
+    """Bands of the entries of a six-state linear model, made with these parameters at a trim of this condition.
 
     rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
     theorem), C the covariance of the identified parameters p, v the free variables of the trim.
-    BadInputError when the parameters have no bands (`bands_known`).
+    BadInputError when the parameters have no bands (`bands_known`), or the model is not of the paper's six states.
     """
+    if model.states != LINEAR_STATES:
+        raise BadInputError(f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them")
     if not bands_known(parameters):
         raise BadInputError(
             "bands are known for the identified parameters with their covariance only; "
             "use the parameters.toml of `hfa identify`, unchanged"
         )
-    jacobian = _total_derivative(parameters, variant, condition, point)
+    variant = variant_named(model.point.dynamics)
+    jacobian = _total_derivative(parameters, variant, condition, model.point)
     rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
     A_rounding, B_rounding = _split(rounding)
-    aircraft = Aircraft(parameters.values, variant)
-    model, rival = linearize(aircraft, point), _rival_model(variant, condition, point)
-    return Bands(A_rounding, B_rounding, np.abs(model.A - rival[0]), np.abs(model.B - rival[1]))
+    rival = _rival_model(variant, condition, model.point)
+    return Bands(A_rounding, B_rounding, np.abs(model.A - rival.A), np.abs(model.B - rival.B))
 
 
-def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> LinearModel:
     """The rival's linear model. Newton's own equations do not change with the rival, but its parameters do."""
     rival = rival_parameters()
     structure = Rival(**rival.structure) if isinstance(variant, Published) else variant
     aircraft = Aircraft(rival.values, structure)
-    model = linearize(aircraft, find_operating_point(aircraft, condition, start=point))
-    return model.A, model.B
+    return linearize(aircraft, find_operating_point(aircraft, condition, start=point))
 
 
 def _total_derivative(
@@ -121,10 +124,8 @@ def _move(name: str) -> np.ndarray:
 @cache
 def _derivatives(variant: Variant) -> ca.Function:
     """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
-    x, u, p = (
-        ca.SX.sym(name, n) for name, n in (("x", len(STATES)), ("u", len(INPUTS)), ("p", len(Parameters._fields)))
-    )
-    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant))
+    x, u, p = symbols()
+    f = state_rates(x, u, p, variant)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
     entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)

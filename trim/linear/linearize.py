@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.point.operating_point import OperatingPoint
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     import control
 
 
-@dataclass(frozen=True)
-class LinearModel:
+@dataclass(frozen=True, eq=False)
+class LinearModel(ByValue):
     """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9).
 
     A: (n, n), B: (n, 5). states, inputs: names, in order; units in `state_units`, `input_units`.

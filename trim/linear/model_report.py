@@ -56,9 +56,7 @@ def modes_table(modes: Iterable[Mode]) -> Table:
                 f"{mode.damping:.4f}",
                 f"{mode.frequency:.4f}",
                 f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
-                f"{mode.time_to_half:.3f} ({'half' if mode.stable else 'double'})"
-                if math.isfinite(mode.time_to_half)
-                else "-",
+                _time_to(mode),
                 ", ".join(f"{name} {share:.0%}" for name, share in shares),
             )
         )
@@ -72,6 +70,11 @@ def modes_table(modes: Iterable[Mode]) -> Table:
         "participation",
     )
     return Table(header, rows)
+
+
+def _time_to(mode: Mode) -> str:
+    time, word = (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
+    return f"{time:.3f} ({word})" if math.isfinite(time) else "-"
 
 
 def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:

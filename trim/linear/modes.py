@@ -22,8 +22,8 @@ class Mode:
     """One real eigenvalue or one conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
 
     eigenvalue: 1/s, imaginary part >= 0. damping: ζ = -Re λ / |λ|. frequency: ω_n = |λ|, rad/s.
-    period: 2π / Im λ, s, inf when real. time_to_half: ln 2 / |Re λ|, s: to half when stable, to double when
-    not (`stable` says which), inf on the axis. participation: state -> share, sums to 1.
+    period: 2π / Im λ, s, inf when real. time_to_half: -ln 2 / Re λ, s, inf unless stable. time_to_double: ln 2 / Re λ,
+    s, inf unless unstable. participation: state -> share, sums to 1.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Mode:
     frequency: float
     period: float
     time_to_half: float
+    time_to_double: float
     stable: bool
     participation: dict[str, float]
 
@@ -39,7 +40,7 @@ class Mode:
         """Ready for JSON; infinite times become null."""
         row = asdict(self)
         row["eigenvalue"] = [self.eigenvalue.real, self.eigenvalue.imag]
-        for key in ("period", "time_to_half"):
+        for key in ("period", "time_to_half", "time_to_double"):
             row[key] = row[key] if math.isfinite(row[key]) else None
         return row
 
@@ -79,14 +80,15 @@ def _unique_name(families: list[str], index: int) -> str:
 
 
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
-    frequency = abs(value)
+    frequency, decay = abs(value), -value.real
     return Mode(
         name=name,
         eigenvalue=value,
-        damping=-value.real / frequency if frequency > 0 else 0.0,
+        damping=decay / frequency if frequency > 0 else 0.0,
         frequency=frequency,
         period=2 * math.pi / value.imag if value.imag > 0 else math.inf,
-        time_to_half=math.log(2) / abs(value.real) if value.real != 0 else math.inf,
-        stable=value.real < 0,
+        time_to_half=math.log(2) / decay if decay > 0 else math.inf,
+        time_to_double=math.log(2) / -decay if decay < 0 else math.inf,
+        stable=decay > 0,
         participation=participation,
     )

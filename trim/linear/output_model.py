@@ -10,10 +10,10 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
+from hfa_model.symbolic import by_name, symbols
 from hfa_model.variants import Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 
 
@@ -55,9 +55,8 @@ def output_model(aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ..
 @lru_cache(maxsize=16)
 def _derivatives(variant: Variant, names: tuple[str, ...]) -> ca.Function:
     """(x, u, p) -> y, ∂y/∂x, ∂y/∂u, ∂y/∂w, ∂f/∂w at w = 0."""
-    x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
-    p = ca.SX.sym("p", len(Parameters._fields))
-    moment = moment_of(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p)), variant, w)
+    (x, u, p), w = symbols(), ca.SX.sym("w")
+    moment = moment_of(*by_name(x, u, p), variant, w)
     y, f = ca.vertcat(ca.SX(0, 1), *outputs_of(moment, names)), ca.vertcat(*moment.rates)
     parts = [y, *(ca.jacobian(y, by) for by in (x, u, w)), ca.jacobian(f, w)]
     still = [ca.densify(ca.substitute(part, w, 0)) for part in parts]

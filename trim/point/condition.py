@@ -119,6 +119,14 @@ class TrimCondition:
         return self.limits.get(name, LIMITS.get(name, (-math.inf, math.inf)))
 
 
+def check_imposed(name: str, *values: float) -> None:
+    """BadInputError when a value to impose is not finite or lies outside `LIMITS`."""
+    for value in values:
+        if not math.isfinite(value):
+            raise BadInputError(f"{name} is {value}; give a finite number")
+        _check(name, value, LIMITS.get(name, (-math.inf, math.inf)))
+
+
 def _check(name: str, value: float, limits: tuple[float, float], parts: str = "") -> None:
     lowest, highest = limits
     if not lowest <= value <= highest:
@@ -158,9 +166,13 @@ def level_flight(
 
 
 def release(
-    condition: TrimCondition, *, free: tuple[str, ...] = (), hold: Mapping[str, float] | None = None
+    condition: TrimCondition,
+    *,
+    free: tuple[str, ...] = (),
+    hold: Mapping[str, float] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """The same condition with the named variables set free, and others held at the given values."""
+    """The same condition with the named variables set free, others held at the given values, and further limits."""
     hold = dict(hold or {})
     for name in (*free, *hold):
         if name not in VARIABLES:
@@ -170,7 +182,7 @@ def release(
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
     imposed = {name: value for name, value in condition.imposed.items() if name not in free} | hold
     unknowns = tuple(name for name in VARIABLES if name not in imposed)
-    return TrimCondition(imposed, unknowns, condition.rates, condition.limits)
+    return TrimCondition(imposed, unknowns, condition.rates, {**condition.limits, **(limits or {})})
 
 
 def describe(name: str, value: float) -> str:

@@ -36,14 +36,27 @@ class NamedCondition:
     free: tuple[str, ...] = ()
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def at(self, dihedral: float, limits: Mapping[str, tuple[float, float]] | None = None) -> TrimCondition:
-        """The condition at a dihedral angle, rad; BadInputError outside the angles of a table.
+    def at(
+        self,
+        dihedral: float,
+        *,
+        free: tuple[str, ...] = (),
+        hold: Mapping[str, float] | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ) -> TrimCondition:
+        """The condition at a dihedral angle, rad, with changes as by `release`.
 
-        limits: of further variables, or in place of the condition's own.
+        BadInputError outside the angles of a table.
         """
-        hold = {name: self._value(name, dihedral) for name in self.imposed}
-        level = level_flight(dihedral, limits={**self.limits, **(limits or {})})
-        return release(level, free=self.free, hold=hold)
+        changed = {*free, *(hold or {})}
+        imposed = {name: self._value(name, dihedral) for name in self.imposed if name not in changed}
+        freed = tuple(name for name in self.free if name not in (hold or {}))
+        return release(
+            level_flight(dihedral),
+            free=tuple(dict.fromkeys((*freed, *free))),
+            hold=imposed | dict(hold or {}),
+            limits={**self.limits, **(limits or {})},
+        )
 
     def _value(self, name: str, dihedral: float) -> float:
         angles, values = self.imposed[name]

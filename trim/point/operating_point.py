@@ -45,6 +45,11 @@ class OperatingPoint:
         """γ = θ - α, flight-path angle, rad."""
         return float(self.states.pitch - self.states.alpha)
 
+    @property
+    def values(self) -> dict[str, float]:
+        """State or input, and gamma -> its value."""
+        return {**self.states._asdict(), **self.inputs._asdict(), "gamma": self.gamma}
+
     def to_control(self) -> control.OperatingPoint:
         """The same point as python-control's `OperatingPoint` (seven states, five inputs)."""
         import control

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft, check_in_range
-from hfa_model.atmosphere import density
+from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, State
-from trim.point.condition import SCALES, VARIABLES, TrimCondition, describe
-from trim.point.operating_point import BALANCE, OperatingPoint
+from hfa_model.vectors import INPUTS
+from trim.point.condition import VARIABLES, TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.trim_problem import TrimProblem
 
 _MAX_NEWTON_STEPS = 50
 _MAX_HALVINGS = 20
 
 
 class TrimError(NoSolutionError):
-    """No trim: the message names the worst equation and the limits that bind; `attempt` is the best point found."""
+    """No trim: the message names what does not balance, the limits that bind and what balance would take beyond them;
+    `attempt` is the best point within the limits."""
 
     def __init__(self, message: str, attempt: OperatingPoint) -> None:
         super().__init__(message)
         self.attempt = attempt
+
+    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint]]:
+        return TrimError, (str(self), self.attempt)
 
 
 def find_operating_point(
@@ -44,7 +46,7 @@ def find_operating_point(
     if not condition.free:
         raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
     condition.check_pitch()
-    problem = _Problem(aircraft, condition)
+    problem = TrimProblem(aircraft, condition)
     try:
         with np.errstate(over="raise"):
             return _solution(problem, problem.clip(problem.first_guess(start)))
@@ -55,160 +57,29 @@ def find_operating_point(
         ) from error
 
 
-def _solution(problem: _Problem, guess: np.ndarray) -> OperatingPoint:
+def beyond_limits(aircraft: Aircraft, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
+    """What `find_operating_point` says of a condition that balances beyond the limits only, at these free variables."""
+    problem = TrimProblem(aircraft, condition)
+    return problem.failure(problem.unknowns_at(balancing))
+
+
+def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     equations, unknowns = problem.count(guess)
     search = _least_effort_search if unknowns > equations else _square_search
-    best = problem.clip(search(problem, guess))
+    found = search(problem, guess)
+    best = problem.clip(found)
     if not problem.solved(best):
-        raise TrimError(problem.failure(best), problem.point(best, "failed"))
+        raise TrimError(problem.failure(found), problem.point(best, "failed"))
     return problem.point(best, "trimmed")
 
 
-@dataclass(frozen=True)
-class _Problem:
-    """The condition as scaled residuals of scaled unknowns."""
-
-    aircraft: Aircraft
-    condition: TrimCondition
-
-    @property
-    def scales(self) -> np.ndarray:
-        return np.array([SCALES[name] for name in self.condition.free])
-
-    @property
-    def equations(self) -> tuple[str, ...]:
-        return tuple(name for name in STATES if name in self.condition.rates)
-
-    def vectors(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """State and input at given unknowns (scaled)."""
-        free = dict(zip(self.condition.free, (unknowns * self.scales).tolist(), strict=True))
-        values = {**self.condition.imposed, **free}
-        values["pitch"] = values["alpha"] + values["gamma"]
-        return np.array([values[name] for name in STATES]), np.array([values[name] for name in INPUTS])
-
-    def residual(self, unknowns: np.ndarray) -> np.ndarray:
-        """(f - imposed) / scale, one entry an equation."""
-        return self._scaled(self.aircraft.rates(*self.vectors(unknowns)))
-
-    def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Scaled residual and its Jacobian with respect to the scaled unknowns."""
-        value, A, B = self.aircraft.jacobians(*self.vectors(unknowns))
-        by_name = {name: A[:, index] for index, name in enumerate(STATES)}
-        by_name |= {name: B[:, index] for index, name in enumerate(INPUTS)}
-        by_name["gamma"] = by_name["pitch"]
-        by_name["alpha"] = by_name["alpha"] + by_name["pitch"]
-        rows = [STATES.index(name) for name in self.equations]
-        columns = np.column_stack([by_name[name][rows] for name in self.condition.free])
-        row_scales = np.array([getattr(RATE_SCALES, name) for name in self.equations])
-        return self._scaled(value), columns * self.scales / row_scales[:, None]
-
-    def count(self, guess: np.ndarray) -> tuple[int, int]:
-        """Equations that the unknowns can move, and unknowns."""
-        jacobian = self.linearization(guess)[1]
-        return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > 1e-12)), len(self.condition.free)
-
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest scaled unknowns."""
-        pairs = np.array([self.condition.limits_of(name) for name in self.condition.free])
-        return pairs[:, 0] / self.scales, pairs[:, 1] / self.scales
-
-    def clip(self, unknowns: np.ndarray) -> np.ndarray:
-        return np.clip(unknowns, *self.limits())
-
-    def inside(self, unknowns: np.ndarray) -> np.ndarray:
-        """Which unknowns lie clear of their limits."""
-        lowest, highest = self.limits()
-        slack = 1e-6 * (1 + np.abs(unknowns))
-        return (unknowns > lowest + slack) & (unknowns < highest - slack)
-
-    def solved(self, unknowns: np.ndarray) -> bool:
-        """Balanced, and within the limits (a rounding error beyond a limit is within it)."""
-        slack = 1e-12 * (1 + np.abs(unknowns))
-        lowest, highest = self.limits()
-        if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
-            return False
-        return self.balanced(unknowns) and self.pitch_is_within_limits(unknowns)
-
-    def balanced(self, unknowns: np.ndarray) -> bool:
-        return bool(np.abs(self.residual(unknowns)).max() <= BALANCE)
-
-    def pitch_is_within_limits(self, unknowns: np.ndarray) -> bool:
-        """What the limits of alpha and gamma cannot hold when both are free."""
-        lowest, highest = self.condition.limits_of("pitch")
-        return lowest - 1e-12 <= self.pitch(unknowns) <= highest + 1e-12
-
-    def pitch(self, unknowns: np.ndarray) -> float:
-        return float(self.vectors(unknowns)[0][STATES.index("pitch")])
-
-    def first_guess(self, start: OperatingPoint | None) -> np.ndarray:
-        """The warm start, or unaccelerated flight of a flat wing: L = W cos γ, T = D + W sin γ, no deflection."""
-        values: Mapping[str, float]
-        if start is not None:
-            values = {**start.states._asdict(), **start.inputs._asdict(), "gamma": start.gamma}
-        else:
-            values = self._flat_wing()
-        return np.array([values[name] for name in self.condition.free]) / self.scales
-
-    def _flat_wing(self) -> dict[str, float]:
-        p, imposed = self.aircraft.parameters, self.condition.imposed
-        guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"], "altitude": 0.0} | dict(imposed)
-        guess["pitch"] = guess["alpha"] + guess["gamma"]
-        check_in_range(State(*(guess[name] for name in STATES)))
-        pressure_area = float(density(guess["altitude"])) * guess["speed"] ** 2 / 2 * 3 * p.panel_span * p.chord
-        weight = 3 * p.panel_mass * p.gravity
-        lift_coefficient = weight * math.cos(guess["gamma"]) / pressure_area
-        drag = pressure_area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
-        thrust = drag + weight * math.sin(guess["gamma"])
-        return guess | {"alpha": lift_coefficient / p.lift_slope, "throttle": thrust / p.thrust_per_throttle}
-
-    def point(self, unknowns: np.ndarray, status: str) -> OperatingPoint:
-        state, control = self.vectors(unknowns)
-        unscaled = self.residual(unknowns) * [getattr(RATE_SCALES, name) for name in self.equations]
-        residuals = dict(zip(self.equations, unscaled.tolist(), strict=True))
-        return OperatingPoint(
-            State(*state.tolist()), Input(*control.tolist()), residuals, self.aircraft.variant.name, status
-        )
-
-    def failure(self, unknowns: np.ndarray) -> str:
-        """One line: which equations do not balance, by how much, and which limits bind."""
-        if self.balanced(unknowns):
-            below, above = (describe("pitch", limit) for limit in self.condition.limits_of("pitch"))
-            return (
-                f"no trim within limits: pitch would have to be {describe('pitch', self.pitch(unknowns))}, "
-                f"it must lie between {below} and {above}"
-            )
-        scaled = self.residual(unknowns)
-        off = [
-            f"{name} by {scaled[i] * getattr(RATE_SCALES, name):.3g} {getattr(RATE_UNITS, name)}"
-            for i, name in sorted(enumerate(self.equations), key=lambda item: -abs(scaled[item[0]]))
-            if abs(scaled[i]) > BALANCE
-        ]
-        lowest, highest = self.limits()
-        binding = []
-        for i, name in enumerate(self.condition.free):
-            for limit, word in ((lowest[i], "lowest"), (highest[i], "highest")):
-                if abs(unknowns[i] - limit) <= 1e-6 * (1 + abs(limit)):
-                    binding.append(f"{name} at its {word}, {describe(name, limit * self.scales[i])}")
-        equations, count = self.count(unknowns)
-        why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
-        if equations > count:
-            why += f"; {equations} equations for {count} unknowns, set more free"
-        return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
-
-    def _scaled(self, value: np.ndarray) -> np.ndarray:
-        rates = self.condition.rates
-        return np.array(
-            [(value[STATES.index(name)] - rates[name]) / getattr(RATE_SCALES, name) for name in self.equations]
-        )
-
-
-def _square_search(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """Newton's solution, or the least-squares one within the limits when Newton leaves them or finds none."""
     best = _newton(problem, guess)
     return best if problem.solved(best) else _newton(problem, _bounded_least_squares(problem, guess))
 
 
-def _least_effort_search(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+def _least_effort_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
     best = _polished(problem, _least_effort(problem, guess))
     if problem.solved(best):
@@ -217,12 +88,12 @@ def _least_effort_search(problem: _Problem, guess: np.ndarray) -> np.ndarray:
     return _polished(problem, _least_effort(problem, nearest)) if problem.solved(nearest) else nearest
 
 
-def _polished(problem: _Problem, unknowns: np.ndarray) -> np.ndarray:
+def _polished(problem: TrimProblem, unknowns: np.ndarray) -> np.ndarray:
     """Newton's method with what lies at a limit staying there."""
     return _newton(problem, unknowns, moving=problem.inside(unknowns))
 
 
-def _newton(problem: _Problem, unknowns: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
+def _newton(problem: TrimProblem, unknowns: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
     """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls.
 
     moving: which unknowns may move; all of them unless said.
@@ -242,7 +113,7 @@ def _newton(problem: _Problem, unknowns: np.ndarray, moving: np.ndarray | None =
     return unknowns
 
 
-def _halved(problem: _Problem, unknowns: np.ndarray, step: np.ndarray, norm: float) -> np.ndarray | None:
+def _halved(problem: TrimProblem, unknowns: np.ndarray, step: np.ndarray, norm: float) -> np.ndarray | None:
     """The longest of step, step/2, ... that lowers the residual; None when none does."""
     for halving in range(_MAX_HALVINGS):
         candidate = unknowns + step / 2**halving
@@ -254,7 +125,7 @@ def _halved(problem: _Problem, unknowns: np.ndarray, step: np.ndarray, norm: flo
     return None
 
 
-def _bounded_least_squares(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     from scipy.optimize import least_squares
 
     lowest, highest = problem.limits()
@@ -271,7 +142,7 @@ def _bounded_least_squares(problem: _Problem, guess: np.ndarray) -> np.ndarray:
     return np.asarray(result.x)
 
 
-def _least_effort(problem: _Problem, guess: np.ndarray) -> np.ndarray:
+def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits."""
     from scipy.optimize import minimize
 

@@ -1,18 +1,21 @@
-"""One chunk of a large sweep: values in, stacked arrays out. What a worker runs."""
+"""Trims and linear models of many points, those without a trim kept: what sweeps in memory and in a store run."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.variants import variant_named
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES
+from trim.linear.linearize import linearize
 from trim.point.condition import LIMITS
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions, settle
+from trim.point.solve import find_operating_point
+from trim.sweeps.level_flights import LevelFlights, level_conditions, level_flight_of, solve_level_flights
 
 #: What became of a point.
 STATUS = ("trimmed", "beyond limits", "no trim")
@@ -22,8 +25,8 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 class Chunk(NamedTuple):
     """N points. status: (N,) index into `STATUS`. limiting: (N,) index into STATES + INPUTS of the variable
     farthest beyond its limits, -1 when none. states: (N, 7), inputs: (N, 5): where trimmed, or what balance
-    would take where beyond limits. A: (N, 7, 7), B: (N, 7, 5), eigenvalues: (N, 7) of A, fastest first; nan
-    where not trimmed. Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
+    would take where beyond limits. A: (N, 7, 7), B: (N, 7, 5); nan where not trimmed. failures: number of a point
+    with no trim -> why. Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`.
     """
 
     status: np.ndarray
@@ -32,46 +35,57 @@ class Chunk(NamedTuple):
     inputs: np.ndarray
     A: np.ndarray
     B: np.ndarray
-    eigenvalues: np.ndarray
+    failures: dict[int, str]
 
 
 def run_chunk(
     variables: tuple[str, ...],
     values: np.ndarray,
     parameters: Parameters,
-    dynamics: str,
+    dynamics: str | Variant,
     compile_code: bool | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Chunk:
     """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
 
-    compile_code: see `solve_level_flights`.
+    compile_code: see `solve_level_flights`. progress is called with (points settled, points in all).
     """
-    variant = variant_named(dynamics)
+    variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
     conditions, constants = level_conditions(variables, values), _constants(variables, values, parameters)
     flights = solve_level_flights(variant, constants, conditions, compile_code=compile_code)
-    beyond = _excess(flights.states, flights.inputs)
     status = np.where(flights.trimmed, TRIMMED, np.where(flights.balanced, BEYOND_LIMITS, NO_TRIM)).astype(np.int8)
-    for index in np.flatnonzero(status == NO_TRIM):
-        # The batch's Newton did not converge: the robust solver has the last word.
+    failures: dict[int, str] = {}
+    settled = int(np.count_nonzero(flights.trimmed))
+    for done, index in enumerate(np.flatnonzero(status == NO_TRIM).tolist(), start=settled + 1):
         aircraft = Aircraft(Parameters(*constants[index].tolist()), variant)
-        if settle(aircraft, conditions[index], flights, int(index)):
+        reason = _settle(aircraft, conditions[index], flights, index)
+        if reason:
+            failures[index] = reason
             flights.states[index], flights.inputs[index] = np.nan, np.nan
         else:
             status[index] = TRIMMED
-    good = status == TRIMMED
-    flights.A[~good], flights.B[~good] = np.nan, np.nan
-    eigenvalues = np.full((len(values), len(STATES)), np.nan, dtype=complex)
-    eigenvalues[good] = np.linalg.eigvals(flights.A[good])
-    order = np.lexsort((-eigenvalues.imag, -np.round(np.abs(eigenvalues), 9)))
-    return Chunk(
-        status=status,
-        limiting=np.where(status == BEYOND_LIMITS, beyond, -1).astype(np.int8),
-        states=flights.states,
-        inputs=flights.inputs,
-        A=flights.A,
-        B=flights.B,
-        eigenvalues=np.take_along_axis(eigenvalues, order, axis=1),
-    )
+        if progress is not None:
+            progress(done, len(values))
+    limiting = np.full(len(values), -1, dtype=np.int8)
+    beyond = status == BEYOND_LIMITS
+    limiting[beyond] = _farthest(flights.states[beyond], flights.inputs[beyond])
+    flights.A[status != TRIMMED], flights.B[status != TRIMMED] = np.nan, np.nan
+    return Chunk(status, limiting, flights.states, flights.inputs, flights.A, flights.B, failures)
+
+
+def _settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
+    """The robust solver's word on a point that the batch's Newton could not balance.
+
+    "" and the point with its A and B written into `flights`, or why there is no trim.
+    """
+    try:
+        point = find_operating_point(aircraft, level_flight_of(condition))
+    except (BadInputError, NoSolutionError) as error:
+        return str(error)
+    model = linearize(aircraft, point, full=True)
+    flights.states[index], flights.inputs[index] = point.states, point.inputs
+    flights.A[index], flights.B[index] = model.A, model.B
+    return ""
 
 
 def _constants(variables: tuple[str, ...], values: np.ndarray, parameters: Parameters) -> np.ndarray:
@@ -83,11 +97,9 @@ def _constants(variables: tuple[str, ...], values: np.ndarray, parameters: Param
     return constants
 
 
-def _excess(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+def _farthest(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """(N,) index of the variable farthest beyond its limits, in units of the limits' width."""
     values = np.hstack([states, inputs])
     limits = np.array([LIMITS[name] for name in STATES + INPUTS])
     width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
-    with np.errstate(invalid="ignore"):
-        beyond = np.maximum(limits[:, 0] - values, values - limits[:, 1]) / width
-    return np.asarray(np.nan_to_num(beyond, nan=-np.inf).argmax(axis=1))
+    return np.asarray((np.maximum(limits[:, 0] - values, values - limits[:, 1]) / width).argmax(axis=1))

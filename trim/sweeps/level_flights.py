@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_model.dynamics import rates
 from hfa_model.native.bound import BoundFunction
 from hfa_model.native.machine_code import machine_code
 from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import Parameters
+from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
-from trim.point.condition import BALANCED, LIMITS
+from trim.point.condition import BALANCED, LIMITS, TrimCondition, level_flight
 from trim.point.operating_point import BALANCE
 
 #: A level flight as numbers, in order.
@@ -55,6 +55,24 @@ class LevelFlights:
     def balanced(self) -> np.ndarray:
         """(N,) true where every residual is within `BALANCE`, whatever the limits say."""
         return _balanced(self.residuals)
+
+
+def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """Rows in the order of `CONDITION`: the given values, else what the paper has; zero dihedral.
+
+    Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
+    """
+    paper = level_flight(0.0).imposed
+    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
+    for column, name in enumerate(variables):
+        if name in CONDITION:
+            conditions[:, CONDITION.index(name)] = values[:, column]
+    return conditions
+
+
+def level_flight_of(row: np.ndarray) -> TrimCondition:
+    """The condition of one row of `level_conditions`."""
+    return level_flight(**dict(zip(CONDITION, row.tolist(), strict=True)))
 
 
 def solve_level_flights(
@@ -129,23 +147,22 @@ def _function(variant: Variant, steps: int, chunk: int, use_machine_code: bool) 
 
 def _point_function(variant: Variant, steps: int) -> ca.Function:
     """(condition (5,), p) -> x, u, A, B (row by row), dX/dt as one column."""
-    condition, parameters = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("p", len(Parameters._fields))
-    p = Parameters(*ca.vertsplit(parameters))
+    x, u, p = symbols()
+    condition, unknowns = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("v", len(_UNKNOWNS))
     at = dict(zip(CONDITION, ca.vertsplit(condition), strict=True))
-    state = State(at["speed"], at["alpha"], at["altitude"], at["alpha"] + at["gamma"], 0, at["dihedral"], 0)
-    unknowns = ca.SX.sym("v", len(_UNKNOWNS))
-    balance = ca.vertcat(*rates(state, _input(unknowns), p, variant))[[STATES.index(name) for name in _EQUATIONS]]
+    pitch = at["alpha"] + at["gamma"]
+    state = ca.vertcat(*State(at["speed"], at["alpha"], at["altitude"], pitch, 0, at["dihedral"], 0))
+    balance = state_rates(state, _input(unknowns), p, variant)[[STATES.index(name) for name in _EQUATIONS]]
     jacobian = ca.jacobian(balance, unknowns)
     solution = ca.SX(ca.DM(_START))
     for _ in range(steps):
         value, slope = ca.substitute([balance, jacobian], [unknowns], [solution])
         solution = solution - _eliminate(slope, value)
-    x, u = ca.SX.sym("x", _N), ca.SX.sym("u", _M)
-    f = ca.vertcat(*rates(State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), p, variant))
+    f = state_rates(x, u, p, variant)
     flat = [f, ca.vec(ca.densify(ca.jacobian(f, x)).T), ca.vec(ca.densify(ca.jacobian(f, u)).T)]
-    point = [ca.vertcat(*state), ca.vertcat(*_input(solution))]
+    point = [state, _input(solution)]
     rate, A, B = ca.substitute(flat, [x, u], point)
-    return ca.Function("level_flight", [condition, parameters], [ca.cse(ca.vertcat(*point, A, B, rate))])
+    return ca.Function("level_flight", [condition, p], [ca.cse(ca.vertcat(*point, A, B, rate))])
 
 
 def _eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
@@ -167,5 +184,5 @@ def _eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
     return ca.vertcat(*solution)
 
 
-def _input(unknowns: ca.SX) -> Input:
-    return Input(aileron_center=0.0, **dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True)))
+def _input(unknowns: ca.SX) -> ca.SX:
+    return ca.vertcat(*Input(aileron_center=0.0, **dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True))))

@@ -35,7 +35,7 @@ class SweepJob:
 
     @cached_property
     def layout(self) -> Layout:
-        """One row a point: its values of what varies, and the fields of `Chunk`."""
+        """One row a point: its values of what varies, the arrays of its `Chunk`, its eigenvalues."""
         plan = self.plan
         arrays = {
             "values": Array((len(plan.variables),), "float64", _NAN),
@@ -74,8 +74,20 @@ class SweepJob:
 def run_points(
     variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str, compile_code: bool
 ) -> Mapping[str, np.ndarray]:
-    """`run_chunk`, with the values that it was given, by name of the array in the store. What a worker runs."""
-    return {"values": values, **run_chunk(variables, values, parameters, dynamics, compile_code)._asdict()}
+    """The points of a task, by name of the array in the store: a `Chunk`, the values that it was given, and the
+    eigenvalues of A (N, 7), fastest first, 1/s. What a worker runs."""
+    chunk = run_chunk(variables, values, parameters, dynamics, compile_code)
+    rows = chunk._asdict() | {"values": values, "eigenvalues": _eigenvalues(chunk.A)}
+    del rows["failures"]  # words have no place in an array
+    return rows
+
+
+def _eigenvalues(A: np.ndarray) -> np.ndarray:
+    """(N, 7), fastest first, positive imaginary part first; nan where A is."""
+    known = ~np.isnan(A[:, 0, 0])
+    found = np.full(A.shape[:2], np.nan, dtype=complex)
+    found[known] = np.linalg.eigvals(A[known])
+    return np.take_along_axis(found, np.lexsort((-found.imag, -np.round(np.abs(found), 9))), axis=1)
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
-from trim.linear.linearize import linearize
+from hfa_model.support.by_value import ByValue
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, Input
 from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of
-from trim.point.condition import LIMITS, describe, level_flight
-from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import CONDITION, LevelFlights, solve_level_flights
+from trim.point.condition import check_imposed
+from trim.point.solve import beyond_limits
+from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, Chunk, run_chunk
+from trim.sweeps.level_flights import level_conditions, level_flight_of
 
 #: What a sweep can vary: the arguments of `level_flight`.
 SWEPT = ("dihedral", "speed", "altitude", "alpha")
@@ -24,8 +26,8 @@ MOST_POINTS = 1_000_000
 SCHEMA = "hfa.sweep/1"
 
 
-@dataclass(frozen=True)
-class Sweep:
+@dataclass(frozen=True, eq=False)
+class Sweep(ByValue):
     """N points in the order of the grid, the last variable running fastest.
 
     variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
@@ -82,48 +84,33 @@ def sweep(
 ) -> Sweep:
     """Trim and linearize `level_flight` at every point of the product of the given values.
 
-    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's, and
-    the dihedral angle zero. A point that has no
-    trim becomes a row with its reason. progress is called with (points done, points in all).
-    BadInputError when a name is unknown or the grid is empty or has more than `MOST_POINTS` points.
+    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's, and the dihedral angle zero.
+    A point that has no trim becomes a row with its reason. progress is called with (points done, points in all).
+    BadInputError when a name is unknown, a value lies outside its limits, or the grid is empty or has more than
+    `MOST_POINTS` points.
     """
-    variables = tuple(grid)
-    for name in variables:
-        if name not in SWEPT:
-            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
-    axes = [np.asarray(grid[name], dtype=float) for name in variables]
-    total = int(np.prod([axis.size for axis in axes], dtype=float)) if axes else 0
-    if not 0 < total <= MOST_POINTS:
-        raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
-    values = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(total, len(axes))
-    conditions = level_conditions(variables, values)
-    flights = solve_level_flights(aircraft.variant, aircraft.parameters, conditions)
-    reasons = [""] * total
-    trimmed, balanced = flights.trimmed.copy(), flights.balanced
-    for done, index in enumerate(np.flatnonzero(~flights.trimmed)):
-        if balanced[index]:
-            reasons[index] = _beyond_limits(flights.states[index], flights.inputs[index])
-        else:
-            reasons[index] = settle(aircraft, conditions[index], flights, int(index))
-        trimmed[index] = reasons[index] == ""
-        if progress is not None:
-            progress(total - int(np.count_nonzero(~flights.trimmed)) + done + 1, total)
+    axes = _axes(grid)
+    variables, sizes = tuple(axes), [axis.size for axis in axes.values()]
+    values = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, len(axes))
+    chunk = run_chunk(variables, values, aircraft.parameters, aircraft.variant, progress=progress)
+    reasons = _reasons(aircraft, level_conditions(variables, values), chunk, progress)
+    trimmed = chunk.status == TRIMMED
+    for array in (chunk.states, chunk.inputs):
+        array[~trimmed] = np.nan
     model_states = STATES if full else LINEAR_STATES
     rows = [STATES.index(name) for name in model_states]
-    A, B = flights.A[:, rows][:, :, rows], flights.B[:, rows]
-    for array in (flights.states, flights.inputs, A, B):
-        array[~trimmed] = np.nan
-    path = _snake_path([axis.size for axis in axes])
+    A, B = chunk.A[:, rows][:, :, rows], chunk.B[:, rows]
+    path = _snake_path(sizes)
     path = path[trimmed[path]]
-    eigenvalues = np.full((total, len(rows)), np.nan, dtype=complex)
+    eigenvalues = np.full((len(values), len(rows)), np.nan, dtype=complex)
     if path.size:
         eigenvalues[path] = track_modes(A[path], model_states)
     return Sweep(
         variables=variables,
         values=values,
-        reasons=tuple(reasons),
-        states=flights.states,
-        inputs=flights.inputs,
+        reasons=reasons,
+        states=chunk.states,
+        inputs=chunk.inputs,
         A=A,
         B=B,
         eigenvalues=eigenvalues,
@@ -133,46 +120,32 @@ def sweep(
     )
 
 
-def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Rows in the order of `level_flights.CONDITION`: the given values, else what the paper has; zero dihedral.
-
-    Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
-    """
-    paper = level_flight(0.0).imposed
-    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
-    for column, name in enumerate(variables):
-        if name in CONDITION:
-            conditions[:, CONDITION.index(name)] = values[:, column]
-    return conditions
-
-
-def settle(aircraft: Aircraft, condition: np.ndarray, flights: LevelFlights, index: int) -> str:
-    """The robust solver's word on a point that the batch's Newton could not balance.
-
-    "" and the point with its A and B written into `flights`, or why there is no trim.
-    """
-    try:
-        point = find_operating_point(aircraft, level_flight(**dict(zip(CONDITION, condition.tolist(), strict=True))))
-    except (BadInputError, NoSolutionError) as error:
-        return str(error)
-    model = linearize(aircraft, point, full=True)
-    flights.states[index], flights.inputs[index] = point.states, point.inputs
-    flights.A[index], flights.B[index] = model.A, model.B
-    return ""
+def _axes(grid: Mapping[str, Sequence[float] | np.ndarray]) -> dict[str, np.ndarray]:
+    """The values of each variable, checked."""
+    for name in grid:
+        if name not in SWEPT:
+            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
+    axes = {name: np.asarray(values, dtype=float) for name, values in grid.items()}
+    total = math.prod(axis.size for axis in axes.values()) if axes else 0
+    if not 0 < total <= MOST_POINTS:
+        raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
+    for name, axis in axes.items():
+        check_imposed(name, *axis[[axis.argmin(), axis.argmax()]].tolist())
+    return axes
 
 
-def _beyond_limits(states: np.ndarray, inputs: np.ndarray) -> str:
-    values = dict(zip(STATES + INPUTS, [*states.tolist(), *inputs.tolist()], strict=True))
-    beyond = [
-        f"{name} would have to be {describe(name, value)}, its {word} is {describe(name, limit)}"
-        for name, value in values.items()
-        for limit, word, outside in (
-            (LIMITS[name][0], "lowest", value < LIMITS[name][0]),
-            (LIMITS[name][1], "highest", value > LIMITS[name][1]),
-        )
-        if outside
-    ]
-    return "no trim within limits: " + "; ".join(beyond)
+def _reasons(
+    aircraft: Aircraft, conditions: np.ndarray, chunk: Chunk, progress: Callable[[int, int], None] | None
+) -> tuple[str, ...]:
+    """Why each point has no trim, "" where it has one."""
+    total, beyond = len(conditions), np.flatnonzero(chunk.status == BEYOND_LIMITS).tolist()
+    reasons = [chunk.failures.get(index, "") for index in range(total)]
+    for done, index in enumerate(beyond, start=total - len(beyond) + 1):
+        inputs = Input(*chunk.inputs[index].tolist())
+        reasons[index] = beyond_limits(aircraft, level_flight_of(conditions[index]), inputs._asdict())
+        if progress is not None:
+            progress(done, total)
+    return tuple(reasons)
 
 
 def _snake_path(sizes: list[int]) -> np.ndarray:

@@ -16,6 +16,7 @@ from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
+from trim.point.condition import check_imposed
 from trim.sweeps.level_flights import CONDITION
 
 #: What a plan can vary: the condition of a level flight, and any parameter of the aircraft.
@@ -62,9 +63,11 @@ class SweepPlan:
         for name, values in self.axes.items():
             if name not in PLANNED:
                 raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
-            lowest = values.start if isinstance(values, Steps) else min(values)
-            if name in FIELDS._fields and getattr(FIELDS, name).positive and lowest <= 0:
-                raise BadInputError(f"{name} is {lowest:g} in the sweep; it must be positive")
+            ends = values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
+            if name in FIELDS._fields and getattr(FIELDS, name).positive and min(ends) <= 0:
+                raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
+            if name in CONDITION:
+                check_imposed(name, *ends)
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         if not 0 <= self.samples <= MOST_SAMPLES:

@@ -12,25 +12,25 @@ panel loads, the thrust and the hinge dampers.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
 from hfa_model.aerodynamics import PanelLoads, panel_loads
 from hfa_model.kinematics import Flow, flow_of
 from hfa_model.parameters import Parameters
-from hfa_model.vectors import Input, State
+from hfa_model.vectors import Input, Quantity, State
 
 
 class _Panel(NamedTuple):
     """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in its axes."""
 
-    position: Any
-    axes: Any
-    spin: Any
+    position: ca.SX
+    axes: ca.SX
+    spin: ca.SX
 
 
-def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters, updraft: Any = 0.0) -> State:
+def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, updraft: Quantity = 0.0) -> State:
     """dX/dt of the aircraft by the Euler-Lagrange equations; arguments as in `dynamics.rates`.
 
     `density` (slug/ft^3) is given, so that 0 means flight without air. `updraft` is the velocity of the air along
@@ -51,7 +51,7 @@ def lagrangian_rates(x: State, u: Input, density: Any, p: Parameters, updraft: A
     return _as_state_rates(x, r, v, acceleration, p)
 
 
-def mechanical_energy(x: State, p: Parameters) -> Any:
+def mechanical_energy(x: State, p: Parameters) -> ca.SX:
     """T + U of a state, ft lbf: what free flight without air and dampers conserves."""
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
     panels = _panels(r, v, p)
@@ -59,7 +59,7 @@ def mechanical_energy(x: State, p: Parameters) -> Any:
     return _at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
 
 
-def _panels(r: Any, v: Any, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
+def _panels(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
     """Center, right and left panel; a wing hinges at half a span and its center lies half a span further out."""
     sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
     body = ca.vertcat(ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta))
@@ -81,23 +81,23 @@ def _panels(r: Any, v: Any, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
     return _Panel(origin, body, spin), wings[0], wings[1]
 
 
-def _velocity(panel: _Panel, r: Any, v: Any) -> Any:
+def _velocity(panel: _Panel, r: ca.SX, v: ca.SX) -> ca.SX:
     return ca.jtimes(panel.position, r, v)
 
 
-def _kinetic_energy(panel: _Panel, r: Any, v: Any, p: Parameters) -> Any:
+def _kinetic_energy(panel: _Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
     velocity = _velocity(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
 
 
-def _potential_energy(panel: _Panel, p: Parameters) -> Any:
+def _potential_energy(panel: _Panel, p: Parameters) -> ca.SX:
     return -p.panel_mass * p.gravity * panel.position[2]
 
 
 def _generalized_force(
-    panels: tuple[_Panel, _Panel, _Panel], r: Any, v: Any, u: Input, density: Any, p: Parameters, air: Any
-) -> Any:
+    panels: tuple[_Panel, _Panel, _Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, air: ca.SX
+) -> ca.SX:
     # The drag law takes the speed of the aircraft, that is of the common center of mass, through the air.
     center_of_mass = sum(panel.position for panel in panels) / 3
     speed = ca.norm_2(ca.jtimes(center_of_mass, r, v) - air)
@@ -109,12 +109,12 @@ def _generalized_force(
     return force
 
 
-def _flow(panel: _Panel, r: Any, v: Any, air: Any) -> Flow:
+def _flow(panel: _Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
     along = panel.axes.T @ (_velocity(panel, r, v) - air)
     return flow_of(along[0], along[1], along[2])
 
 
-def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Any, r: Any, v: Any, p: Parameters) -> Any:
+def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
     """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's moment."""
     wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
     tail = ca.vertcat(0, 0, loads.tail_downward)
@@ -124,7 +124,7 @@ def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Any, r: Any, v: Any,
     return work + ca.jacobian(panel.spin, v).T @ ca.vertcat(0, loads.moment, 0)
 
 
-def _as_state_rates(x: State, r: Any, v: Any, acceleration: Any, p: Parameters) -> State:
+def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
     """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its path angle."""
     center = sum(panel.position for panel in _panels(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)
@@ -143,7 +143,7 @@ def _as_state_rates(x: State, r: Any, v: Any, acceleration: Any, p: Parameters) 
     return State(*(_at_state(rate, x, r, v, p) for rate in rates))
 
 
-def _at_state(expression: Any, x: State, r: Any, v: Any, p: Parameters) -> Any:
+def _at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
     """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the center of mass."""
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate

@@ -1,10 +1,11 @@
-"""A machine without a home folder has nowhere to keep machine code: everything runs without."""
+"""Machine code gives the same numbers, is compiled once, and is done without where it cannot be had."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 import pytest
 
 from hfa_model.native import machine_code as generated
@@ -25,3 +26,38 @@ def test_without_a_home_folder_the_virtual_machine_serves_and_says_so(
     assert generated.machine_code(function) is function
     said = "hfa: cannot compile machine code (Could not determine home directory.); running without\n"
     assert capsys.readouterr().err == said
+
+
+def test_without_a_compiler_the_virtual_machine_serves_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    x = ca.SX.sym("x")
+    function = ca.Function("plain", [x], [ca.sin(x)])
+    generated._say.cache_clear()
+    monkeypatch.setattr(generated, "_compiler", lambda: None)
+    assert generated.machine_code(function) is function
+    assert capsys.readouterr().err == "hfa: no C compiler found; running without machine code\n"
+
+    generated._say.cache_clear()
+    monkeypatch.setattr(generated, "_compiler", lambda: "/bin/false")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert generated.machine_code(function) is function
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not list(tmp_path.rglob("*.so"))
+
+
+@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+def test_machine_code_is_compiled_once_and_gives_the_same_numbers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
+    compiled = generated.machine_code(function)
+    libraries = list(tmp_path.rglob("*.so"))
+    assert len(libraries) == 1
+    stamp = libraries[0].stat().st_mtime_ns
+    generated.machine_code(function)
+    assert libraries[0].stat().st_mtime_ns == stamp
+    point = np.array([0.3, -1.0, 2.0])
+    assert np.array(compiled(point)) == pytest.approx(np.array(function(point)), rel=1e-15)

@@ -1,7 +1,5 @@
 """Large sweeps: any slice of a plan, the same bits wherever they run, nothing lost to a kill."""
 
-import os
-import signal
 import subprocess
 import sys
 import textwrap
@@ -15,11 +13,10 @@ from hfa_model import BadInputError, default_parameters
 from hfa_model.support import store, stream
 from hfa_model.support.store import create_store, open_store
 from hfa_model.support.stream import run_and_write
-from hfa_model.support.workers import Workers
 from trim.sweeps import stored_sweep
-from trim.sweeps.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
+from trim.sweeps.chunk import run_chunk
 from trim.sweeps.stored_sweep import SweepJob, status_counts, stream_sweep
-from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_plan import SweepPlan
 
 PARAMETERS = default_parameters().values
 
@@ -37,52 +34,6 @@ def small_chunks(monkeypatch):
 def _same(first, second) -> bool:
     names = SweepJob(_plan()).layout.arrays
     return all(np.array_equal(first.read(name), second.read(name), equal_nan=name != "status") for name in names)
-
-
-def test_a_plan_gives_any_slice_of_the_whole():
-    plan = _plan(7)
-    whole = plan.values(0, plan.count)
-    assert plan.count == 28
-    assert np.array_equal(whole[10:13], plan.values(10, 13))
-    assert np.array_equal(whole[:4, 1], [25.0, 60.0, 68.0, 75.0])
-    samples = SweepPlan({"dihedral": (0.0, 0.3), "panel_mass": (8.0, 10.0)}, PARAMETERS, "newton", samples=64, seed=5)
-    table = samples.values(0, 64)
-    # A Latin hypercube has exactly one point in each of its 64 strata of each variable.
-    for column, (low, high) in enumerate(samples.axes.values()):
-        strata = np.floor((table[:, column] - low) / (high - low) * 64).astype(int)
-        assert sorted(strata) == list(range(64))
-    assert samples.identity != SweepPlan(samples.axes, PARAMETERS, "newton", samples=64, seed=6).identity
-
-
-@pytest.mark.parametrize(
-    ("axes", "samples", "complaint"),
-    [
-        ({}, 0, "nothing to sweep"),
-        ({"wind": (1.0,)}, 0, "cannot sweep 'wind'"),
-        ({"panel_mass": (-1.0, 2.0)}, 0, "must be positive"),
-        ({"dihedral": (0.2, 0.1)}, 5, "lowest:highest"),
-        ({"dihedral": (0.1, 0.2)}, 20_000_000, "samples is 20000000; it must lie between 0 and 10,000,000"),
-        ({"dihedral": Steps(0.0, 1e-9, 10**7), "speed": Steps(60.0, 1e-6, 10**7)}, 0, r"1e\+14 points, at most 1,0"),
-    ],
-)
-def test_a_wrong_plan_says_what_is_wrong(axes, samples, complaint):
-    with pytest.raises(BadInputError, match=complaint):
-        SweepPlan(axes, PARAMETERS, "published", samples=samples)
-    with pytest.raises(BadInputError, match="aristotle"):
-        SweepPlan({"dihedral": (0.1, 0.2)}, PARAMETERS, "aristotle")
-
-
-def test_each_point_of_a_chunk_carries_its_status():
-    values = np.array([[0.1, 68.0], [0.1, 30.0], [0.1, -5.0]])
-    chunk = run_chunk(("dihedral", "speed"), values, PARAMETERS, "published")
-    assert chunk.status.tolist() == [TRIMMED, BEYOND_LIMITS, NO_TRIM]
-    assert np.isfinite(chunk.A[0]).all()
-    assert np.isnan(chunk.A[1:]).all()
-    assert chunk.limiting[0] == -1
-    assert chunk.limiting[1] >= 0
-    # The eigenvalues are those of A, fastest first.
-    assert np.all(np.diff(np.abs(chunk.eigenvalues[0])) <= 1e-9)
-    assert np.prod(chunk.eigenvalues[0]) == pytest.approx(np.linalg.det(chunk.A[0]), abs=1e-9)
 
 
 def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks):
@@ -159,38 +110,6 @@ def test_a_worker_does_not_write_into_a_copy_of_the_store(tmp_path, small_chunks
     assert run_and_write(tmp_path / "a.zarr", mark, *task) is not None
 
 
-def test_a_store_names_its_columns(tmp_path, small_chunks):
-    import zarr
-
-    stream_sweep(_plan(4), tmp_path / "a.zarr")
-    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
-    assert attributes["schema"] == "hfa.sweep-store/1"
-    assert attributes["variables"] == ["dihedral", "speed"]
-    assert attributes["variable_units"] == ["rad", "ft/s"]
-    assert attributes["state_units"][0] == "ft/s"
-    assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
-
-
-def _die_once(flag: str, value: int) -> int:
-    """Kill this very process the first time that value 3 comes along."""
-    if value == 3 and not os.path.exists(flag):
-        with open(flag, "w"):
-            pass
-        os.kill(os.getpid(), signal.SIGKILL)
-    return value * value
-
-
-def test_a_killed_worker_loses_nothing(tmp_path):
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    crew = Workers(lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")), 2)
-    flag = str(tmp_path / "died")
-    results = dict(crew.run(_die_once, [(value, (flag, value)) for value in range(8)]))
-    assert os.path.exists(flag)
-    assert results == {value: value * value for value in range(8)}
-
-
 def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chunks):
     script = textwrap.dedent(
         f"""
@@ -225,11 +144,3 @@ def test_a_dask_cluster_gives_the_same_bits(tmp_path, small_chunks):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
         spread = stream_sweep(_plan(), tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
     assert _same(serial, spread)
-
-
-def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, monkeypatch):
-    pytest.importorskip("distributed")
-    import hfa_model.support.workers as executors
-
-    with pytest.raises(BadInputError, match="no Dask scheduler answers"), executors._dask_client("tcp://127.0.0.1:9"):
-        pass

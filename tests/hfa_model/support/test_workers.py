@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hfa_model.support import workers as executors
-from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.workers import Workers
 
 
@@ -64,8 +67,6 @@ def test_waiting_for_workers_that_are_gone_ends(monkeypatch: pytest.MonkeyPatch)
 
 
 def _die(_: int) -> None:
-    import os
-
     os._exit(1)
 
 
@@ -77,3 +78,29 @@ def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
         pytest.raises(NoSolutionError, match="gave a chunk up"),
     ):
         list(crew.run(_die, [(0, (0,))]))
+
+
+def test_a_scheduler_that_does_not_answer_is_bad_input() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(BadInputError, match="no Dask scheduler answers"), executors._dask_client("tcp://127.0.0.1:9"):
+        pass
+
+
+def _die_once(flag: str, value: int) -> int:
+    """Kill this very process the first time that value 3 comes along."""
+    if value == 3 and not os.path.exists(flag):
+        with open(flag, "w"):
+            pass
+        os.kill(os.getpid(), signal.SIGKILL)
+    return value * value
+
+
+def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    crew = Workers(lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")), 2)
+    flag = str(tmp_path / "died")
+    results = dict(crew.run(_die_once, [(value, (flag, value)) for value in range(8)]))
+    assert os.path.exists(flag)
+    assert results == {value: value * value for value in range(8)}

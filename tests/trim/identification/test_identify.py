@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -15,7 +17,7 @@ from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, State
-from trim.identification.evidence import ALTERNATIVES
+from trim.identification.evidence import ALTERNATIVES, save_fit
 from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify
 from trim.linear.compare import regenerate
 
@@ -94,6 +96,16 @@ def test_the_packaged_parameters_are_the_identified_ones(
         distance = abs(getattr(best.values, name) - getattr(parameter_set.values, name))
         assert distance <= 1e-3 * error, name
         assert parameter_set.standard_errors[name] == pytest.approx(error, rel=1e-4)
+
+
+def test_the_packaged_file_says_how_it_came_about_and_how_to_sample_it(
+    identified: tuple[Fit, list[float]], tmp_path: Path
+) -> None:
+    save_fit(identified[0], tmp_path / "aircraft.toml")
+    packaged = files("hfa_model").joinpath("parameters.toml").read_text("utf-8")
+    header = [line for line in packaged.splitlines() if line.startswith("#")]
+    assert header == [line for line in (tmp_path / "aircraft.toml").read_text("utf-8").splitlines() if line[:1] == "#"]
+    assert "sample it in the logarithms of the parameters" in "".join(header)
 
 
 def test_the_identification_is_deterministic() -> None:

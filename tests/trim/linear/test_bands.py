@@ -14,7 +14,8 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet, save_parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Published, Rival
-from trim.linear.bands import Bands, bands_known, rival_parameters, uncertainty
+from trim.linear import bands
+from trim.linear.bands import Bands, bands_known, entry_bands, rival_parameters
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -29,16 +30,16 @@ def heavier(parameters: ParameterSet, factor: float) -> ParameterSet:
 
 def bands_of(parameters: ParameterSet) -> Bands:
     aircraft = Aircraft(parameters.values)
-    return uncertainty(parameters, aircraft.variant, CONDITION, find_operating_point(aircraft, CONDITION))
+    return entry_bands(parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION)))
 
 
 def test_structure_is_the_distance_to_the_rival(parameter_set: ParameterSet) -> None:
-    bands, rival = bands_of(parameter_set), rival_parameters()
+    found, rival = bands_of(parameter_set), rival_parameters()
     ours, other = Aircraft(parameter_set.values, Published()), Aircraft(rival.values, Rival(**rival.structure))
     one, two = (linearize(aircraft, find_operating_point(aircraft, CONDITION)) for aircraft in (ours, other))
-    np.testing.assert_allclose(bands.A_structure, np.abs(one.A - two.A), atol=1e-9)
-    np.testing.assert_allclose(bands.B_structure, np.abs(one.B - two.B), atol=1e-9)
-    assert 1e-4 < bands.A.max() < 1e-2
+    np.testing.assert_allclose(found.A_structure, np.abs(one.A - two.A), atol=1e-9)
+    np.testing.assert_allclose(found.B_structure, np.abs(one.B - two.B), atol=1e-9)
+    assert 1e-4 < found.A.max() < 1e-2
 
 
 def test_the_same_identification_elsewhere_has_the_same_bands(parameter_set: ParameterSet) -> None:
@@ -65,6 +66,26 @@ def test_a_rival_has_no_bands(parameter_set: ParameterSet, values: str) -> None:
         rival = replace(rival, values=parameter_set.values)
     with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
         bands_of(rival)
+
+
+def test_a_model_of_other_states_has_no_bands(parameter_set: ParameterSet, published_aircraft: Aircraft) -> None:
+    whole = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION), full=True)
+    with pytest.raises(BadInputError, match="bands are known for the states speed, alpha, pitch"):
+        entry_bands(parameter_set, CONDITION, whole)
+
+
+def test_nothing_that_is_given_is_computed_again(
+    parameter_set: ParameterSet, published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One trim and one linear model, both the rival's."""
+    model = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION))
+    called = []
+    for function in (linearize, find_operating_point):
+        monkeypatch.setattr(
+            bands, function.__name__, lambda one, *rest, f=function, **more: called.append(one) or f(one, *rest, **more)
+        )
+    entry_bands(parameter_set, CONDITION, model)
+    assert [aircraft.variant.name for aircraft in called] == ["rival", "rival"]
 
 
 def test_the_command_says_that_an_edited_copy_has_none(tmp_path: Path, parameter_set: ParameterSet) -> None:

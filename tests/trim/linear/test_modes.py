@@ -24,7 +24,9 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     assert mode.frequency == pytest.approx(3.0, rel=1e-14)
     assert mode.damping == pytest.approx(damping, rel=1e-13)
     assert mode.period == pytest.approx(2 * math.pi / (3 * math.sqrt(1 - damping**2)), rel=1e-13)
-    assert mode.time_to_half == pytest.approx(math.log(2) / (3 * abs(damping)), rel=1e-13)
+    time = math.log(2) / (3 * abs(damping))
+    halves, doubles = (time, math.inf) if damping > 0 else (math.inf, time)
+    assert (mode.time_to_half, mode.time_to_double) == pytest.approx((halves, doubles), rel=1e-13)
     assert mode.stable == (damping > 0)
     assert mode.eigenvalue.imag > 0
     assert mode.name == "short period"
@@ -35,18 +37,25 @@ def test_real_modes_have_no_period() -> None:
     assert [mode.eigenvalue for mode in (fast, slow)] == [-4.0, 0.5]
     assert [mode.damping for mode in (fast, slow)] == [1.0, -1.0]
     assert [mode.period for mode in (fast, slow)] == [math.inf, math.inf]
-    assert [mode.time_to_half for mode in (fast, slow)] == pytest.approx([math.log(2) / 4, math.log(2) / 0.5])
+    assert [mode.time_to_half for mode in (fast, slow)] == pytest.approx([math.log(2) / 4, math.inf])
+    assert [mode.time_to_double for mode in (fast, slow)] == pytest.approx([math.inf, math.log(2) / 0.5])
     assert [mode.stable for mode in (fast, slow)] == [True, False]
     assert [mode.name for mode in (fast, slow)] == ["dihedral (fast)", "dihedral (slow)"]
 
 
-def test_a_mode_on_the_axis_never_halves() -> None:
+def test_a_mode_on_the_axis_neither_halves_nor_doubles() -> None:
     (mode,) = modes_of(np.array([[0.0]]), ("altitude",))
-    assert (mode.name, mode.time_to_half, mode.frequency, mode.damping) == ("altitude", math.inf, 0.0, 0.0)
-    assert not mode.stable
+    assert (mode.name, mode.time_to_half, mode.time_to_double) == ("altitude", math.inf, math.inf)
+    assert (mode.frequency, mode.damping, mode.stable) == (0.0, 0.0, False)
     row = mode.to_dict()
-    assert (row["time_to_half"], row["period"]) == (None, None)
+    assert (row["time_to_half"], row["time_to_double"], row["period"]) == (None, None, None)
     assert json.loads(json.dumps(row))["eigenvalue"] == [0.0, 0.0]
+
+
+def test_in_json_an_unstable_mode_has_a_time_to_double_and_none_to_half() -> None:
+    rows = [mode.to_dict() for mode in modes_of(np.diag([-4.0, 0.5]), ("dihedral_rate", "dihedral"))]
+    assert [row["time_to_half"] for row in rows] == [pytest.approx(math.log(2) / 4), None]
+    assert [row["time_to_double"] for row in rows] == [None, pytest.approx(math.log(2) / 0.5)]
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:

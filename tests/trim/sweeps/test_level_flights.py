@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from hfa_model import INPUTS, STATES, Aircraft, default_parameters
-from hfa_model.native import machine_code as generated
 from hfa_model.variants import VARIANTS, variant_named
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
@@ -63,38 +62,3 @@ def test_parameters_may_vary_from_point_to_point():
     assert np.array_equal(both.A[1], alone.A[0])
     assert not np.allclose(both.A[0], both.A[1])
     assert both.states.shape == (2, len(STATES))
-
-
-def test_without_a_compiler_the_virtual_machine_serves_and_says_so(monkeypatch, capsys, tmp_path):
-    import casadi as ca
-
-    x = ca.SX.sym("x")
-    function = ca.Function("plain", [x], [ca.sin(x)])
-    generated._say.cache_clear()
-    monkeypatch.setattr(generated, "_compiler", lambda: None)
-    assert generated.machine_code(function) is function
-    assert capsys.readouterr().err == "hfa: no C compiler found; running without machine code\n"
-
-    generated._say.cache_clear()
-    monkeypatch.setattr(generated, "_compiler", lambda: "/bin/false")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert generated.machine_code(function) is function
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not list(tmp_path.rglob("*.so"))
-
-
-@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
-def test_machine_code_is_compiled_once_and_gives_the_same_numbers(monkeypatch, tmp_path):
-    import casadi as ca
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    x = ca.SX.sym("x", 3)
-    function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
-    compiled = generated.machine_code(function)
-    libraries = list(tmp_path.rglob("*.so"))
-    assert len(libraries) == 1
-    stamp = libraries[0].stat().st_mtime_ns
-    generated.machine_code(function)
-    assert libraries[0].stat().st_mtime_ns == stamp
-    point = np.array([0.3, -1.0, 2.0])
-    assert np.array(compiled(point)) == pytest.approx(np.array(function(point)), rel=1e-15)

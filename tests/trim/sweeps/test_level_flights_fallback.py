@@ -10,14 +10,13 @@ from hfa_model.variants import variant_named
 from hfa_model.vectors import STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.point.solve import TrimError, find_operating_point
 from trim.sweeps import level_flights
 from trim.sweeps.chunk import NO_TRIM, TRIMMED, run_chunk
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions, sweep
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
+from trim.sweeps.sweep import sweep
 
 ANGLES = np.radians([[5.0], [15.0]])
-SPEEDS = np.array([[68.0], [-5.0]])
 
 
 @pytest.fixture
@@ -65,9 +64,11 @@ def test_a_chunk_asks_the_robust_solver_about_the_points_own_parameters(idle_bat
 
 
 def test_what_the_robust_solver_cannot_trim_either_keeps_its_reason(idle_batch: Aircraft) -> None:
-    result = sweep(idle_batch, {"speed": SPEEDS[:, 0]})
-    assert result.reasons == ("", "speed is -5 ft/s; it must lie between 1 ft/s and 500 ft/s")
-    chunk = run_chunk(("speed",), SPEEDS, idle_batch.parameters, "published")
-    assert chunk.status.tolist() == [TRIMMED, NO_TRIM]
-    assert chunk.limiting.tolist() == [-1, -1]
-    assert np.isnan(chunk.states[1, STATES.index("speed")])
+    with pytest.raises(TrimError) as caught:
+        find_operating_point(idle_batch, level_flight(0.0, speed=30.0))
+    assert sweep(idle_batch, {"speed": [68.0, 30.0]}).reasons == ("", str(caught.value))
+    chunk = run_chunk(("speed",), np.array([[68.0], [30.0], [-5.0]]), idle_batch.parameters, "published")
+    assert chunk.status.tolist() == [TRIMMED, NO_TRIM, NO_TRIM]
+    assert chunk.limiting.tolist() == [-1, -1, -1]
+    assert chunk.failures == {1: str(caught.value), 2: "speed is -5 ft/s; it must lie between 1 ft/s and 500 ft/s"}
+    assert np.isnan(chunk.states[1:, STATES.index("speed")]).all()

@@ -6,8 +6,7 @@ import pytest
 from controller.game.zero_sum import Game, published_game
 from hfa_model import LINEAR_STATES, STATES, BadInputError, NoSolutionError, default_parameters
 from hfa_model.variants import VARIANTS
-from trim.sweeps.level_flights import solve_level_flights
-from trim.sweeps.sweep import level_conditions
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
 from verification.riccati.gare import solve_game
 from verification.riccati.gare_batch import solve_games
 

@@ -1,14 +1,16 @@
-"""A point that balances beyond the limits: which variable is named, by what, how far."""
+"""Each point of a chunk carries what became of it, and beyond the limits which variable is farthest."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters
 from hfa_model.vectors import INPUTS, STATES
 from trim.point.condition import LIMITS
-from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
-from trim.sweeps.sweep import sweep
+from trim.sweeps.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
+from trim.sweeps.stored_sweep import run_points
 
 VARIABLES = ("speed", "gamma", "alpha")
 #: Speed ft/s, gamma and alpha rad -> the variable farthest beyond its limits, in widths of them.
@@ -33,17 +35,16 @@ def test_a_chunk_names_the_variable_farthest_beyond_its_limits(aircraft: Aircraf
         assert max(excess.values()) == excess[expected] > 0 if expected else max(excess.values()) <= 0
 
 
-def test_a_sweep_says_which_limits_and_by_how_much(published_aircraft: Aircraft) -> None:
-    """The numbers are those of the point that balances, checked in the aircraft's own equations."""
-    (reason,) = sweep(published_aircraft, {"speed": [30.0], "dihedral": [0.1]}).reasons
-    chunk = run_chunk(("speed", "dihedral"), np.array([[30.0, 0.1]]), published_aircraft.parameters, "published")
-    rates = published_aircraft.rates(chunk.states[0], chunk.inputs[0])
-    assert np.abs(rates).max() < 1e-9
-    throttle, *deflections = chunk.inputs[0].tolist()
-    outer, center, tips = np.degrees(deflections[1:])
-    assert 0.0 < throttle < 200.0
-    assert reason == (
-        f"no trim within limits: aileron_outer would have to be {outer:.6g} deg, its highest is 20 deg; "
-        f"elevator_center would have to be {center:.6g} deg, its highest is 30 deg; "
-        f"elevator_outer would have to be {tips:.6g} deg, its lowest is -30 deg"
-    )
+def test_each_point_of_a_chunk_carries_its_status(parameters: Parameters) -> None:
+    values = np.array([[0.1, 68.0], [0.1, 30.0], [0.1, -5.0]])
+    chunk = run_chunk(("dihedral", "speed"), values, parameters, "published")
+    assert chunk.status.tolist() == [TRIMMED, BEYOND_LIMITS, NO_TRIM]
+    assert np.isfinite(chunk.A[0]).all()
+    assert np.isnan(chunk.A[1:]).all()
+    assert chunk.limiting[0] == -1
+    assert chunk.limiting[1] >= 0
+    # The store has the eigenvalues of A beside it, fastest first.
+    rows = run_points(("dihedral", "speed"), values, parameters, "published", False)
+    assert np.all(np.diff(np.abs(rows["eigenvalues"][0])) <= 1e-9)
+    assert np.prod(rows["eigenvalues"][0]) == pytest.approx(np.linalg.det(chunk.A[0]), abs=1e-9)
+    assert np.isnan(rows["eigenvalues"][1:]).all()

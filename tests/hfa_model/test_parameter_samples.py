@@ -1,0 +1,98 @@
+"""Sampled aircraft: as wide as the standard errors say, entry by entry, and narrow where the print is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hfa_model.parameter_samples import sample_parameters
+from hfa_model.parameters import Parameters, ParameterSet, load_parameters, save_parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import VARIANTS
+from hfa_model.vectors import LINEAR_STATES, STATES
+from trim.linear.bands import Bands, entry_bands, rival_parameters
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from trim.sweeps.level_flights import level_conditions, solve_level_flights
+
+COUNT = 20_000
+DETERMINED = [STATES.index(name) for name in LINEAR_STATES]
+
+
+@pytest.fixture(scope="module", params=[5.0, 10.0, 15.0])
+def at_angle(request: pytest.FixtureRequest, published_aircraft, parameter_set) -> tuple[float, LinearModel, Bands]:
+    angle = float(np.radians(request.param))
+    condition = level_flight(angle)
+    model = linearize(published_aircraft, find_operating_point(published_aircraft, condition))
+    return angle, model, entry_bands(parameter_set, condition, model)
+
+
+def coverage(samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]) -> tuple[np.ndarray, np.ndarray]:
+    """Of each entry that a parameter moves: samples within 1.96 standard errors, and deviation in standard errors."""
+    angle, model, bands = at_angle
+    conditions = level_conditions(("dihedral",), np.full((len(samples), 1), angle))
+    flights = solve_level_flights(VARIANTS["published"], samples, conditions)
+    assert flights.trimmed.all()
+    entries = np.concatenate([flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2)
+    center = np.hstack([model.A, model.B])
+    errors = np.hstack([bands.A_rounding, bands.B_rounding])
+    moved = errors > 1e-12
+    assert moved.sum() == 35
+    inside = (np.abs(entries - center) <= 1.96 * errors).mean(axis=0)
+    return inside[moved], entries.std(axis=0)[moved] / errors[moved]
+
+
+def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet, at_angle) -> None:
+    samples = np.array(sample_parameters(parameter_set, COUNT, seed=0))
+    inside, spread = coverage(samples, at_angle)
+    assert np.all((inside > 0.94) & (inside < 0.96))
+    np.testing.assert_allclose(spread, 1.0, atol=0.03)
+
+
+def test_a_plain_gaussian_would_spread_them_too_far(parameter_set: ParameterSet, at_angle) -> None:
+    """The measure above can fail: the same draws without logarithms, p (1 + z) in place of p exp(z)."""
+    center, samples = np.array(parameter_set.values), np.array(sample_parameters(parameter_set, COUNT, seed=0))
+    inside, spread = coverage(center * (1 + np.log(samples / center)), at_angle)
+    assert inside.min() < 0.8
+    assert spread.max() > 1.6
+    if at_angle[0] < 0.1:
+        assert (inside.min(), spread.max()) == pytest.approx((0.52, 4.8), rel=0.05)
+
+
+def test_each_parameter_has_its_standard_error_and_its_sign(parameter_set: ParameterSet) -> None:
+    samples = sample_parameters(parameter_set, COUNT, seed=1)
+    table, center = np.array(samples), np.array(parameter_set.values)
+    errors = parameter_set.standard_errors
+    for name, column in zip(Parameters._fields, table.T, strict=True):
+        if name in errors:
+            assert column.std() == pytest.approx(errors[name], rel=0.03), name
+        else:
+            assert np.ptp(column) == 0.0, name
+    np.testing.assert_array_equal(np.sign(table), np.broadcast_to(np.sign(center), table.shape))
+    assert isinstance(samples[0], Parameters)
+
+
+def test_the_same_seed_gives_the_same_samples(parameter_set: ParameterSet) -> None:
+    assert sample_parameters(parameter_set, 3, seed=2) == sample_parameters(parameter_set, 3, seed=2)
+    assert sample_parameters(parameter_set, 3, seed=2) != sample_parameters(parameter_set, 3, seed=3)
+
+
+def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
+    for without in (replace(parameter_set, covariance=np.zeros((0, 0))), rival_parameters()):
+        with pytest.raises(BadInputError, match="samples need parameters with their covariance"):
+            sample_parameters(without, 3, seed=0)
+    zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
+    with pytest.raises(BadInputError, match="zero_lift_moment is zero and identified"):
+        sample_parameters(zero, 3, seed=0)
+    for count, seed in ((0, 0), (3, -1)):
+        with pytest.raises(BadInputError, match="give at least one sample and no negative seed"):
+            sample_parameters(parameter_set, count, seed)
+
+
+def test_a_saved_file_is_sampled_like_the_original(parameter_set: ParameterSet, tmp_path) -> None:
+    save_parameters(parameter_set, tmp_path / "aircraft.toml", "")
+    again = load_parameters(tmp_path / "aircraft.toml")
+    assert sample_parameters(again, 3, seed=0) == sample_parameters(parameter_set, 3, seed=0)

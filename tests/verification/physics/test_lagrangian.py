@@ -1,0 +1,153 @@
+"""The equations of motion judged by their second derivation, and by the energy that only one variant conserves."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from random_points import random_points
+
+from hfa_model.aerodynamics import aircraft_loads
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates_from_loads
+from hfa_model.parameters import Parameters
+from hfa_model.symbolic import by_name, state_rates, symbols
+from hfa_model.variants import Newton, Published, Variant
+from hfa_model.vectors import RATE_SCALES, STATES, Input, Quantity, State
+from verification.physics.lagrangian import lagrangian_rates, mechanical_energy
+
+
+@pytest.fixture(scope="module")
+def judge() -> ca.Function:
+    """(x, u, p) -> dX/dt by the Euler-Lagrange equations."""
+    x, u, p = symbols()
+    state, control, parameters = by_name(x, u, p)
+    return ca.Function(
+        "judge", [x, u, p], [ca.vertcat(*lagrangian_rates(state, control, density(state.altitude), parameters))]
+    )
+
+
+def disagreement(judge: ca.Function, variant: Variant, parameters: Parameters, count: int = 1000) -> State:
+    """Largest |difference| of each rate over random points, relative to the rate or, near zero, to its scale.
+
+    The parameters vary too, by some 20 percent each.
+    """
+    x, u, p = symbols()
+    closed_form = ca.Function("closed_form", [x, u, p], [state_rates(x, u, p, variant)])
+    spread = np.random.default_rng(5).normal(size=(count, len(parameters))) * 0.2
+    worst = np.zeros(len(STATES))
+    for state, control, noise in zip(*random_points(count, seed=4), spread, strict=True):
+        aircraft = np.array(parameters) * np.exp(noise)
+        expected = np.array(judge(state, control, aircraft)).ravel()
+        found = np.array(closed_form(state, control, aircraft)).ravel()
+        worst = np.maximum(worst, np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES))
+    return State(*worst.tolist())
+
+
+def test_newton_equals_the_euler_lagrange_equations(judge: ca.Function, parameters: Parameters) -> None:
+    worst = disagreement(judge, Newton(), parameters)
+    assert max(worst) <= 1e-12, worst
+
+
+class _WrongCoupling(Newton):
+    def hinge_coupling(self, x: State, p: Parameters) -> Quantity:
+        return -super().hinge_coupling(x, p)
+
+
+class _WrongInertia(Newton):
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+        return super().hinge_inertia(dihedral, p) * (1 + 1e-9)
+
+
+class _WrongLever(Newton):
+    def outer_lever(self, dihedral: Quantity, p: Parameters) -> Quantity:
+        return -super().outer_lever(dihedral, p)
+
+
+class _WrongProjection(Newton):
+    def section_projection(self, dihedral: Quantity) -> Quantity:
+        return 1.0
+
+
+@pytest.mark.parametrize(
+    ("variant", "rate"),
+    [
+        (_WrongCoupling(), "dihedral_rate"),
+        (_WrongInertia(), "dihedral_rate"),
+        (_WrongLever(), "pitch_rate"),
+        (_WrongProjection(), "pitch_rate"),
+    ],
+)
+def test_one_wrong_term_is_seen_in_its_equation(
+    judge: ca.Function, parameters: Parameters, variant: Variant, rate: str
+) -> None:
+    worst = disagreement(judge, variant, parameters, count=20)._asdict()
+    assert worst.pop(rate) > 1e-10
+    assert max(worst.values()) <= 1e-12, worst
+
+
+def test_published_differs_from_newton_in_two_equations_only(judge: ca.Function, parameters: Parameters) -> None:
+    worst = disagreement(judge, Published(), parameters, count=100)._asdict()
+    assert worst.pop("pitch_rate") > 0.1
+    assert worst.pop("dihedral_rate") > 0.1
+    assert max(worst.values()) <= 1e-12, worst
+
+
+# Energy.
+
+
+def internal_energy(state: np.ndarray, p: Parameters) -> float:
+    """½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η²: energy about the center of mass."""
+    x = State(*state.tolist())
+    mass_moment = p.panel_mass * p.panel_span**2
+    pitch_inertia = 3 * p.inertia_pitch
+    pitch_inertia += (2 * p.inertia_yaw - 2 * p.inertia_pitch + mass_moment / 6) * np.sin(x.dihedral) ** 2
+    hinge_inertia = p.inertia_roll + mass_moment / 4 - mass_moment / 6 * np.cos(x.dihedral) ** 2
+    return float(
+        pitch_inertia * x.pitch_rate**2 / 2 + hinge_inertia * x.dihedral_rate**2 + p.hinge_stiffness * x.dihedral**2
+    )
+
+
+def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> float:
+    """Largest relative change of the internal energy in a fall without air and without dampers."""
+    from scipy.integrate import solve_ivp
+
+    p = parameters._replace(hinge_damping=0.0)
+    symbol = ca.SX.sym("x", len(STATES))
+    x = State(*ca.vertsplit(symbol))
+    loads = aircraft_loads(x, Input(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, p, variant)
+    motion = ca.Function("motion", [symbol], [ca.vertcat(*rates_from_loads(x, loads, p, variant))])
+    start = State(
+        speed=68.0, alpha=0.05, altitude=40_000.0, pitch=0.05, pitch_rate=0.3, dihedral=0.26, dihedral_rate=0.2
+    )
+    flight = solve_ivp(
+        lambda _, state: np.array(motion(state)).ravel(),
+        (0.0, seconds),
+        start,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+    )
+    assert flight.success, flight.message
+    energy = np.array([internal_energy(state, p) for state in flight.y.T])
+    return float(np.abs(energy / energy[0] - 1).max())
+
+
+def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
+    assert energy_growth(Newton(), parameters, seconds=20.0) <= 1e-10
+
+
+def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
+    """The departures of the published equations from Newton are not only a matter of taste."""
+    assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
+
+
+def test_energy_of_the_judge_is_internal_plus_center_of_mass(parameters: Parameters) -> None:
+    """König's theorem: T + U = internal energy + ½ (3 m) V² + 3 m g h."""
+    symbol = ca.SX.sym("x", len(STATES))
+    energy = ca.Function("energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)])
+    for state in random_points(50, seed=6)[0]:
+        x = State(*state.tolist())
+        mass = 3 * parameters.panel_mass
+        whole = mass * x.speed**2 / 2 + mass * parameters.gravity * x.altitude + internal_energy(state, parameters)
+        assert float(energy(state)) == pytest.approx(whole, rel=1e-12)
