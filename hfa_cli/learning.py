@@ -5,27 +5,26 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.learn import LAWS, learn
 from hfa_cli.argument_types import number, whole
-from hfa_cli.output import check_target
 from hfa_cli.parser import add_named, add_value
+from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
 
 DEFAULT_LAW = "certified"
 
 
 def add_learning(parser: argparse.ArgumentParser) -> None:
-    """--law, --seed, --set, --save, --resume."""
+    """--law, --seed, --set."""
     parser.add_argument("--law", metavar="NAME", help=f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     add_settings(parser)
-    parser.add_argument("--save", metavar="FILE", help="keep the state of the run in this .npz file")
-    parser.add_argument("--resume", metavar="FILE", help="continue from a kept state")
+    for option in ("--save", "--resume"):
+        add_removed(parser, option, "a run takes about a second; run it again, the same seed gives the same bits")
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -36,16 +35,11 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     """Run the law that the options name, with progress on a terminal."""
-    check_target(arguments.save, (".npz",))
-    if arguments.save is not None and Path(arguments.save) == arguments.output:
-        raise BadInputError(f"--save and --output are both {arguments.save}; give two names")
     return learn(
         game,
         _law(arguments),
         arguments.seed or 0,
         progress=show_learning if sys.stderr.isatty() else None,
-        save_state=arguments.save,
-        resume=arguments.resume,
         **law_settings(arguments),
     )
 
@@ -55,13 +49,13 @@ def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     law = _law(arguments)
     if law not in LAWS:
         raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
-    defaults = {field.name: field.default for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
+    kinds = {field.name: str(field.type) for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
     result = {}
     for name, text in (arguments.set or {}).items():
-        if name not in defaults:
-            raise BadInputError(f"law {law!r} has no setting {name!r}; choose from: {', '.join(defaults)}")
+        if name not in kinds:
+            raise BadInputError(f"law {law!r} has no setting {name!r}; choose from: {', '.join(kinds)}")
         try:
-            result[name] = _converted(text, defaults[name])
+            result[name] = _converted(text, kinds[name])
         except argparse.ArgumentTypeError as error:
             raise BadInputError(f"{name} {error}") from error
     return result
@@ -71,17 +65,18 @@ def _law(arguments: argparse.Namespace) -> str:
     return DEFAULT_LAW if arguments.law is None else str(arguments.law)
 
 
-def _converted(text: str, default: Any) -> Any:
-    if isinstance(default, bool):
+def _converted(text: str, kind: str) -> Any:
+    """The value of a setting whose field is annotated with `kind`, for example "float | tuple[float, ...]"."""
+    if kind.startswith("bool"):
         if text not in ("yes", "no"):
             raise argparse.ArgumentTypeError(f"is {text!r}; give yes or no")
         return text == "yes"
-    if isinstance(default, str):
+    if kind.startswith("str"):
         return text
-    if isinstance(default, int):
+    if kind.startswith("int"):
         return whole(0)(text)
     values = tuple(number(word) for word in text.split(","))
-    return values[0] if len(values) == 1 and not isinstance(default, tuple) and default is not None else values
+    return values[0] if len(values) == 1 and kind.startswith("float") else values
 
 
 def show_learning(fraction: float, message: str) -> None:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import math
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import load_npz, save_npz
+from hfa_model.support.checks import RELATIONS
+from hfa_model.support.jsonable import jsonable
 
 SCHEMA = "hfa.learning-result/1"
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """One check of a learned value: `value relation limit`, relation one of "<", "<=", ">", ">="."""
+class SelfCheck:
+    """One check that a law makes of its own value: `value relation limit`, relation one of `RELATIONS`."""
 
     name: str
     value: float
@@ -28,12 +25,7 @@ class Certificate:
     @property
     def ok(self) -> bool:
         """Whether the relation holds; a value that is not a number fails."""
-        return {
-            "<": self.value < self.limit,
-            "<=": self.value <= self.limit,
-            ">": self.value > self.limit,
-            ">=": self.value >= self.limit,
-        }[self.relation]
+        return RELATIONS[self.relation](self.value, self.limit)
 
     def __str__(self) -> str:
         """The check as a sentence, for reports and error lines."""
@@ -80,7 +72,7 @@ class LearningResult:
     K: np.ndarray
     excitation: Excitation
     settling_time: float
-    certificates: tuple[Certificate, ...]
+    certificates: tuple[SelfCheck, ...]
     status: str
     settings: dict[str, Any]
     seed: int
@@ -93,58 +85,6 @@ class LearningResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
-        return _plain(
-            {
-                "schema": SCHEMA,
-                **{name: getattr(self, name) for name in (*_TEXTS, *_ARRAYS, *_NUMBERS)},
-                "excitation": asdict(self.excitation),
-                "certificates": [{**asdict(row), "ok": row.ok} for row in self.certificates],
-                "settings": self.settings,
-                "diagnostics": self.diagnostics,
-            }
-        )
-
-    def save(self, path: str | Path) -> None:
-        """Write everything to a .npz file; the file appears whole or not at all."""
-        header = {name: getattr(self, name) for name in (*_TEXTS, *_NUMBERS, "settings", "diagnostics")}
-        header |= {
-            "schema": SCHEMA,
-            "excitation": asdict(self.excitation),
-            "certificates": [asdict(row) for row in self.certificates],
-        }
-        save_npz(path, {name: getattr(self, name) for name in _ARRAYS} | {"header": np.array(json.dumps(header))})
-
-    @classmethod
-    def load(cls, path: str | Path) -> LearningResult:
-        """Read what `save` wrote; the arrays come back bit by bit. Raises BadInputError for another file."""
-        data = load_npz(path)
-        try:
-            header = json.loads(str(data["header"]))
-            if header.pop("schema") != SCHEMA:
-                raise KeyError("schema")
-            arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS}
-            return cls(
-                **arrays,
-                excitation=Excitation(**header.pop("excitation")),
-                certificates=tuple(Certificate(**row) for row in header.pop("certificates")),
-                **header,
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise BadInputError(f"{path} is not a learning result of this version ({SCHEMA})") from error
-
-
-_ARRAYS = ("times", "weights", "residual_norm", "law_residual_norm", "P", "K")
-_TEXTS = ("law", "basis", "status")
-_NUMBERS = ("settling_time", "seed")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+        certificates = [{**asdict(row), "ok": row.ok} for row in self.certificates]
+        plain: dict[str, Any] = jsonable({"schema": SCHEMA, **vars(self), "excitation": asdict(self.excitation)})
+        return plain | {"certificates": jsonable(certificates)}

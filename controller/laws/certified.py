@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -38,8 +38,9 @@ AT_REST = 1e-13
 class CertifiedSettings:
     """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time that is used.
 
-    samples: N_h >= M, chosen from a pool of `pool_samples` random states. initial_weights: W(0) in the model's units, a
-    number for all or (M,).
+    samples: N_h >= M, chosen from a pool of `pool_samples` random states; None stands for 50 of 500, and for more where
+    the basis has more than 33 weights (`law_settings.enough_for`). initial_weights: W(0) in the model's units, a number
+    for all or (M,).
     """
 
     predefined_time: float = 10.0
@@ -47,8 +48,8 @@ class CertifiedSettings:
     eta: float = 0.8
     theta: float = 0.9
     basis: str = "quadratic"
-    samples: int = 50
-    pool_samples: int = 500
+    samples: int | None = None
+    pool_samples: int | None = None
     initial_weights: float | tuple[float, ...] = 100.0
 
     def __post_init__(self) -> None:
@@ -106,10 +107,6 @@ class CertifiedLaw:
     def time(self, tick: int) -> float:
         """Time after `tick` ticks, s."""
         return min(tick * self.settings.tick, self.settings.predefined_time)
-
-    def fingerprint(self) -> Mapping[str, Any]:
-        """See `run.Process`."""
-        return law_settings.fingerprint("certified", self.game, self.stack, asdict(self.settings), self.seed)
 
     def start(self) -> Memory:
         """W(0) with the discount that makes it stabilizing."""
@@ -230,9 +227,11 @@ def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack 
     Of the pool the `samples` most different ones are kept. Raises BadInputError when the pool has not rank M.
     """
     functions = basis(chosen.basis, game.A.shape[0])
-    recorded = recording.random_pool(game, chosen.pool_samples, seed) if pool is None else pool
+    samples, pool_samples = law_settings.sample_counts(chosen.samples, chosen.pool_samples, functions)
+    recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
     fitted, misfit = recorded.linear()
-    return CertifiedLaw(game, recording.choose(fitted, functions, chosen.samples), misfit, functions, chosen, seed)
+    chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
+    return CertifiedLaw(game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed)
 
 
 def _pack(here: Point, normaliser: np.ndarray, first_discount: float) -> Memory:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.learning_result import Certificate, Excitation, LearningResult
+from controller.game.learning_result import Excitation, LearningResult, SelfCheck
 from controller.game.zero_sum import Game
 from controller.laws import refinement
 from controller.samples.stack_equations import StackEquations, control_root
@@ -50,7 +50,7 @@ def conclude(
         P=P,
         K=game.gain(P),
         excitation=richness,
-        settling_time=settling_time(history["time"], history["settling_residual"]),
+        settling_time=settled_at(history["time"], history["settling_residual"], RESIDUAL_LIMIT),
         certificates=rows,
         status="converged" if not failed else f"failed: {'; '.join(failed)}",
         settings=settings,
@@ -61,7 +61,7 @@ def conclude(
 
 def certificates(
     game: Game, equations: StackEquations, weights: np.ndarray, richness: Excitation
-) -> tuple[Certificate, ...]:
+) -> tuple[SelfCheck, ...]:
     """The checks of a learned value W'ψ(z), weights (M,) in the model's units.
 
     A - S P Hurwitz is what singles out the one root of the Riccati equation that is the value of the game: a
@@ -70,23 +70,23 @@ def certificates(
     scales = equations.scales
     P = equations.basis.matrix(weights)
     rows = [
-        Certificate("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
-        Certificate("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
+        SelfCheck("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
+        SelfCheck("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
         positivity(game, P, scales),
-        Certificate("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
-        Certificate("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
-        Certificate("rank of the stack", float(richness.rank), ">=", float(richness.size)),
-        Certificate("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
+        SelfCheck("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
+        SelfCheck("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
+        SelfCheck("rank of the stack", float(richness.rank), ">=", float(richness.size)),
+        SelfCheck("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
     ]
     if equations.basis.size > equations.basis.quadratic_size:
         magnitudes = np.abs(equations.scaled(weights))
         quadratic = equations.basis.quadratic_size
         beyond = float(magnitudes[quadratic:].max() / magnitudes[:quadratic].max())
-        rows.append(Certificate("largest weight beyond the quadratic ones", beyond, "<=", BEYOND_LIMIT))
+        rows.append(SelfCheck("largest weight beyond the quadratic ones", beyond, "<=", BEYOND_LIMIT))
     return tuple(rows)
 
 
-def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> Certificate:
+def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> SelfCheck:
     """Smallest eigenvalue of P over the largest in coordinates z / scales: P > 0, or P >= 0 where Q is singular.
 
     With Q > 0 the value is positive definite. Otherwise states that cost nothing may have the value 0, which
@@ -97,8 +97,8 @@ def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> Certificate:
     smallest = float(of_P[0] / np.abs(of_P).max()) if np.any(P) else 0.0
     name = "smallest eigenvalue of scaled P over the largest"
     if of_Q[0] > SIGNLESS * of_Q[-1]:
-        return Certificate(name, smallest, ">", 0.0)
-    return Certificate(name, smallest, ">=", INDEFINITENESS)
+        return SelfCheck(name, smallest, ">", 0.0)
+    return SelfCheck(name, smallest, ">=", INDEFINITENESS)
 
 
 def abscissa(matrix: np.ndarray) -> float:
@@ -133,9 +133,9 @@ def _scaled(game: Game, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return game.A * scales / rows, control_root(game) / rows, game.E / game.delta / rows, game.Q * rows * scales
 
 
-def settling_time(times: np.ndarray, residual: np.ndarray) -> float:
-    """The first time from which the residual stays at or below RESIDUAL_LIMIT, s; inf when it does not."""
-    above = np.flatnonzero(~(residual <= RESIDUAL_LIMIT))
-    if len(above) == 0:
+def settled_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
+    """The first time from which size <= band to the end, s; inf when it is not so at the end."""
+    outside = np.flatnonzero(~(size <= band))
+    if len(outside) == 0:
         return float(times[0])
-    return float(times[above[-1] + 1]) if above[-1] + 1 < len(times) else np.inf
+    return float(times[outside[-1] + 1]) if outside[-1] + 1 < len(times) else np.inf

@@ -17,7 +17,7 @@ from controller.laws.certify import conclude
 from controller.laws.run import Memory, Run
 from controller.samples import recording
 from controller.samples.probing import ProbingFlight
-from controller.samples.recording import Stack, record, refuse_poor, unit_rows
+from controller.samples.recording import record, refuse_poor, unit_rows
 from controller.samples.stack_equations import StackEquations
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
@@ -32,7 +32,8 @@ LARGEST_STATE = 1e100
 @dataclass(frozen=True)
 class IrlSettings:
     """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are flown, then
-    `iterations` policy updates follow, one per Δ.
+    `iterations` policy updates follow, one per Δ; None stands for 40, and for more where the basis has more than 26
+    weights (`law_settings.enough_for`).
 
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller). initial_weights: W(0)
     of the first policies, model's units; 0 is u = 0 and needs a stable plant. probe: amplitude of the probing
@@ -40,7 +41,7 @@ class IrlSettings:
     """
 
     interval: float = 0.2
-    intervals: int = 40
+    intervals: int | None = None
     iterations: int = 40
     form: str = "game"
     initial_weights: float | tuple[float, ...] = 0.0
@@ -95,6 +96,12 @@ class IntegralLearning:
     settings: IrlSettings
     seed: int
 
+    @property
+    def intervals(self) -> int:
+        """N, how many intervals are flown."""
+        given = self.settings.intervals
+        return law_settings.enough_for(self.basis.size, 40) if given is None else given
+
     @cached_property
     def record(self) -> Record:
         """The flight and its integrals. Raises BadInputError when the flight leaves all bounds."""
@@ -108,7 +115,7 @@ class IntegralLearning:
         )
         nodes, quadrature = np.polynomial.legendre.leggauss(NODES)
         within = s.interval * np.concatenate([0.5 * (1.0 + nodes), [1.0]])
-        begins = s.interval * np.arange(s.intervals)
+        begins = s.interval * np.arange(self.intervals)
         times = np.concatenate([[0.0], (begins[:, None] + within).reshape(-1)])
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
             z, u, d = flight.at(times)
@@ -122,7 +129,7 @@ class IntegralLearning:
             d = np.zeros_like(d)
         ends = z[:: NODES + 1]
         scales = recording.Stack(ends, ends).channel_scales()
-        inside = np.arange(1, len(times)).reshape(s.intervals, NODES + 1)[:, :NODES]
+        inside = np.arange(1, len(times)).reshape(self.intervals, NODES + 1)[:, :NODES]
         z, weight = z / scales, 0.5 * s.interval * quadrature
 
         def integral(left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -149,18 +156,13 @@ class IntegralLearning:
         """One policy update each."""
         return self.settings.iterations
 
-    def fingerprint(self) -> Mapping[str, Any]:
-        """See `run.Process`."""
-        nothing = Stack(np.zeros((0, 0)), np.zeros((0, 0)))
-        return law_settings.fingerprint("irl", self.game, nothing, asdict(self.settings), self.seed)
-
     def start(self) -> Memory:
         """W(0); raises BadInputError when the flight is too poor for M weights."""
         weights = law_settings.initial_weights(self.settings.initial_weights, self.basis)
         scaled = weights * self.basis.scaling(self.record.scales)
-        if self.settings.intervals < self.basis.size:
+        if self.intervals < self.basis.size:
             raise BadInputError(
-                f"{self.settings.intervals} intervals cannot determine {self.basis.size} weights; fly more of them"
+                f"{self.intervals} intervals cannot determine {self.basis.size} weights; record more of them"
             )
         refuse_poor(recording.rank(unit_rows(self.record.monomials)), self.basis.size, "the flight")
         return {"weights": scaled, "misfit": np.array(np.inf)}
@@ -193,9 +195,8 @@ class IntegralLearning:
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
         """See `run.Process`; the law's residual is the misfit of the last least squares."""
-        s = self.settings
         return {
-            "time": (s.intervals + tick) * s.interval,
+            "time": (self.intervals + tick) * self.settings.interval,
             "weights": self.equations.unscaled(memory["weights"]),
             "residual_norm": self.equations.relative_cost_residual(memory["weights"]),
             "settling_residual": self.equations.settling_residual(memory["weights"]),
@@ -208,12 +209,12 @@ class IntegralLearning:
         change = np.linalg.norm(np.diff(weights, axis=0), axis=1) / np.linalg.norm(weights[-1])
         late = np.flatnonzero(change > 1e-3)
         diagnostics = {
-            "data_time": self.settings.intervals * self.settings.interval,
+            "data_time": self.intervals * self.settings.interval,
             "iterations_to_1e-3": float(late[-1] + 2 if len(late) else 1),
         }
         rows, _ = self._least_squares(finished.memory["weights"])
         richness = recording.excitation(rows, self.record.monomials)
-        chosen = asdict(self.settings)
+        chosen = asdict(self.settings) | {"intervals": self.intervals}
         return conclude("irl", self.target, self.equations, finished.history, richness, chosen, self.seed, diagnostics)
 
 

@@ -1,15 +1,12 @@
-"""Checks that the settings of all laws share, and what marks a run."""
+"""Checks and defaults that the settings of all laws share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.game.zero_sum import Game
-from controller.samples.recording import Stack
 from hfa_model.support.errors import BadInputError
 
 #: Weights beyond this overflow when they are squared twice.
@@ -24,12 +21,28 @@ def positive(name: str, value: float) -> None:
         raise BadInputError(f"{name} is {value}; it must be a positive number")
 
 
-def counting(name: str, value: int, most: int | None = None) -> None:
-    """Raise BadInputError unless the setting is a whole number of at least 1, and of at most `most`."""
+def counting(name: str, value: int | None, most: int | None = None) -> None:
+    """Raise BadInputError unless the setting is a whole number of at least 1, and of at most `most`.
+
+    None is a number that follows from the size of the basis (`enough_for`).
+    """
+    if value is None:
+        return
     if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 1):
         raise BadInputError(f"{name} is {value}; it must be a whole number of at least 1")
     if most is not None and value > most:
         raise BadInputError(f"{name} is {value}; it must not exceed {most}")
+
+
+def enough_for(weights: int, least: int) -> int:
+    """How many samples are taken for M weights where no number is given: `least`, or half as many again as weights."""
+    return max(least, weights + (weights + 1) // 2)
+
+
+def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -> tuple[int, int]:
+    """N_h and the size of the pool that it is chosen from, each as given or enough for the basis: 50 of 500 or more."""
+    chosen = enough_for(basis.size, 50) if samples is None else samples
+    return chosen, max(500, 5 * chosen) if pool_samples is None else pool_samples
 
 
 def inside_unit_interval(name: str, value: float) -> None:
@@ -60,16 +73,3 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
         worst = int(np.argmin(usable))
         raise BadInputError(f"initial weight {worst} is {weights[worst]}; it must not exceed {LARGEST_WEIGHT:g}")
     return weights
-
-
-def fingerprint(law: str, game: Game, stack: Stack, settings: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Everything that decides the outcome of a run, by name."""
-    matrices = {name: getattr(game, name) for name in ("A", "B", "E", "Q", "R", "delta")}
-    return {
-        "law": law,
-        "seed": seed,
-        "states": stack.states,
-        "drifts": stack.drifts,
-        **{f"game.{name}": value for name, value in matrices.items()},
-        **{f"settings.{name}": value for name, value in settings.items()},
-    }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 from controller.game.learning_result import LearningResult
@@ -28,7 +27,7 @@ class Law:
 
 def _irl(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None) -> Any:
     if pool is not None:
-        raise BadInputError("law 'irl' flies its own data; give no recorded pool")
+        raise BadInputError("law 'irl' records its own data; give no pool")
     return integral_learning(game, chosen, seed)
 
 
@@ -46,15 +45,12 @@ def learn(
     *,
     pool: Stack | None = None,
     progress: Progress | None = None,
-    save_state: str | Path | None = None,
-    resume: str | Path | None = None,
     **options: Any,
 ) -> LearningResult:
     """Learn the value z'Pz and the gain K of a game with one of `LAWS`.
 
     pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: fields of the
-    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress, save_state, resume: see
-    `run.run`; a resumed run returns the same bits as an uninterrupted one.
+    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress: see `run.Progress`.
 
     The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises
     BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError
@@ -71,5 +67,5 @@ def learn(
     if not isinstance(pool, Stack | None):
         raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
     process = LAWS[law].build(game, LAWS[law].settings(**options), seed, pool)
-    result: LearningResult = process.conclude(run(process, progress=progress, save_state=save_state, resume=resume))
+    result: LearningResult = process.conclude(run(process, progress=progress))
     return result

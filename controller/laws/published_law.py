@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -40,6 +40,8 @@ ROWS = 1000
 class PublishedSettings:
     """Defaults: Section 5.1. Not printed, hence assumed: theta, samples (N_h), basis and normalisation.
 
+    samples, pool_samples: as in `CertifiedSettings`.
+
     normalisation: "root" n = sqrt(1 + σ'σ) or "squared" n = 1 + σ'σ. stack_policies: "frozen", the policies of
     `recorded_weights` stored with the samples, or "reevaluated" with the current weights. gains: (α₁, α₂), or
     None for those of Theorem 1. integrator: "explicit" (forward Euler) or "proximal" (implicit). coordinates:
@@ -54,8 +56,8 @@ class PublishedSettings:
     theta: float = 0.9
     gamma: float = 0.01
     basis: str = "paper"
-    samples: int = 50
-    pool_samples: int = 500
+    samples: int | None = None
+    pool_samples: int | None = None
     initial_weights: float | tuple[float, ...] = 100.0
     recorded_weights: float | tuple[float, ...] = 100.0
     normalisation: str = "root"
@@ -145,10 +147,17 @@ class PublishedLaw:
         """Integration steps after `tick` ticks."""
         return tick * self.steps // self.ticks
 
-    def fingerprint(self) -> Mapping[str, Any]:
-        """See `run.Process`."""
+    def fingerprint(self) -> dict[str, Any]:
+        """Everything that decides what the law does, by name."""
         plain = {name: "theorem" if value is None else value for name, value in asdict(self.settings).items()}
-        return law_settings.fingerprint("published", self.game, self.stack, plain, self.seed)
+        return {
+            "law": "published",
+            "seed": self.seed,
+            "states": self.stack.states,
+            "drifts": self.stack.drifts,
+            **{f"game.{field.name}": getattr(self.game, field.name) for field in fields(self.game)},
+            **{f"settings.{name}": value for name, value in plain.items()},
+        }
 
     def _initial_weights(self) -> np.ndarray:
         return self._scaled(self.settings.initial_weights)
@@ -272,5 +281,7 @@ class PublishedLaw:
 def published_law(game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None) -> PublishedLaw:
     """The law on a pool of recorded samples, by default random states; the N_h most different ones are kept."""
     functions = basis(chosen.basis, game.A.shape[0])
-    recorded = recording.random_pool(game, chosen.pool_samples, seed) if pool is None else pool
-    return PublishedLaw(game, recording.choose(recorded, functions, chosen.samples), functions, chosen, seed)
+    samples, pool_samples = law_settings.sample_counts(chosen.samples, chosen.pool_samples, functions)
+    recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
+    chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
+    return PublishedLaw(game, recording.choose(recorded, functions, samples), functions, chosen, seed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game, published_game
 from controller.laws.certified import CertifiedSettings, certified_law
+from controller.laws.certify import settled_at
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import Progress, run
 from controller.samples.recording import random_pool
@@ -24,6 +25,8 @@ FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: A stack residual below this fraction of its first value counts as settled.
 SETTLED = 1e-8
+#: Random states of which the samples of a stack are chosen.
+POOL = 500
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class StudyRun:
     P_error, K_error: relative Frobenius errors against the exact game. settled: when the law's own residual
     fell below `SETTLED` of its start for good, s (inf: never). stabilizing: A - S P and A - B K Hurwitz.
     lambda_0, alpha1, alpha2, explicit_step_limit: see `published_equations`; of the start. last_lambda_0: at T_w.
-    seed, box: of the stack, see `Case`.
+    seed, box: of the stack, see `StudyCase`.
     """
 
     dihedral_deg: float
@@ -73,67 +76,64 @@ class StudyRow:
         return (min(values), max(values)) if values else (np.nan, np.nan)
 
 
+class PlannedRun(NamedTuple):
+    """One run of a row before it is made."""
+
+    dihedral_deg: float
+    case: StudyCase
+    settings: PublishedSettings
+
+    @property
+    def stack(self) -> dict[str, Any]:
+        """Where its samples come from."""
+        return {"seed": self.case.seed, "box": self.case.box}
+
+
+def planned_runs(name: str, references: Mapping[float, Reference]) -> tuple[PlannedRun, ...]:
+    """The runs of a row of `STUDY`, every case on both models."""
+    return tuple(
+        PlannedRun(dihedral, case, reference.settings(case))
+        for case in STUDY[name].cases()
+        for dihedral, reference in references.items()
+    )
+
+
 def published_study(
     rows: tuple[str, ...] | None = None,
     progress: Progress | None = None,
     *,
-    finished: tuple[StudyRow, ...] = (),
-    keep: Callable[[tuple[StudyRow, ...]], None] | None = None,
+    known: Callable[[str, Sequence[PlannedRun]], tuple[StudyRun, ...] | None] = lambda name, planned: None,
+    keep: Callable[[StudyRow, Sequence[PlannedRun]], None] = lambda row, planned: None,
 ) -> tuple[StudyRow, ...]:
     """Run every row of `STUDY` (or those named) on both published models; takes a few minutes.
 
-    finished: rows of an earlier study, taken as they are. keep: called after each row with all rows that there are.
-    Raises BadInputError for an unknown row, and for a finished one that today's `STUDY` would run otherwise.
+    known: from a row's name and runs to the runs as they were made before, None for a row that is to be run. keep:
+    called after each row that was run. Raises BadInputError for an unknown row.
     """
     names = tuple(STUDY) if rows is None else rows
-    for name in (*names, *(row.name for row in finished)):
+    for name in names:
         if name not in STUDY:
             raise BadInputError(f"unknown row '{name}'; choose from: {', '.join(STUDY)}")
-    references = {model.dihedral_deg: _Reference.of(published_game(model.A, model.B)) for model in published_models()}
-    done = {row.name: _as_today(row, references) for row in finished}
-    cases = {name: tuple(STUDY[name].cases()) for name in names if name not in done}
-    count, total = 0, sum(len(of_row) for of_row in cases.values())
-    for name, of_row in cases.items():
-        runs: list[StudyRun] = []
-        for case in of_row:
-            runs += [_run(dihedral, reference, case) for dihedral, reference in references.items()]
+    references = references_of_models()
+    planned = {name: planned_runs(name, references) for name in names}
+    before = {name: known(name, planned[name]) for name in names}
+    count, total = 0, sum(len(planned[name]) for name in names if before[name] is None)
+    done = []
+    for name in names:
+        runs = list(before[name] or ())
+        for one in planned[name][len(runs) :]:
+            runs.append(_run(references[one.dihedral_deg], one))
             count += 1
             if progress is not None:
                 progress(count / total, name)
-        done[name] = StudyRow(name, STUDY[name].cause, tuple(runs))
-        if keep is not None:
-            keep(tuple(done.values()))
-    return tuple(done[name] for name in names)
-
-
-def _as_today(row: StudyRow, references: dict[float, _Reference]) -> StudyRow:
-    """The row with today's words on its cause, if its runs are those that would be made today."""
-    today = [
-        (dihedral, case.seed, case.box, reference.settings(case))
-        for case in STUDY[row.name].cases()
-        for dihedral, reference in references.items()
-    ]
-    stored = [(run.dihedral_deg, run.seed, run.box, run.settings) for run in row.runs]
-    if len(stored) != len(today) or not all(map(_are_alike, stored, today)):
-        raise BadInputError(f"row '{row.name}' was made with other settings than today's; run it anew")
-    return replace(row, cause=STUDY[row.name].cause)
-
-
-def _are_alike(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    """The same run; weights, which another processor rounds in another way, to nine digits."""
-    weights = ("initial_weights", "recorded_weights")
-    (*facts, chosen), (*other_facts, other_chosen) = one, other
-    pairs = [(np.array(getattr(chosen, name)), np.array(getattr(other_chosen, name))) for name in weights]
-    blank = dict.fromkeys(weights, 0.0)
-    return (
-        facts == other_facts
-        and replace(chosen, **blank) == replace(other_chosen, **blank)
-        and all(a.shape == b.shape and np.allclose(a, b, rtol=1e-9, atol=0.0) for a, b in pairs)
-    )
+        done.append(StudyRow(name, STUDY[name].cause, tuple(runs)))
+        if before[name] is None:
+            keep(done[-1], planned[name])
+    return tuple(done)
 
 
 @dataclass(frozen=True)
-class _Reference:
+class Reference:
     """The game, its exact solution, and a stabilizing start: the LQ solution for Q = 1000 I."""
 
     game: Game
@@ -141,14 +141,20 @@ class _Reference:
     lqr_weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, game: Game) -> _Reference:
+    def of(cls, game: Game) -> Reference:
+        """The reference of one game. Raises NoSolutionError when the certified law does not find it."""
         lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
         return cls(game, _certified(game), tuple(_certified(lqr).weights[-1].tolist()))
 
-    def settings(self, case: Case) -> PublishedSettings:
-        """The settings of one run on this model."""
+    def settings(self, case: StudyCase) -> PublishedSettings:
+        """The settings of one run on this model: 50 samples of a pool of 500, whatever the basis."""
         starts: dict[str, Any] = dict.fromkeys(case.from_lqr, self.lqr_weights)
-        return PublishedSettings(**case.changes, **starts)
+        return PublishedSettings(samples=50, pool_samples=POOL, **case.changes, **starts)
+
+
+def references_of_models() -> dict[float, Reference]:
+    """The references of both printed models by dihedral angle, degrees."""
+    return {model.dihedral_deg: Reference.of(published_game(model.A, model.B)) for model in published_models()}
 
 
 def _certified(game: Game) -> LearningResult:
@@ -159,20 +165,19 @@ def _certified(game: Game) -> LearningResult:
     return result
 
 
-def _run(dihedral: float, reference: _Reference, case: Case) -> StudyRun:
+def _run(reference: Reference, planned: PlannedRun) -> StudyRun:
     """One run of the published law."""
-    chosen = reference.settings(case)
-    pool = random_pool(reference.game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX)) if case.box else None
-    law = published_law(reference.game, chosen, case.seed, pool)
+    game, exact, case, chosen = reference.game, reference.exact, planned.case, planned.settings
+    pool = random_pool(game, POOL, case.seed, np.array(FLIGHT_BOX)) if case.box else None
+    law = published_law(game, chosen, case.seed, pool)
     facts: dict[str, Any] = {
-        "dihedral_deg": dihedral,
+        "dihedral_deg": planned.dihedral_deg,
         "settings": chosen,
         "lambda_0": law.theorem.lambda_0,
         "alpha1": law.gains[0],
         "alpha2": law.gains[1],
         "explicit_step_limit": law.explicit_step_limit,
-        "seed": case.seed,
-        "box": case.box,
+        **planned.stack,
     }
     try:
         finished = run(law)
@@ -180,12 +185,11 @@ def _run(dihedral: float, reference: _Reference, case: Case) -> StudyRun:
         return StudyRun(**facts, overflow=str(error))
     result, end = law.conclude(finished), finished.memory["weights"]
     own = result.law_residual_norm
-    above = np.flatnonzero(~(own <= SETTLED * own[0]))
     return StudyRun(
         **facts,
-        P_error=_error(result.P, reference.exact.P),
-        K_error=_error(result.K, reference.exact.K),
-        settled=float(result.times[above[-1] + 1]) if above[-1] + 1 < len(own) else np.inf,
+        P_error=_error(result.P, exact.P),
+        K_error=_error(result.K, exact.K),
+        settled=settled_at(result.times, own, SETTLED * own[0]),
         stabilizing=all(row.ok for row in result.certificates if row.name.startswith("abscissa")),
         last_lambda_0=float(np.linalg.svd(law.history.at(end).regressors, compute_uv=False)[-1] ** 2),
         certified=result.converged,
@@ -196,10 +200,10 @@ def _error(learned: np.ndarray, exact: np.ndarray) -> float:
     return float(np.linalg.norm(learned - exact) / np.linalg.norm(exact))
 
 
-class Case(NamedTuple):
+class StudyCase(NamedTuple):
     """changes: of `PublishedSettings`. seed: of the stack. from_lqr: weights set to the stabilizing start.
 
-    box: the stack is drawn from `FLIGHT_BOX` instead of `recorder.natural_spread`.
+    box: the stack is drawn from `FLIGHT_BOX` instead of `recording.natural_spread`.
     """
 
     changes: dict[str, Any]
@@ -210,40 +214,40 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class _Row:
-    cases: Callable[[], Iterator[Case]]
+    cases: Callable[[], Iterator[StudyCase]]
     cause: str
 
 
 _COORDINATES, _NORMALISATIONS, _POLICIES = ("raw", "scaled"), ("root", "squared"), ("frozen", "reevaluated")
 
 
-def _grid(bases: tuple[str, ...], **fixed: Any) -> Iterator[Case]:
+def _grid(bases: tuple[str, ...], **fixed: Any) -> Iterator[StudyCase]:
     for name, coordinates, kind, policies in product(bases, _COORDINATES, _NORMALISATIONS, _POLICIES):
         choice = {"basis": name, "coordinates": coordinates, "normalisation": kind, "stack_policies": policies}
-        yield Case(choice | fixed)
+        yield StudyCase(choice | fixed)
 
 
-def _by_hand(coordinates: str, basis: str) -> Iterator[Case]:
+def _by_hand(coordinates: str, basis: str) -> Iterator[StudyCase]:
     for gain in (1.0, 10.0, 100.0, 1e3, 1e4):
         flight = {"coordinates": coordinates, "basis": basis, "flight_start": FLIGHT_START}
-        yield Case(flight | {"gains": (gain, gain)})
+        yield StudyCase(flight | {"gains": (gain, gain)})
 
 
-def _by_hand_from_lqr() -> Iterator[Case]:
+def _by_hand_from_lqr() -> Iterator[StudyCase]:
     for policies, seed in product(_POLICIES, (0, 1)):
         flight = _SCALED | {"stack_policies": policies, "gains": (100.0, 100.0), "flight_start": FLIGHT_START}
-        yield Case(flight, seed, ("initial_weights", "recorded_weights"))
+        yield StudyCase(flight, seed, ("initial_weights", "recorded_weights"))
 
 
-def _frozen_alone() -> Iterator[Case]:
+def _frozen_alone() -> Iterator[StudyCase]:
     for kind in _NORMALISATIONS:
-        yield Case(_SCALED | _IMPLICIT | {"normalisation": kind, "initial_weights": 0.0}, 0, ("recorded_weights",))
+        yield StudyCase(_SCALED | _IMPLICIT | {"normalisation": kind, "initial_weights": 0.0}, 0, ("recorded_weights",))
 
 
-def _reevaluated_alone(box: bool) -> Iterator[Case]:
+def _reevaluated_alone(box: bool) -> Iterator[StudyCase]:
     for kind, seed in product(_NORMALISATIONS, (0, 1, 2)):
         choice = _SCALED | _IMPLICIT | {"normalisation": kind, "stack_policies": "reevaluated"}
-        yield Case(choice, seed, ("initial_weights",), box)
+        yield StudyCase(choice, seed, ("initial_weights",), box)
 
 
 _SCALED: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled"}

@@ -1,21 +1,21 @@
 """The paper's update law as printed, and with the help that it needs: every setting on both printed models.
 
-Takes minutes. With --save the finished rows are kept, and --resume takes them from there.
+Takes minutes. With --folder each row is kept as it is finished, and --resume takes up what is there.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from pathlib import Path
+from typing import Any
 
-from controller.study.published_study import STUDY, StudyRow, published_study
-from controller.study.study_report import load_study, study_data, study_table, study_text
+from controller.study.published_study import STUDY, published_study
+from controller.study.study_folder import StudyFolder
+from controller.study.study_report import study_data, study_table, study_text
 from hfa_cli import options
-from hfa_cli.output import check_target, deliver
+from hfa_cli.output import check_folder, check_target, deliver
+from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,20 +23,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", action="append", metavar="TEXT", help="the rows whose name contains TEXT; repeatable; default: all"
     )
-    parser.add_argument("--save", metavar="FILE", help="keep the finished rows in this .json file")
-    parser.add_argument("--resume", metavar="FILE", help="take finished rows from a file of --save or -o")
+    parser.add_argument("--folder", metavar="FOLDER", help="keep each row there as it is finished; made when missing")
+    parser.add_argument("--resume", action="store_true", help="do not run again the rows that are finished in --folder")
+    add_removed(parser, "--save", "keep the finished rows with --folder FOLDER")
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the rows, report the table; that the law fails is a result and no failure."""
     target = check_target(arguments.output)
-    state = check_target(arguments.save, (".json",))
+    if arguments.resume and arguments.folder is None:
+        raise BadInputError("--resume needs the folder to continue; add --folder FOLDER")
+    folder = None if arguments.folder is None else StudyFolder(check_folder(arguments.folder))
+    kept: dict[str, Any] = {} if folder is None else {"keep": folder.keep}
+    if folder is not None and arguments.resume:
+        kept["known"] = folder.known
     rows = published_study(
         _names(arguments.only),
         _show if sys.stderr.isatty() else None,
-        finished=() if arguments.resume is None else load_study(arguments.resume),
-        keep=None if state is None else lambda done: _keep(done, state),
+        **kept,
     )
     deliver(
         study_data(rows), lambda: study_text(rows), lambda: study_table(rows), as_json=arguments.json, target=target
@@ -49,10 +54,6 @@ def _names(words: list[str] | None) -> tuple[str, ...]:
         if not word or not any(word in name for name in STUDY):
             raise BadInputError(f"no row's name contains {word!r}; there are: {'; '.join(STUDY)}")
     return tuple(name for name in STUDY if words is None or any(word in name for word in words))
-
-
-def _keep(done: tuple[StudyRow, ...], path: Path) -> None:
-    write_text(path, json.dumps(study_data(done), indent=1, allow_nan=False) + "\n")
 
 
 def _show(fraction: float, row: str) -> None:

@@ -44,9 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.weights is None and arguments.basis is not None:
         raise BadInputError("--basis belongs to --weights; for a law, use --set basis=NAME")
     if arguments.weights is not None:
-        options.refuse(
-            arguments, ("law", "seed", "set", "save", "resume"), "belongs to a law; leave it out with --weights"
-        )
+        options.refuse(arguments, ("law", "seed", "set"), "belongs to a law; leave it out with --weights")
     named = game_of(arguments)
     functions, candidate, result = _candidate(arguments, named)
     time = None if result is None else result.settings.get("predefined_time")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,14 +52,3 @@ def save_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
     """
     with written_whole(path) as stream:
         np.savez(stream, **arrays)  # type: ignore[arg-type]
-
-
-def load_npz(path: str | Path) -> dict[str, np.ndarray]:
-    """Read every array of a .npz file. Raises BadInputError when it is missing or not such a file."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return dict(data.items())
-    except FileNotFoundError as error:
-        raise BadInputError(f"no file {path}") from error
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, AttributeError, TypeError) as error:
-        raise BadInputError(f"{path} is not a readable .npz file") from error

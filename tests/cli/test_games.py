@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import Result, Terminal, hfa
+from cli import Terminal, assert_refused, hfa
 from game_answers import AT_15, HISTORY, LABELS, QUICK, answer
 from game_files import SMALL, small, stored
 from scipy.io import loadmat
 
 from controller.game.zero_sum import Game, published_game
 from controller.laws.learn import LAWS
-from hfa_cli.main import DONE, FAILED, INTERRUPTED
+from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa_model import Aircraft, default_parameters
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from trim.linear.linearize import linearize
@@ -237,63 +237,45 @@ def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
     assert (data["settings"]["disturbance_measured"], data["settings"]["intervals"], data["seed"]) == (False, 60, 3)
 
 
-# Interrupted and resumed.
+# Runs are not resumed: the same words give the same bytes.
 
 RUNS = {
     "certified": QUICK,
-    "published": (
-        "--set",
-        "gains=1,1",
-        "--set",
-        "basis=quadratic",
-        "--set",
-        "step=0.001",
-        "--set",
-        "coordinates=scaled",
+    "published": tuple(
+        word
+        for setting in ("gains=1,1", "basis=quadratic", "step=0.001", "coordinates=scaled")
+        for word in ("--set", setting)
     ),
     "irl": (),
 }
 
 
-def interrupted(monkeypatch: pytest.MonkeyPatch, fraction: float, *words: str) -> Result:
-    """`hfa words...` on a terminal with Ctrl-C when that fraction of the run is done."""
-
+def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(done: float, message: str) -> None:
-        if done >= fraction:
+        if done >= 0.6:
             raise KeyboardInterrupt
 
+    words = ("learn", "--model", small("plant.json"), *QUICK)
     with monkeypatch.context() as patched:
         patched.setattr("hfa_cli.learning.show_learning", stop)
-        return hfa(*words, err=Terminal())
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("fraction", [pytest.param(0.1, marks=pytest.mark.slow), 0.6])
-def test_a_resumed_run_gives_the_same_bytes(law: str, fraction: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
-    whole = hfa(*words, "-o", "whole.json")
-    stopped = interrupted(monkeypatch, fraction, *words, "--save", "state.npz", "-o", "part.json")
+        stopped = hfa(*words, "-o", "part.json", err=Terminal())
     assert (stopped.code, stopped.out) == (INTERRUPTED, "")
     assert stopped.err.endswith("hfa: interrupted\n")
     assert not Path("part.json").exists()
-    resumed = hfa(*words, "--resume", "state.npz", "-o", "resumed.json")
-    assert resumed == whole
-    assert Path("resumed.json").read_bytes() == Path("whole.json").read_bytes()
 
 
-def test_verify_resumes_too_and_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("verify", "--model", small("plant.json"), *QUICK)
-    assert interrupted(monkeypatch, 0.5, *words, "--save", "state.npz").code == INTERRUPTED
-    assert hfa(*words, "--resume", "state.npz") == hfa(*words)
+@pytest.mark.parametrize("law", LAWS)
+def test_the_same_run_gives_the_same_bytes(law: str) -> None:
+    words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
+    assert hfa(*words, "-o", "one.json") == hfa(*words, "-o", "two.json")
+    assert Path("one.json").read_bytes() == Path("two.json").read_bytes()
 
 
-def test_a_state_is_refused_by_another_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert hfa("learn", *AT_15, *QUICK, "--save", "state.npz").code == DONE
-    for words in (("--dihedral", "14"), (*AT_15, "--seed", "1"), (*AT_15, "--delta", "201"), (*AT_15, "--law", "irl")):
-        quick = () if "irl" in words else QUICK
-        result = hfa("learn", *words, *quick, "--resume", "state.npz")
-        assert (result.code, result.out) == (2, "")
-        assert "state.npz is of a run with another game, stack, law, settings or version" in result.err
+@pytest.mark.parametrize("command", ["learn", "verify"])
+@pytest.mark.parametrize("option", ["--save", "--resume"])
+def test_states_of_runs_are_no_longer_kept(command: str, option: str) -> None:
+    result = hfa(command, "--model", small("plant.json"), option, "state.npz")
+    assert_refused(result, BAD_INPUT, f"{option} is no longer there: a run takes about a second; run it again")
 
 
 def test_progress_is_shown_on_a_terminal_alone() -> None:

@@ -34,7 +34,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (f"{FLY} --initial speed=1 --initial speed=2", "speed is given twice"),
         (f"sweep --dihedral 0:10:5 --vary dihedral=0:20:10 {STORE}", "dihedral is given twice, by --dihedral and by"),
         (f"sweep --vary panel_mass=1,2 --vary panel_mass=3 {STORE}", "panel_mass is given twice"),
-        ("learn --dihedral 15 --save a.npz -o a.npz", "--save and --output are both a.npz"),
         # What belongs to something that was not asked for.
         (f"sweep --dihedral 0:10:5 --seed 3 {STORE}", "--seed belongs to --samples"),
         ("sweep --dihedral 0:10:5 --seed 0", "--seed needs a store"),

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,14 +206,16 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
         if row.startswith("learning alone"):
             raise KeyboardInterrupt
 
-    words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit")
+    words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "rows")
     names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
     with monkeypatch.context() as patched:
         patched.setattr("hfa_cli.commands.study._show", stop)
-        assert hfa(*words, "--save", "state.json", err=Terminal()).code == INTERRUPTED
-    kept = json.loads(Path("state.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
-    assert [row["name"] for row in kept["rows"]] == names[:1]
-    whole = hfa(*words, "--resume", "state.json", "-o", "study.json", err=Terminal())
+        assert hfa(*words, err=Terminal()).code == INTERRUPTED
+    assert [path.name for path in Path("rows").iterdir()] == ["theorem-gains-explicit.json"]
+    kept = json.loads(
+        Path("rows", "theorem-gains-explicit.json").read_text(encoding="utf-8"), parse_constant=pytest.fail
+    )
+    whole = hfa(*words, "--resume", "-o", "study.json", err=Terminal())
     assert whole.code == DONE
     assert "study: 100 %" in whole.err
     assert names[0] not in whole.err
@@ -228,7 +231,34 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
 
     monkeypatch.setattr("controller.study.published_study._run", refuse)
     for suffix in ("json", "npz", "mat", "csv"):
-        again = hfa(*words, "--resume", "study.json", "-o", f"again.{suffix}")
+        again = hfa(*words, "--resume", "-o", f"again.{suffix}")
         assert (again.code, again.out, again.err) == (DONE, whole.out, "")
     assert Path("again.json").read_bytes() == Path("study.json").read_bytes()
     assert len(Path("again.csv").read_text(encoding="utf-8").splitlines()) == 2 + 48 + 4
+    with pytest.raises(AssertionError, match="is run again"):
+        hfa(*words)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text.replace('"eta": 0.8', '"eta": 0.7') + "{",
+        lambda text: text.replace('"identity": "', '"identity": "0'),
+        lambda text: text.replace('"toolchain": "', '"toolchain": "0'),
+        lambda text: text.replace("hfa.published-study/1", "hfa.published-study/0"),
+        lambda text: "[1]",
+    ],
+)
+def test_a_row_that_is_not_todays_is_run_again(damage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("study", "--only", "theorem gains, explicit", "--folder", "rows", "--resume")
+    whole, file = hfa(*words), Path("rows", "theorem-gains-explicit.json")
+    assert whole.code == DONE
+    text = file.read_text(encoding="utf-8")
+    file.write_text(damage(text), encoding="utf-8")
+    assert file.read_text(encoding="utf-8") != text
+    assert hfa(*words) == whole
+    assert file.read_text(encoding="utf-8") == text
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
+        assert hfa(*words) == whole
+    assert '"toolchain": "0.0.9"' in file.read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.experiment_flights import fly
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
-from verification.experiments.result_folder import finished, write_outcome
+from verification.experiments.result_folder import finished_experiment, write_outcome
 from verification.experiments.setting import Setting
 
 SCHEMA = "hfa.claims/1"
@@ -63,7 +63,7 @@ def reproduce(
     """
     results = []
     for experiment in chosen:
-        known = finished(experiment, setting, folder) if resume else None
+        known = finished_experiment(experiment, setting, folder) if resume else None
         results.append(known or write_outcome(run_experiment(experiment, setting, progress), folder))
     return claims_table(setting, results)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 import tempfile
@@ -13,8 +12,8 @@ from typing import Any
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.figure import save
 from hfa_model.support.files import save_npz, write_text
+from hfa_model.support.finished import finished, stamp
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.version import toolchain_version
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import Picture, draw
@@ -24,16 +23,15 @@ SCHEMA = "hfa.experiment/1"
 _RESULT = "result.json"
 
 
-def identity(experiment: Experiment, setting: Setting) -> str:
-    """A hash of everything that decides the numbers of an experiment: matrices, reading, flights, claims."""
-    decides = {
+def deciding(experiment: Experiment, setting: Setting) -> dict[str, Any]:
+    """Everything that decides the numbers of an experiment: matrices, configuration, flights, claims."""
+    return {
         "schema": SCHEMA,
         "section": experiment.section,
         "setting": setting.identity,
         "flights": [vars(plan) for plan in experiment.flights(setting)],
         "claims": [[claim.number, claim.what, claim.relation, claim.limit] for claim in experiment.claims],
     }
-    return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 
 def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
@@ -42,8 +40,7 @@ def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
     result: dict[str, Any] = jsonable(
         {
             "schema": SCHEMA,
-            "toolchain": toolchain_version(),
-            "identity": identity(experiment, setting),
+            **stamp(deciding(experiment, setting)),
             "section": experiment.section,
             "title": experiment.title,
             "matrices": setting.matrices,
@@ -86,16 +83,14 @@ def _name(picture: Picture) -> str:
     return f"figure-{picture.number:02d}"
 
 
-def finished(experiment: Experiment, setting: Setting, folder: Path) -> dict[str, Any] | None:
+def finished_experiment(experiment: Experiment, setting: Setting, folder: Path) -> dict[str, Any] | None:
     """The result of an earlier run of this version with the same identity, if all its files are there."""
     place = folder / experiment.section
-    try:
-        result: dict[str, Any] = json.loads((place / _RESULT).read_text(encoding="utf-8"))
-        names = [f"{name}.{suffix}" for name in result["pictures"] for suffix in ("png", "npz")]
-        same = (result["toolchain"], result["identity"]) == (toolchain_version(), identity(experiment, setting))
-    except (OSError, ValueError, KeyError, TypeError):
+    result = finished(place / _RESULT, deciding(experiment, setting))
+    if result is None:
         return None
-    return result if same and all((place / name).is_file() for name in names) else None
+    names = [f"{name}.{suffix}" for name in result["pictures"] for suffix in ("png", "npz")]
+    return result if all((place / name).is_file() for name in names) else None
 
 
 def json_text(data: Mapping[str, Any]) -> str:

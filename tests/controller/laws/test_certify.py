@@ -9,9 +9,16 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
 from controller.game.basis import basis
-from controller.game.learning_result import Certificate, Excitation
+from controller.game.learning_result import Excitation, SelfCheck
 from controller.game.zero_sum import Game
-from controller.laws.certify import certificates, newton_correction, positivity, relative_residual, settling_time
+from controller.laws.certify import (
+    RESIDUAL_LIMIT,
+    certificates,
+    newton_correction,
+    positivity,
+    relative_residual,
+    settled_at,
+)
 from controller.laws.learn import learn
 from controller.samples.recording import choose, random_pool, record
 from controller.samples.stack_equations import StackEquations
@@ -101,18 +108,18 @@ def test_singular_closed_loop_has_no_correction() -> None:
 
 
 def test_relations_are_what_they_say() -> None:
-    rows = {relation: Certificate("x", 1.0, relation, 1.0).ok for relation in ("<", "<=", ">", ">=")}
+    rows = {relation: SelfCheck("x", 1.0, relation, 1.0).ok for relation in ("<", "<=", ">", ">=")}
     assert rows == {"<": False, "<=": True, ">": False, ">=": True}
-    assert not any(Certificate("x", np.nan, relation, 1.0).ok for relation in rows)
-    assert str(Certificate("rank", 20.0, ">=", 21.0)) == "rank is 20 and must be >= 21"
+    assert not any(SelfCheck("x", np.nan, relation, 1.0).ok for relation in rows)
+    assert str(SelfCheck("rank", 20.0, ">=", 21.0)) == "rank is 20 and must be >= 21"
 
 
-def test_settling_time_is_the_last_entry_below_the_limit() -> None:
+def test_settled_is_the_first_time_of_the_last_stay_within_the_band() -> None:
     times = np.arange(5.0)
-    assert settling_time(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1e-13])) == 3.0
-    assert settling_time(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1.0])) == np.inf
-    assert settling_time(times, np.full(5, 1e-12)) == 0.0
-    assert settling_time(times, np.array([1.0, 1e-12, np.nan, 1e-12, 1e-12])) == 3.0
+    assert settled_at(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1e-13]), RESIDUAL_LIMIT) == 3.0
+    assert settled_at(times, np.array([1.0, 1e-12, 1.0, 1e-12, 1.0]), RESIDUAL_LIMIT) == np.inf
+    assert settled_at(times, np.full(5, 1e-12), RESIDUAL_LIMIT) == 0.0
+    assert settled_at(times, np.array([1.0, 1e-12, np.nan, 1e-12, 1e-12]), RESIDUAL_LIMIT) == 3.0
 
 
 def test_singular_weights_are_told_from_definite_ones_beyond_rounding() -> None:

@@ -162,6 +162,6 @@ def test_a_flight_that_leaves_all_bounds_is_refused() -> None:
 
 def test_recorded_pools_are_refused() -> None:
     game = stable_game()
-    with pytest.raises(BadInputError, match="'irl' flies its own data"):
+    with pytest.raises(BadInputError, match="'irl' records its own data"):
         learn(game, "irl", pool=random_pool(game, 30, 0))
     assert basis("quadratic", 2).size == 3
