@@ -19,7 +19,7 @@ from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.linearize import LinearModel
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
-from verification.experiments.configuration import default_reading
+from verification.experiments.configuration import section5_configuration
 
 #: Laws that fly: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
@@ -113,7 +113,7 @@ def initial_of(words: list[str] | None) -> np.ndarray:
     """`NAME=VALUE` words of --initial as a deviation from trim, (7,)."""
     start = np.zeros(len(STATES))
     if words == [PAPER]:
-        start[[STATES.index(name) for name in LINEAR_STATES]] = default_reading().initial
+        start[[STATES.index(name) for name in LINEAR_STATES]] = section5_configuration().initial
         return start
     for name, text in split_assignments(words).items():
         _known("--initial", name, STATES)
@@ -124,7 +124,8 @@ def initial_of(words: list[str] | None) -> np.ndarray:
 def signal_of(option: str, words: list[str] | None) -> Signal:
     """`NAME=CONSTANT[:AMPLITUDE:RAD/S]` words of an option, (6,)."""
     if words == [PAPER]:
-        return default_reading().signal(option.removeprefix("--"))
+        configuration = section5_configuration()
+        return {"--reference": configuration.reference, "--disturbance": configuration.disturbance}[option].signal
     constant = np.zeros(len(LINEAR_STATES))
     harmonics = []
     for name, text in split_assignments(words).items():

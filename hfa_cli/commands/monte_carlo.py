@@ -179,14 +179,14 @@ def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -
 def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
     from controller.monte_carlo.monte_carlo_plan import critic_law
     from verification.experiments import flown_laws as laws
-    from verification.experiments.configuration import default_reading
-    from verification.experiments.setting import Case, Setting
+    from verification.experiments.configuration import section5_configuration
+    from verification.experiments.setting import PaperCase, Setting
 
-    name = laws.HELPED if law == "published-helped" else laws.PRINTED
-    reading = default_reading()
-    case = Case(math.degrees(model.point.states.dihedral), game, model.input_offsets)
+    name = laws.MODIFIED if law == "published-helped" else laws.PRINTED
+    configuration = section5_configuration()
+    case = PaperCase(math.degrees(model.point.states.dihedral), game, model.input_offsets)
     flown = laws.pilot(
-        Setting(reading, "regenerated", ()), case, name, reading.predefined_time("5.1"), False, reference
+        Setting(configuration, "regenerated", ()), case, name, configuration.predefined_time("5.1"), False, reference
     )
     assert isinstance(flown.policy, CriticPolicy)
     return critic_law(law, flown.policy)

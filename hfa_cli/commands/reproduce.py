@@ -1,8 +1,8 @@
-"""Fly Section 5 of the paper again: figures 3 to 23 anew, and every claim with its number, law by law.
+"""Simulate Section 5 of the paper again: figures 3 to 23 anew, and every claim with its number, law by law.
 
 Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim
-that is not confirmed is a result, not a failure. Exit code 0 when everything was flown, 1 when a law of this
-project lost a flight or was not certified, or a game has no solution.
+that is not confirmed is a result, not a failure. Exit code 0 when every flight was simulated, 1 when a law
+of this project lost a flight or was not certified, or a game has no solution.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import argparse
 from hfa_cli.argument_types import parsed
 from hfa_cli.output import Progress, check_folder
 from hfa_cli.parser import add_value
+from hfa_cli.removed_options import add_removed
 from hfa_model.support.files import write_text
 
 
@@ -23,22 +24,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", required=True, type=folder, metavar="FOLDER", help=about)
     about = "regenerated (trimmed and linearized here; default) or printed"
     add_value(parser, "--matrices", str, "SOURCE", about, default="regenerated")
-    parser.add_argument("--reading", metavar="FILE", help="another reading of what the print leaves open (.toml)")
     parser.add_argument("--resume", action="store_true", help="keep experiments that are finished")
+    add_removed(parser, "--reading", "the configuration is that of verification/experiments/section5.toml")
     parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly, draw, judge, write."""
-    from verification.experiments.configuration import default_reading, load_reading
+    """Simulate, draw, check, write."""
+    from verification.experiments.configuration import section5_configuration
     from verification.experiments.reproduction import experiments, reproduce
     from verification.experiments.result_folder import json_text
     from verification.experiments.setting import make_setting
     from verification.experiments.tables import claims_markdown, claims_text
 
     chosen = experiments(arguments.experiment)
-    reading = default_reading() if arguments.reading is None else load_reading(arguments.reading)
-    setting = make_setting(reading, arguments.matrices)
+    setting = make_setting(section5_configuration(), arguments.matrices)
     folder = arguments.output
     folder.mkdir(exist_ok=True)
     counters: dict[str, Progress] = {}

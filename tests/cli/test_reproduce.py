@@ -3,33 +3,50 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import Terminal, assert_refused, hfa
-from experiment_readings import SHORT, reading_file
+from experiment_configurations import BRIEF, COARSE, Changes, changed
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
-from verification.experiments import reproduction as reproduce, result_folder as store
-from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED
+from verification.experiments import configuration, reproduction as reproduce, result_folder as store
+from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.flown_laws import PRINTED
 from verification.experiments.reproduction import EXPERIMENTS
 
 FIGURES = {"5.1": range(3, 11), "5.2": range(11, 14), "5.3": range(14, 22), "5.4": range(22, 24)}
 
 
-@pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return reading_file(tmp_path_factory.mktemp("reading"), SHORT)
+SHORT = (COARSE, BRIEF)
+
+
+@contextmanager
+def configured(*changes: Changes) -> Iterator[None]:
+    """Within the block, `hfa reproduce` has another configuration."""
+    other = changed(*changes)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(configuration, "section5_configuration", lambda: other)
+        yield
+
+
+@pytest.fixture
+def short() -> Iterator[None]:
+    """One second of flight."""
+    with configured(*SHORT):
+        yield
 
 
 @pytest.fixture(scope="module")
-def finished(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All experiments, one second each."""
     folder = tmp_path_factory.mktemp("all") / "out"
-    result = hfa("reproduce", "all", "-o", str(folder), "--reading", str(short))
+    with configured(*SHORT):
+        result = hfa("reproduce", "all", "-o", str(folder))
     assert (result.code, result.err) == (DONE, "")
     assert len(result.out.splitlines()) == 2 + sum(len(one.claims) for one in EXPERIMENTS.values())
     return folder
@@ -73,9 +90,9 @@ def test_the_table_holds_every_claim_and_every_flight(finished: Path) -> None:
     assert [one["number"] for one in table["claims"]] == [c.number for e in EXPERIMENTS.values() for c in e.claims]
     assert sum(table["verdicts"].values()) == len(table["claims"])
     for one in table["claims"]:
-        assert one["verdict"] in (CONFIRMED, NOT_CONFIRMED, NOT_JUDGED)
+        assert one["verdict"] in (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)
         holds = one["findings"][one["subject"]]["holds"]
-        assert one["verdict"] == NOT_JUDGED or holds == (one["verdict"] == CONFIRMED)
+        assert one["verdict"] == NOT_DECIDABLE or holds == (one["verdict"] == CONFIRMED)
         assert one["reason"]
     assert {flight["law"] for flight in table["lost_flights"]} == {PRINTED}
     assert table["own_failures"] == []
@@ -91,37 +108,40 @@ def test_numbers_of_claims_are_unique() -> None:
     assert len(set(numbers)) == len(numbers)
 
 
-def test_resuming_flies_nothing_again(finished: Path, short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resuming_simulates_nothing_again(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = contents(finished)
 
     def refuse(*_: Any) -> None:
-        raise AssertionError("flown again")
+        raise AssertionError("simulated again")
 
     monkeypatch.setattr(reproduce, "fly", refuse)
-    result = hfa("reproduce", "all", "-o", str(finished), "--reading", str(short), "--resume", "--json")
-    assert result.code == DONE
-    assert json.loads(result.out) == table_of(finished)
-    assert contents(finished) == before
-    with pytest.raises(AssertionError, match="flown again"):
-        hfa("reproduce", "5.4", "-o", str(finished), "--resume")  # another reading is another experiment
-    with pytest.raises(AssertionError, match="flown again"):
-        hfa("reproduce", "5.4", "-o", str(finished), "--reading", str(short))
-    monkeypatch.setattr(store, "toolchain_version", lambda: "0.0.9")
-    with pytest.raises(AssertionError, match="flown again"):
-        hfa("reproduce", "all", "-o", str(finished), "--reading", str(short), "--resume")
+    with configured(*SHORT):
+        result = hfa("reproduce", "all", "-o", str(finished), "--resume", "--json")
+        assert result.code == DONE
+        assert json.loads(result.out) == table_of(finished)
+        assert contents(finished) == before
+        with pytest.raises(AssertionError, match="simulated again"):
+            hfa("reproduce", "5.4", "-o", str(finished))
+    with pytest.raises(AssertionError, match="simulated again"):
+        hfa("reproduce", "5.4", "-o", str(finished), "--resume")  # another configuration is another experiment
+    monkeypatch.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
+    with configured(*SHORT), pytest.raises(AssertionError, match="simulated again"):
+        hfa("reproduce", "all", "-o", str(finished), "--resume")
     assert contents(finished) == before
 
 
-def test_the_same_run_gives_the_same_bits(finished: Path, short: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("short")
+def test_the_same_run_gives_the_same_bits(finished: Path, tmp_path: Path) -> None:
     folder = tmp_path / "again"
-    assert hfa("reproduce", "5.4", "-o", str(folder), "--reading", str(short)).code == DONE
+    assert hfa("reproduce", "5.4", "-o", str(folder)).code == DONE
     again = contents(folder / "5.4")
     assert len(again) == 5
     assert again == contents(finished / "5.4")
 
 
-def test_a_damaged_result_is_made_anew(short: Path, tmp_path: Path) -> None:
-    words = ("reproduce", "5.4", "-o", str(tmp_path / "out"), "--reading", str(short), "--resume")
+@pytest.mark.usefixtures("short")
+def test_a_damaged_result_is_made_anew(tmp_path: Path) -> None:
+    words = ("reproduce", "5.4", "-o", str(tmp_path / "out"), "--resume")
     assert hfa(*words).code == DONE
     before = contents(tmp_path / "out")
     (tmp_path / "out" / "5.4" / "figure-22.png").unlink()
@@ -133,22 +153,22 @@ def test_a_damaged_result_is_made_anew(short: Path, tmp_path: Path) -> None:
     assert contents(tmp_path / "out") == before
 
 
-def test_an_interruption_leaves_nothing_half_written(
-    short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("short")
+def test_an_interruption_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(store, "save", interrupt)
-    result = hfa("reproduce", "5.4", "-o", str(tmp_path / "out"), "--reading", str(short))
+    result = hfa("reproduce", "5.4", "-o", str(tmp_path / "out"))
     assert result.code == INTERRUPTED
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_progress_is_for_a_terminal(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("short")
+def test_progress_is_for_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, folder: store.result_of(outcome, ()))
     terminal = Terminal()
-    words = ("reproduce", "5.4", "-o", str(tmp_path), "--reading", str(short))
+    words = ("reproduce", "5.4", "-o", str(tmp_path))
     assert hfa(*words, err=terminal).code == DONE
     assert "reproduce 5.4:  50 %" in terminal.getvalue()
     assert terminal.getvalue().endswith("\r\033[K")
@@ -163,8 +183,7 @@ def test_progress_is_for_a_terminal(short: Path, tmp_path: Path, monkeypatch: py
         (("5.1", "-o", "nowhere/out"), "cannot make the folder"),
         (("5.1", "-o", "file"), "cannot make the folder"),
         (("5.1", "-o", "out", "--matrices", "guessed"), "unknown matrices 'guessed'"),
-        (("5.1", "-o", "out", "--reading", "none.toml"), "cannot be read"),
-        (("5.1", "-o", "out", "--reading", "file"), "is missing"),
+        (("5.1", "-o", "out", "--reading", "file"), "--reading is no longer there: the configuration is that of"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -178,9 +197,8 @@ def test_bad_input_is_one_line(
 
 def test_a_law_of_ours_that_is_lost_is_a_failure(tmp_path: Path) -> None:
     """A wrong plant is unstable under every gain: the exact law is lost, and the exit code says so."""
-    unstable = {"factors = [0.0, 0.1, 0.3, -0.2]": "factors = [0.0, 0.1, 0.3, -30.0]"}
-    path = reading_file(tmp_path, SHORT | unstable)
-    result = hfa("reproduce", "5.3", "-o", str(tmp_path / "out"), "--reading", str(path), "--json")
+    with configured(*SHORT, {"uncertainty": {"factors": (0.0, 0.1, 0.3, -30.0)}}):
+        result = hfa("reproduce", "5.3", "-o", str(tmp_path / "out"), "--json")
     assert result.code == FAILED
     table = json.loads(result.out)
     assert "5.3: 5 deg, exact, A - 30 A" in table["own_failures"]

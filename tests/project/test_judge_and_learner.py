@@ -5,7 +5,7 @@ from __future__ import annotations
 from import_graph import imports_of, project_sources
 
 from verification.critic.critic_check import ORDINARY_DEVIATIONS
-from verification.experiments.configuration import default_reading
+from verification.experiments.configuration import section5_configuration
 
 #: Values, bases and files: what a critic is made of.
 JUDGED = {"controller.game.basis", "controller.game.model_file", "controller.game.learning_result"}
@@ -16,5 +16,5 @@ def test_the_command_takes_no_yardstick_from_the_learner() -> None:
     assert {name for name in used if name.startswith("controller")} <= JUDGED
 
 
-def test_the_box_of_the_judge_is_that_of_the_reading() -> None:
-    assert list(ORDINARY_DEVIATIONS) == default_reading()["critic"]["box"]
+def test_the_box_of_the_judge_is_that_of_section_5() -> None:
+    assert tuple(ORDINARY_DEVIATIONS) == section5_configuration().critic.box

@@ -1,32 +1,26 @@
-"""What Section 5 says, and the machinery that holds it against what was flown."""
+"""What Section 5 says, and how it is checked against what was simulated."""
 
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from hfa_model.support.checks import finite_or_none
+from hfa_model.support.checks import RELATIONS, Check, finite_or_none
+from verification.experiments.configuration import Criteria
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED
 from verification.experiments.setting import Setting
 
 CONFIRMED, NOT_CONFIRMED = "confirmed", "not confirmed"
-NOT_JUDGED = "cannot be judged from the print"
-#: Whose findings stand beside the paper's law, and the optimum that tells what any law could do.
-LEARNING = (PRINTED, HELPED, CERTIFIED)
-TRACKING = (PRINTED, HELPED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
+NOT_DECIDABLE = "not decidable from the paper"
+#: Whose numbers stand beside the paper's law, and the optimum that tells what any law could do.
+LEARNING = (PRINTED, MODIFIED, CERTIFIED)
+TRACKING = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
 OPTIMUM = EXACT_FF
 #: The subject of statements about the printed numbers themselves.
 PRINT = "the print"
-_RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
-    "<=": operator.le,
-    ">=": operator.ge,
-    "<": operator.lt,
-    ">": operator.gt,
-}
 
 
 class FlightLostError(Exception):
@@ -58,9 +52,9 @@ class Claim:
     """One checkable sentence: `measure(evidence, law) relation limit`.
 
     says: the paper's sentence, paraphrased. what: the number that is measured, with its unit. limit: a number, or the
-    name of one in the criteria of the reading. laws: for which it is measured; subject: the one it is about. missing:
-    what the print would have to say before the sentence could be judged; "" when it can. why: what lies behind the
-    outcome, as far as the number does not tell.
+    name of one of the `Criteria`. laws: for which it is measured; subject: the one it is about. missing: what the
+    paper would have to say before the sentence could be decided; "" when it can. why: what lies behind the outcome, as
+    far as the number does not tell.
     """
 
     number: str
@@ -70,29 +64,27 @@ class Claim:
     relation: str
     limit: float | str
     laws: tuple[str, ...] = TRACKING
-    subject: str = HELPED
+    subject: str = MODIFIED
     missing: str = ""
     why: str = ""
 
-
-@dataclass(frozen=True)
-class Finding:
-    """value: inf when a flight was lost, and then `holds` is False and `note` says which."""
-
-    value: float
-    holds: bool
-    note: str = ""
+    def limit_of(self, criteria: Criteria) -> float:
+        """The limit as a number."""
+        return float(getattr(criteria, self.limit)) if isinstance(self.limit, str) else self.limit
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """A claim with its findings by law, its verdict and the reason."""
+class CheckedClaim:
+    """A claim with one check for each law, its verdict and the reason.
+
+    checks: by law; value inf and the reason which flight it was when a flight was lost.
+    """
 
     claim: Claim
     limit: float
     verdict: str
     reason: str
-    findings: Mapping[str, Finding] = field(default_factory=dict)
+    checks: Mapping[str, Check]
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; a number that is not finite becomes None."""
@@ -106,37 +98,38 @@ class Judgement:
             "verdict": self.verdict,
             "reason": self.reason,
             "findings": {
-                law: {"value": finite_or_none(found.value), "holds": found.holds, "note": found.note}
-                for law, found in self.findings.items()
+                law: {"value": finite_or_none(check.value), "holds": check.ok, "note": check.reason}
+                for law, check in self.checks.items()
             },
         }
 
 
-def judge(claim: Claim, evidence: Evidence) -> Judgement:
+def check_claim(claim: Claim, evidence: Evidence) -> CheckedClaim:
     """Measure a claim for every law; a law whose flight was lost does not fulfil it, whatever the number would be."""
-    limit = evidence.setting.reading["criteria"][claim.limit] if isinstance(claim.limit, str) else claim.limit
-    findings = {law: _find(claim, evidence, law, limit) for law in claim.laws}
-    holds = findings[claim.subject].holds
-    verdict = NOT_JUDGED if claim.missing else CONFIRMED if holds else NOT_CONFIRMED
-    return Judgement(claim, limit, verdict, _reason(claim, findings, limit), findings)
+    limit = claim.limit_of(evidence.setting.configuration.criteria)
+    checks = {law: _check(claim, evidence, law, limit) for law in claim.laws}
+    verdict = CONFIRMED if checks[claim.subject].ok else NOT_CONFIRMED
+    return CheckedClaim(
+        claim, limit, NOT_DECIDABLE if claim.missing else verdict, _reason(claim, checks, limit), checks
+    )
 
 
-def _find(claim: Claim, evidence: Evidence, law: str, limit: float) -> Finding:
+def _check(claim: Claim, evidence: Evidence, law: str, limit: float) -> Check:
     try:
         value = claim.measure(evidence, law)
     except FlightLostError as lost:
-        return Finding(math.inf, False, str(lost))
-    return Finding(value, not math.isnan(value) and _RELATIONS[claim.relation](value, limit))
+        return Check(law, math.inf, limit, ok=False, reason=str(lost))
+    return Check(law, value, limit, ok=RELATIONS[claim.relation](value, limit), reason="")
 
 
-def _reason(claim: Claim, findings: Mapping[str, Finding], limit: float) -> str:
+def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """The subject's number against the limit, what the optimum does, and what lies behind it."""
-    own = findings[claim.subject]
-    parts = [f"the print would have to give {claim.missing}"] if claim.missing else []
-    told = own.note or f"{claim.what}: {own.value:.3g}"
-    parts.append(f"{claim.subject}: {told}; asked for is {claim.relation} {limit:.3g}")
-    if claim.subject == HELPED and OPTIMUM in findings and not own.holds:
-        best = findings[OPTIMUM]
-        able = "the optimum does it" if best.holds else "not even the optimum of this game does it"
+    own = checks[claim.subject]
+    parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
+    told = own.reason or f"{claim.what}: {own.value:.3g}"
+    parts.append(f"{claim.subject}: {told}; the limit is {claim.relation} {limit:.3g}")
+    if claim.subject == MODIFIED and OPTIMUM in checks and not own.ok:
+        best = checks[OPTIMUM]
+        able = "the optimum meets it" if best.ok else "not even the optimum of this game meets it"
         parts.append(f"{able} ({best.value:.3g})")
     return "; ".join([*parts, *([claim.why] if claim.why else [])])

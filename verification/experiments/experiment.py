@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from verification.experiments.claims import Claim, Judgement
+from verification.experiments.claims import CheckedClaim, Claim
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.panels import Picture
+from verification.experiments.panels import PaperFigure
 from verification.experiments.setting import Setting
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
@@ -22,14 +22,14 @@ class Experiment:
     title: str
     flights: Callable[[Setting], tuple[FlightPlan, ...]]
     claims: tuple[Claim, ...]
-    pictures: Callable[[Setting, Mapping[FlightPlan, FlightRecord]], tuple[Picture, ...]]
+    pictures: Callable[[Setting, Mapping[FlightPlan, FlightRecord]], tuple[PaperFigure, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """An experiment that was flown."""
+    """An experiment whose flights were simulated and whose claims were checked."""
 
     experiment: Experiment
     setting: Setting
     flown: Mapping[FlightPlan, FlightRecord]
-    judgements: tuple[Judgement, ...]
+    claims: tuple[CheckedClaim, ...]

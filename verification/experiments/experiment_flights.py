@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from controller.flight.plants import LinearPlant
 from controller.flight.signals import Signal, zero
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.flown_laws import Critic, Pilot, pilot
-from verification.experiments.metrics import flight_metrics, learning_metrics, residual_at
+from verification.experiments.metrics import FlightMetrics, flight_metrics, learning_metrics, residual_at
 from verification.experiments.setting import Setting
 
 
@@ -46,7 +45,6 @@ class FlightRecord:
 
     times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman residual of the learned
     value at the flown error; critic: None for laws that do not learn. lost_at: s, inf when it came to its end.
-    metrics: see `metrics`.
     """
 
     plan: FlightPlan
@@ -59,7 +57,7 @@ class FlightRecord:
     residual: np.ndarray
     learned_from: float
     lost_at: float
-    metrics: dict[str, Any]
+    metrics: FlightMetrics
 
     @property
     def held(self) -> bool:
@@ -69,22 +67,22 @@ class FlightRecord:
 
 def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     """Fly a plan under the conditions of a section of the paper."""
-    reading, case = setting.reading, setting.case(plan.dihedral_deg)
+    configuration, case = setting.configuration, setting.case(plan.dihedral_deg)
     nothing = zero(len(LINEAR_STATES))
-    reference = reading.signal("reference") if plan.commanded else nothing
-    predefined_time = reading.predefined_time(section)
-    flown = pilot(setting, case, plan.law, predefined_time, reading.frozen(section), reference)
+    reference = configuration.reference.signal if plan.commanded else nothing
+    predefined_time = configuration.predefined_time(section)
+    flown = pilot(setting, case, plan.law, predefined_time, configuration.frozen(section), reference)
     loop = _loop(setting, plan, flown, reference)
-    start = reading.initial if plan.commanded else np.zeros(len(LINEAR_STATES))
+    start = configuration.initial if plan.commanded else np.zeros(len(LINEAR_STATES))
     flight, lost_at = _flown(setting, loop, flown, start)
-    each = setting.reading.steps_per_tick
+    each = configuration.flight.steps_per_tick
     times, errors = flight.times[::each], flight.errors[::each]
     # A flight that is lost in its first tick leaves its start behind.
     critic = flown.critic(flight.memory[::each]) if flown.critic is not None else None
     residual = residual_at(case.game, critic.basis, critic.weights, errors) if critic is not None else np.zeros(0)
-    metrics = flight_metrics(setting, case, flight, lost_at)
+    learning = None
     if critic is not None:
-        metrics["learning"] = learning_metrics(times, critic, residual, predefined_time, lost_at)
+        learning = learning_metrics(times, critic, residual, predefined_time, lost_at)
     return FlightRecord(
         plan=plan,
         times=times,
@@ -96,29 +94,29 @@ def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
         residual=residual,
         learned_from=flown.learned_from,
         lost_at=lost_at,
-        metrics=metrics,
+        metrics=flight_metrics(setting, case, flight, lost_at, learning),
     )
 
 
 def _loop(setting: Setting, plan: FlightPlan, flown: Pilot, reference: Signal) -> CompiledLoop:
     game, nothing = setting.case(plan.dihedral_deg).game, zero(len(LINEAR_STATES))
     plant = LinearPlant((1.0 + plan.uncertainty) * game.A, game.B)
-    noise = setting.reading.signal("noise") if plan.noise else nothing
-    return CompiledLoop(ClosedLoop(plant, flown.policy, reference, setting.reading.signal("disturbance"), noise))
+    noise = setting.configuration.noise.signal if plan.noise else nothing
+    return CompiledLoop(ClosedLoop(plant, flown.policy, reference, setting.configuration.disturbance.signal, noise))
 
 
 def _flown(setting: Setting, loop: CompiledLoop, flown: Pilot, start: np.ndarray) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
-    settings = setting.reading["flight"]
-    limit = settings["lost_beyond"]
+    settings = setting.configuration.flight
+    limit = settings.lost_beyond
     n = len(LINEAR_STATES)
     with np.errstate(invalid="ignore", over="ignore"):
         flight = loop.fly(
             start,
             flown.constants,
-            step=settings["step"],
-            steps_per_tick=setting.reading.steps_per_tick,
-            ticks=round(settings["duration"] / settings["tick"]),
+            step=settings.step,
+            steps_per_tick=settings.steps_per_tick,
+            ticks=settings.ticks,
             memory=flown.memory,
             stop=lambda rows: not (np.all(np.abs(rows[:, :n]) <= limit) and np.all(np.isfinite(rows))),
         )

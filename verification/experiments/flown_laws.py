@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,21 +18,21 @@ from controller.laws.learn import learn
 from controller.laws.published_law import PublishedLaw, PublishedSettings, published_law
 from controller.samples.recording import Stack, random_pool
 from hfa_model.vectors import LINEAR_STATES
-from verification.experiments.setting import Case, Setting, feedforward, generator
+from verification.experiments.setting import PaperCase, Setting, feedforward, generator
 from verification.riccati.gare import solve_game
 
-PRINTED, HELPED = "published, as printed", "published, helped"
+PRINTED, MODIFIED = "published, as printed", "published, modified"
 CERTIFIED, CERTIFIED_FF = "certified", "certified + feed-forward"
-IRL = "irl"
+INTEGRAL = "integral RL"
 EXACT, EXACT_FF, REWEIGHTED = "exact", "exact + feed-forward", "exact, alpha reweighted"
 
 #: What each law is, for tables and figures.
 LAWS = {
     PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
-    HELPED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
+    MODIFIED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
     CERTIFIED: "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified",
     CERTIFIED_FF: "the same, with the exact feed-forward from the first certified gain on",
-    IRL: "u = -K(t) z, integral learning in flight from the same gentle LQR",
+    INTEGRAL: "u = -K(t) z, integral RL learning in flight from the same gentle LQR",
     EXACT: "u = -K z with the exact solution of the game",
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
@@ -65,62 +65,69 @@ class Pilot:
     learned_from: float = 0.0
 
 
-def pilot(setting: Setting, case: Case, law: str, predefined_time: float, frozen: bool, reference: Signal) -> Pilot:
+def pilot(
+    setting: Setting, case: PaperCase, law: str, predefined_time: float, frozen: bool, reference: Signal
+) -> Pilot:
     """The law ready to fly a case that has learned nothing yet.
 
     predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which feed-forward and the
     published drift know.
     """
-    if law in (PRINTED, HELPED):
+    if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
-    if law in (CERTIFIED, CERTIFIED_FF, IRL):
+    if law in (CERTIFIED, CERTIFIED_FF, INTEGRAL):
         return _learned(setting, case, law, predefined_time, reference)
-    tuned = case.reweighted(setting.reading["reweighted"]["alpha_factor"]) if law == REWEIGHTED else case
+    tuned = case.reweighted(setting.configuration.reweighted.alpha_factor) if law == REWEIGHTED else case
     w = generator(reference)
     F = np.zeros((len(case.game.R), w.size)) if law == EXACT else feedforward(tuned, reference)
     constants = tracking_constants(tuned.exact.K, F)
     return Pilot(TrackingPolicy(w), lambda tick: constants, np.zeros(0), None)
 
 
-def recorded_pool(setting: Setting, case: Case) -> Stack:
+def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
     """The random states from which the stack of every critic is chosen."""
-    critic = setting.reading["critic"]
-    return random_pool(case.game, critic["pool"], critic["seed"], np.array(critic["box"], dtype=float))
+    critic = setting.configuration.critic
+    return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
 
 
-def published(setting: Setting, case: Case, law: str, predefined_time: float) -> PublishedLaw:
-    """Eq. (46) on the recorded stack, as printed or helped."""
-    reading = setting.reading
-    critic, own = reading["critic"], reading["published_helped" if law == HELPED else "published_as_printed"]
-    if law == HELPED:
-        start_game = replace(case.game, Q=own["start_Q"] * np.eye(len(LINEAR_STATES)), delta=np.inf)
-        functions = basis(own["basis"], len(LINEAR_STATES))
+def published(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> PublishedLaw:
+    """Eq. (46) on the recorded stack, as printed or modified."""
+    configuration = setting.configuration
+    critic, printed, modified = (
+        configuration.critic,
+        configuration.published_as_printed,
+        configuration.published_modified,
+    )
+    if law == MODIFIED:
+        start_game = replace(case.game, Q=modified.start_Q * np.eye(len(LINEAR_STATES)), delta=np.inf)
+        functions = basis(modified.basis, len(LINEAR_STATES))
         start: Any = tuple(functions.weights(solve_game(start_game).P).tolist())
-        gains = (own["alpha1"], own["alpha2"])
+        gains = (modified.alpha1, modified.alpha2)
     else:
-        functions, start, gains = basis(critic["basis"], len(LINEAR_STATES)), own["initial_weight"], None
+        functions, start, gains = basis(critic.basis, len(LINEAR_STATES)), printed.initial_weight, None
     chosen = PublishedSettings(
         predefined_time=predefined_time,
-        step=reading["flight"]["step"],
-        theta=critic["theta"],
+        step=configuration.flight.step,
+        theta=critic.theta,
         basis=functions.name,
-        samples=critic["samples"],
+        samples=critic.samples,
         initial_weights=start,
         recorded_weights=start,
-        normalisation=critic["normalisation"],
+        normalisation=critic.normalisation,
         gains=gains,
-        coordinates=own["coordinates"],
+        coordinates=modified.coordinates if law == MODIFIED else printed.coordinates,
     )
-    return published_law(case.game, chosen, critic["seed"], recorded_pool(setting, case))
+    return published_law(case.game, chosen, critic.seed, recorded_pool(setting, case))
 
 
 def _published(
-    setting: Setting, case: Case, name: str, predefined_time: float, frozen: bool, reference: Signal
+    setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
 ) -> Pilot:
     law = published(setting, case, name, predefined_time)
-    own = setting.reading["published_helped" if name == HELPED else "published_as_printed"]
-    told = forcing(case.game.A, reference) if own["drift"] == "with reference" else zero(len(LINEAR_STATES))
-    tick = setting.reading["flight"]["tick"]
+    configuration = setting.configuration
+    own = configuration.published_modified if name == MODIFIED else configuration.published_as_printed
+    told = forcing(case.game.A, reference) if own.drift == "with reference" else zero(len(LINEAR_STATES))
+    tick = setting.configuration.flight.tick
     on, off = np.ones(1), np.zeros(1)
 
     def constants(number: int) -> np.ndarray:
@@ -135,10 +142,14 @@ def _published(
     return Pilot(CriticPolicy(law, told), constants, law.start()["weights"], critic)
 
 
-def _learned(setting: Setting, case: Case, law: str, predefined_time: float, reference: Signal) -> Pilot:
+def _learned(setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal) -> Pilot:
     """K(t) from a learning run that goes on beside the flight; a baseline flies until K(t) is certified."""
-    tick = setting.reading["flight"]["tick"]
-    plan = _irl_plan(setting, case, tick) if law == IRL else _certified_plan(setting, case, predefined_time, tick)
+    tick = setting.configuration.flight.tick
+    plan = (
+        _integral_plan(setting, case, tick)
+        if law == INTEGRAL
+        else _certified_plan(setting, case, predefined_time, tick)
+    )
     assert plan.learned is not None
     learned, w = plan.learned, generator(reference)
     none = np.zeros((len(case.game.R), w.size))
@@ -158,27 +169,27 @@ def _learned(setting: Setting, case: Case, law: str, predefined_time: float, ref
     return Pilot(TrackingPolicy(w), constants, np.zeros(0), critic, plan.certified_from)
 
 
-def _certified_plan(setting: Setting, case: Case, predefined_time: float, tick: float) -> GainPlan:
-    critic = setting.reading["critic"]
+def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, tick: float) -> GainPlan:
+    critic = setting.configuration.critic
     learned = learn(
         case.game,
         "certified",
-        critic["seed"],
+        critic.seed,
         pool=recorded_pool(setting, case),
         predefined_time=predefined_time,
         tick=tick,
-        theta=critic["theta"],
-        basis=critic["basis"],
-        samples=critic["samples"],
-        initial_weights=setting.reading["published_as_printed"]["initial_weight"],
+        theta=critic.theta,
+        basis=critic.basis,
+        samples=critic.samples,
+        initial_weights=setting.configuration.published_as_printed.initial_weight,
     )
     return online_plan(case.game, "certified", learned, tick)
 
 
-def _irl_plan(setting: Setting, case: Case, tick: float) -> GainPlan:
-    chosen = {name: value for name, value in setting.reading["irl"].items() if name != "why"}
+def _integral_plan(setting: Setting, case: PaperCase, tick: float) -> GainPlan:
+    chosen = asdict(setting.configuration.irl)
     start = basis("quadratic", len(LINEAR_STATES)).weights(baseline_value(case.game) / BASELINE_EFFORT)
     learned = learn(
-        case.game, "irl", setting.reading["critic"]["seed"], initial_weights=tuple(start.tolist()), **chosen
+        case.game, "irl", setting.configuration.critic.seed, initial_weights=tuple(start.tolist()), **chosen
     )
     return online_plan(case.game, "irl", learned, tick)

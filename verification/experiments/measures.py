@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
 from verification.experiments.claims import Evidence
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.metrics import over
+from verification.experiments.metrics import FlightMetrics, LearningMetrics, over
 from verification.experiments.setting import Setting
 
 #: From a setting and a law to the flights that a claim looks at.
 Select = Callable[[Setting, str], tuple[FlightPlan, ...]]
 Measure = Callable[[Evidence, str], float]
+#: What is read of one flight: a number, or numbers by name.
+Quantity = Callable[[FlightMetrics], float | Mapping[str, float]]
 
 
-def worst(select: Select, *path: str, of: Iterable[str] = ()) -> Measure:
-    """The largest number under metrics[path...] over the flights; of: names to look at, all when empty."""
+def of_learning(number: Callable[[LearningMetrics], float]) -> Quantity:
+    """A number of the learning of a flight."""
+
+    def quantity(metrics: FlightMetrics) -> float:
+        assert metrics.learning is not None
+        return number(metrics.learning)
+
+    return quantity
+
+
+def worst(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
+    """The largest number over the flights; of: names to look at, all when empty."""
     names = tuple(of)
-
-    def measure(evidence: Evidence, law: str) -> float:
-        return max(_largest(_at(record, path), names) for record in evidence.records(*select(evidence.setting, law)))
-
-    return measure
+    return lambda evidence, law: max(max(_numbers(one, quantity, names)) for one in _selected(evidence, select, law))
 
 
-def smallest(select: Select, *path: str, of: Iterable[str] = ()) -> Measure:
+def smallest(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
     """The smallest such number."""
     names = tuple(of)
-
-    def measure(evidence: Evidence, law: str) -> float:
-        return min(
-            -_largest(_negative(_at(record, path)), names)
-            for record in evidence.records(*select(evidence.setting, law))
-        )
-
-    return measure
+    return lambda evidence, law: min(min(_numbers(one, quantity, names)) for one in _selected(evidence, select, law))
 
 
-def spread(select: Select, *path: str, of: Iterable[str] = ()) -> Measure:
+def spread(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
     """The largest (largest - smallest) / largest of a number between the flights; inf when it is inf in some only.
 
     A number that is inf in all flights (an error that never settles, say) tells nothing and is left out; inf when
@@ -49,10 +49,8 @@ def spread(select: Select, *path: str, of: Iterable[str] = ()) -> Measure:
     names = tuple(of)
 
     def measure(evidence: Evidence, law: str) -> float:
-        tables = [_at(record, path) for record in evidence.records(*select(evidence.setting, law))]
         found = []
-        for name in names or tables[0]:
-            values = np.array([table[name] for table in tables])
+        for values in np.array([_numbers(one, quantity, names) for one in _selected(evidence, select, law)]).T:
             if np.all(np.isfinite(values)):
                 found.append(over(float(np.ptp(values)), float(values.max())) if np.ptp(values) > 0.0 else 0.0)
             elif np.any(np.isfinite(values)):
@@ -62,57 +60,45 @@ def spread(select: Select, *path: str, of: Iterable[str] = ()) -> Measure:
     return measure
 
 
-def ratio(select: Select, other: Select, *path: str, of: Iterable[str] = ()) -> Measure:
+def ratio(select: Select, other: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
     """The largest number over the same number of the other flights, flight by flight and name by name."""
     names = tuple(of)
 
     def measure(evidence: Evidence, law: str) -> float:
-        pairs = zip(
-            evidence.records(*select(evidence.setting, law)),
-            evidence.records(*other(evidence.setting, law)),
-            strict=True,
+        pairs = zip(_selected(evidence, select, law), _selected(evidence, other, law), strict=True)
+        return max(
+            over(left, right)
+            for one, two in pairs
+            for left, right in zip(_numbers(one, quantity, names), _numbers(two, quantity, names), strict=True)
         )
-        found = []
-        for one, two in pairs:
-            left, right = _at(one, path), _at(two, path)
-            if isinstance(left, Mapping):
-                found += [over(left[name], right[name]) for name in names or left]
-            else:
-                found.append(over(left, right))
-        return max(found)
 
     return measure
 
 
 def residual_growth(select: Select) -> Measure:
     """Largest Bellman residual at the flown error after T_w over the largest before."""
-
-    def measure(evidence: Evidence, law: str) -> float:
-        return max(over(after, before) for _, before, after in _flown_residuals(evidence, select, law))
-
-    return measure
+    return lambda evidence, law: max(
+        over(after, before) for _, before, after in _flown_residuals(evidence, select, law)
+    )
 
 
 def residual_drop(select: Select) -> Measure:
     """Largest Bellman residual at the flown error after T_w over the one at the start."""
-
-    def measure(evidence: Evidence, law: str) -> float:
-        return max(over(after, start) for start, _, after in _flown_residuals(evidence, select, law))
-
-    return measure
+    return lambda evidence, law: max(over(after, start) for start, _, after in _flown_residuals(evidence, select, law))
 
 
-def _flown_residuals(evidence: Evidence, select: Select, law: str) -> list[Any]:
+def _flown_residuals(evidence: Evidence, select: Select, law: str) -> list[tuple[float, float, float]]:
     """Largest Bellman residual at the start, before T_w and after it, of each flight."""
-    return [record.metrics["learning"]["flown_residual"] for record in evidence.records(*select(evidence.setting, law))]
+    learning = [record.metrics.learning for record in _selected(evidence, select, law)]
+    return [metrics.flown_residual for metrics in learning if metrics is not None]
 
 
 def gain_error(select: Select, *, at_end_of_flight: bool = False) -> Measure:
     """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the exact solution."""
 
     def measure(evidence: Evidence, law: str) -> float:
-        at = np.inf if at_end_of_flight else evidence.setting.reading.predefined_time(evidence.section)
-        return max(_gain_error(evidence, record, at) for record in evidence.records(*select(evidence.setting, law)))
+        at = np.inf if at_end_of_flight else evidence.setting.configuration.predefined_time(evidence.section)
+        return max(_gain_error(evidence, record, at) for record in _selected(evidence, select, law))
 
     return measure
 
@@ -125,16 +111,10 @@ def _gain_error(evidence: Evidence, record: FlightRecord, time: float) -> float:
     return float(np.linalg.norm(K - case.exact.K) / np.linalg.norm(case.exact.K))
 
 
-def _at(record: FlightRecord, path: tuple[str, ...]) -> Any:
-    value: Any = record.metrics
-    for name in path:
-        value = value[name]
-    return value
+def _selected(evidence: Evidence, select: Select, law: str) -> list[FlightRecord]:
+    return evidence.records(*select(evidence.setting, law))
 
 
-def _largest(value: Any, names: tuple[str, ...]) -> float:
-    return max(value[name] for name in names or value) if isinstance(value, Mapping) else float(value)
-
-
-def _negative(value: Any) -> Any:
-    return {name: -number for name, number in value.items()} if isinstance(value, Mapping) else -value
+def _numbers(record: FlightRecord, quantity: Quantity, names: tuple[str, ...]) -> list[float]:
+    value = quantity(record.metrics)
+    return [value[name] for name in names or value] if isinstance(value, Mapping) else [float(value)]

@@ -8,14 +8,14 @@ from verification.experiments import graphs
 from verification.experiments.claims import LEARNING, Claim
 from verification.experiments.experiment import CASE_II, Experiment
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED
-from verification.experiments.measures import ratio, worst
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED
+from verification.experiments.measures import of_learning, ratio, worst
 from verification.experiments.metrics import TRACKED
-from verification.experiments.panels import Picture
+from verification.experiments.panels import PaperFigure
 from verification.experiments.setting import Setting
 
 _SECTION = "5.4"
-_FLOWN = (PRINTED, HELPED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
+_FLOWN = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
 
 
 def flights(setting: Setting) -> tuple[FlightPlan, ...]:
@@ -36,7 +36,7 @@ CLAIMS = (
         "5.4-1",
         "Fig. 22: the tracking errors remain bounded under noise",
         "largest tracking error after the adjustment over the largest before",
-        worst(_noisy, "growth"),
+        worst(_noisy, lambda metrics: metrics.growth),
         "<=",
         "bounded",
     ),
@@ -44,8 +44,8 @@ CLAIMS = (
         Claim(
             f"5.4-{index + 2}",
             f"Fig. 22: z{number} ({state}) decreases to a small neighborhood of zero",
-            f"rms of the {state} error over the late window, in parts of the command",
-            worst(_noisy, "relative_error", of=(state,)),
+            f"rms of the {state} error over the late window, as a fraction of the command",
+            worst(_noisy, lambda metrics: metrics.relative_error, of=(state,)),
             "<=",
             "close",
         )
@@ -55,7 +55,7 @@ CLAIMS = (
         "5.4-5",
         "Fig. 23: the weights approach steady values before the end of the learning time",
         "change of the weights over the last tenth of the learning time, over their size",
-        worst(_noisy, "learning", "end_change"),
+        worst(_noisy, of_learning(lambda learning: learning.end_change)),
         "<=",
         "steady",
         laws=LEARNING,
@@ -64,7 +64,7 @@ CLAIMS = (
         "5.4-6",
         "Fig. 23: the learning responses of the weights are bounded",
         "largest change of the weights after the learning time over their size",
-        worst(_noisy, "learning", "late_change"),
+        worst(_noisy, of_learning(lambda learning: learning.late_change)),
         "<=",
         "bounded",
         laws=LEARNING,
@@ -73,22 +73,22 @@ CLAIMS = (
         "5.4-7",
         "The noise does not significantly degrade tracking",
         "largest late rms error of a tracked state over that without noise",
-        ratio(_noisy, _quiet, "rms_error", of=TRACKED),
+        ratio(_noisy, _quiet, lambda metrics: metrics.rms_error, of=TRACKED),
         "<=",
         "degraded",
     ),
 )
 
 
-def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[Picture, ...]:
+def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[PaperFigure, ...]:
     """Figures 22 and 23."""
-    T_w = setting.reading.predefined_time(_SECTION)
-    shown = [flown[FlightPlan(CASE_II, law, noise=True)] for law in (HELPED, CERTIFIED, CERTIFIED_FF)]
+    T_w = setting.configuration.predefined_time(_SECTION)
+    shown = [flown[FlightPlan(CASE_II, law, noise=True)] for law in (MODIFIED, CERTIFIED, CERTIFIED_FF)]
     errors = tuple(graphs.error_panel(state, state, shown, "law", T_w) for state in TRACKED)
     weights = tuple(graphs.weights_panel(record.plan.law, record, T_w) for record in shown[:2])
     return (
-        Picture(22, "Tracking errors under measurement noise, 5 deg", 1, errors),
-        Picture(23, "Critic weights under measurement noise, 5 deg", 2, weights),
+        PaperFigure(22, "Tracking errors under measurement noise, 5 deg", 1, errors),
+        PaperFigure(23, "Critic weights under measurement noise, 5 deg", 2, weights),
     )
 
 

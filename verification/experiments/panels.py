@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.support.figure import new_figure
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, IRL, PRINTED
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, INTEGRAL, MODIFIED, PRINTED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +30,10 @@ _STYLES: dict[str, dict[str, Any]] = {
         "markeredgewidth": 2.0,
         "zorder": 6,
     },
-    HELPED: {"color": "0.65", "linestyle": "-", "linewidth": 3.0},
+    MODIFIED: {"color": "0.65", "linestyle": "-", "linewidth": 3.0},
     CERTIFIED: {"color": "C0", "linestyle": "-", "linewidth": 1.3},
     CERTIFIED_FF: {"color": "navy", "linestyle": "-.", "linewidth": 1.5},
-    IRL: {"color": "C1", "linestyle": "-", "linewidth": 1.3, "marker": "o", "markersize": 4, "markevery": 0.08},
+    INTEGRAL: {"color": "C1", "linestyle": "-", "linewidth": 1.3, "marker": "o", "markersize": 4, "markevery": 0.08},
     EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
     EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
 }
@@ -73,7 +73,7 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class PaperFigure:
     """A figure of the paper, drawn anew: panels row by row. number: the paper's."""
 
     number: int
@@ -93,7 +93,7 @@ class Picture:
         return {re.sub(r"[^\w .,+=()-]", "_", name): values for name, values in found.items()}
 
 
-def draw(picture: Picture) -> Figure:
+def draw(picture: PaperFigure) -> Figure:
     """The picture, with one legend for all panels."""
     rows = -(-len(picture.panels) // picture.columns)
     figure = new_figure(5.4 * picture.columns, 0.9 + (2.1 if rows > 2 else 2.8) * rows)

@@ -1,4 +1,4 @@
-"""Section 5.3: the flown A differs from the one that the controller knows, at 5 degrees; learning stops at T_w."""
+"""Section 5.3: the simulated A differs from the one that the controller knows, at 5 degrees; learning stops at T_w."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from verification.experiments import graphs
 from verification.experiments.claims import LEARNING, PRINT, Claim, Evidence
 from verification.experiments.experiment import CASE_II, Experiment
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED
-from verification.experiments.measures import residual_drop, spread, worst
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED
+from verification.experiments.measures import of_learning, residual_drop, spread, worst
 from verification.experiments.metrics import TRACKED
-from verification.experiments.panels import Picture
+from verification.experiments.panels import PaperFigure
 from verification.experiments.setting import Setting
 
 _SECTION = "5.3"
-_FLOWN = (PRINTED, HELPED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
-_SHOWN = (HELPED, CERTIFIED)
+_FLOWN = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
+_SHOWN = (MODIFIED, CERTIFIED)
+_DEFLECTIONS = ("aileron_center", "aileron_outer", "elevator_center", "elevator_outer")
 _NAMES = ("speed", "angle of attack", "dihedral")
 
 
@@ -30,7 +31,7 @@ def flights(setting: Setting) -> tuple[FlightPlan, ...]:
 
 
 def _all(setting: Setting, law: str) -> tuple[FlightPlan, ...]:
-    return tuple(FlightPlan(CASE_II, law, uncertainty=factor) for factor in setting.reading["uncertainty"]["factors"])
+    return tuple(FlightPlan(CASE_II, law, uncertainty=factor) for factor in setting.configuration.uncertainty.factors)
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
@@ -62,8 +63,8 @@ CLAIMS = (
     Claim(
         "5.3-2",
         "Figs. 14-16: tracking is essentially invariant across the uncertainties",
-        "largest spread of the late rms error of a tracked state between the cases, in parts of the largest",
-        spread(_all, "rms_error", of=TRACKED),
+        "largest relative spread of the late rms error of a tracked state between the cases",
+        spread(_all, lambda metrics: metrics.rms_error, of=TRACKED),
         "<=",
         "alike",
     ),
@@ -72,7 +73,7 @@ CLAIMS = (
             f"5.3-{index + 3}",
             f"Fig. {14 + index}: the {name} overlaps its command after 4 to 5 s in every case",
             f"latest time at which the {state} error enters its band for good, s",
-            worst(_all, "settling", of=(state,)),
+            worst(_all, lambda metrics: metrics.settling, of=(state,)),
             "<=",
             "short_adjustment",
         )
@@ -82,8 +83,8 @@ CLAIMS = (
         Claim(
             f"5.3-{index + 6}",
             f"Fig. {14 + index}: the steady-state error of the {name} is negligible in every case",
-            f"largest rms of the {state} error over the late window, in parts of the command",
-            worst(_all, "relative_error", of=(state,)),
+            f"largest rms of the {state} error over the late window, as a fraction of the command",
+            worst(_all, lambda metrics: metrics.relative_error, of=(state,)),
             "<=",
             "close",
         )
@@ -92,16 +93,16 @@ CLAIMS = (
     Claim(
         "5.3-9",
         "Figs. 14-16: rise times are nearly identical whatever the uncertainty",
-        "largest spread between the cases of the time when an error first enters its band, in parts of the largest",
-        spread(_all, "rise"),
+        "largest relative spread between the cases of the time when an error first enters its band",
+        spread(_all, lambda metrics: metrics.rise),
         "<=",
         "alike",
     ),
     Claim(
         "5.3-10",
         "Figs. 14-16: settling times are nearly identical whatever the uncertainty",
-        "largest spread between the cases of the time when an error enters its band for good, in parts of the largest",
-        spread(_all, "settling"),
+        "largest relative spread between the cases of the time when an error enters its band for good",
+        spread(_all, lambda metrics: metrics.settling),
         "<=",
         "alike",
         why="an error that never settles in any case is left out",
@@ -110,7 +111,7 @@ CLAIMS = (
         "5.3-11",
         "Fig. 17: the inputs are bounded, smooth and free of chatter and sustained oscillation",
         "largest total variation over range of an input, late window",
-        worst(_all, "wiggle"),
+        worst(_all, lambda metrics: metrics.wiggle),
         "<=",
         "smooth",
     ),
@@ -118,7 +119,7 @@ CLAIMS = (
         "5.3-12",
         "Fig. 17: the inputs do not saturate",
         "largest share of the flight in which trim plus input passes this project's limits",
-        worst(_all, "beyond_limits"),
+        worst(_all, lambda metrics: metrics.beyond_limits),
         "<=",
         0.0,
         missing="limits of the inputs; this project assumes 20 deg for ailerons, 30 deg for elevators",
@@ -126,8 +127,8 @@ CLAIMS = (
     Claim(
         "5.3-13",
         "Fig. 17: transients and peaks of the inputs are nearly indistinguishable between the cases",
-        "largest spread of the peak of an input between the cases, in parts of the largest",
-        spread(_all, "peak_input"),
+        "largest relative spread of the peak of an input between the cases",
+        spread(_all, lambda metrics: metrics.peak_input),
         "<=",
         "alike",
     ),
@@ -135,7 +136,11 @@ CLAIMS = (
         "5.3-14",
         "Fig. 17: input rates stay within acceptable limits",
         "largest rate of a deflection over one tick, rad/s",
-        worst(_all, "peak_rate", of=("aileron_center", "aileron_outer", "elevator_center", "elevator_outer")),
+        worst(
+            _all,
+            lambda metrics: metrics.peak_rate,
+            of=("aileron_center", "aileron_outer", "elevator_center", "elevator_outer"),
+        ),
         "<=",
         1.0,
         missing="an acceptable rate; 1 rad/s stands here for a brisk actuator",
@@ -144,7 +149,7 @@ CLAIMS = (
         "5.3-15",
         "Fig. 18: the weights converge to constants",
         "largest change of the weights over the last tenth of the learning time, over their size",
-        worst(_all, "learning", "end_change"),
+        worst(_all, of_learning(lambda learning: learning.end_change)),
         "<=",
         "steady",
         laws=LEARNING,
@@ -153,7 +158,7 @@ CLAIMS = (
         "5.3-16",
         "Figs. 19, 21: increments decay rapidly; the update norm peaks early and then vanishes",
         "largest update in the last tenth of the learning time over the largest before",
-        worst(_all, "learning", "end_update"),
+        worst(_all, of_learning(lambda learning: learning.end_update)),
         "<=",
         "fallen",
         laws=LEARNING,
@@ -172,19 +177,19 @@ CLAIMS = (
         "5.3-18",
         "Closed-loop performance is preserved after learning is frozen, up to every uncertainty tested",
         "largest tracking error after the adjustment over the largest before",
-        worst(_all, "growth"),
+        worst(_all, lambda metrics: metrics.growth),
         "<=",
         "bounded",
     ),
 )
 
 
-def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[Picture, ...]:
+def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[PaperFigure, ...]:
     """Figures 14 to 21."""
-    T_w = setting.reading.predefined_time(_SECTION)
+    T_w = setting.configuration.predefined_time(_SECTION)
     groups = [[flown[plan] for plan in _all(setting, law)] for law in _SHOWN]
     tracking = tuple(
-        Picture(
+        PaperFigure(
             14 + index,
             f"Model uncertainty and {name} tracking, 5 deg",
             2,
@@ -208,23 +213,23 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
     )
     return (
         *tracking,
-        Picture(
+        PaperFigure(
             17,
             "Model uncertainty and control inputs, 5 deg",
             2,
             graphs.input_panels(_SHOWN, groups, "uncertainty", T_w),
         ),
-        Picture(
+        PaperFigure(
             18, "Model uncertainty and critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)
         ),
-        Picture(
+        PaperFigure(
             19,
             "Model uncertainty and critic-weight increments",
             2,
             tuple(graphs.increments_panel(*pair, T_w) for pair in each),
         ),
-        Picture(20, "Model uncertainty and Bellman residuals", 2, residuals),
-        Picture(21, "Model uncertainty and critic weight-update norms", 2, updates),
+        PaperFigure(20, "Model uncertainty and Bellman residuals", 2, residuals),
+        PaperFigure(21, "Model uncertainty and critic weight-update norms", 2, updates),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
 from verification.experiments import comparison, noise, plant_mismatch as uncertainty, trim_points
-from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_JUDGED, Evidence, judge
+from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.experiment_flights import fly
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
@@ -36,7 +36,7 @@ def experiments(name: str) -> tuple[Experiment, ...]:
 
 
 def run_experiment(experiment: Experiment, setting: Setting, progress: Progress | None = None) -> Outcome:
-    """Fly everything and judge every claim."""
+    """Simulate every flight and check every claim."""
     plans = experiment.flights(setting)
     flown = {}
     for count, plan in enumerate(plans):
@@ -46,7 +46,7 @@ def run_experiment(experiment: Experiment, setting: Setting, progress: Progress 
     if progress is not None:
         progress(experiment.section, len(plans), len(plans))
     evidence = Evidence(setting, experiment.section, flown)
-    return Outcome(experiment, setting, flown, tuple(judge(claim, evidence) for claim in experiment.claims))
+    return Outcome(experiment, setting, flown, tuple(check_claim(claim, evidence) for claim in experiment.claims))
 
 
 def reproduce(
@@ -77,7 +77,7 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
         "schema": SCHEMA,
         "setting": setting.identity,
         "laws": {law: text for law, text in LAWS.items() if law in used},
-        "verdicts": {verdict: verdicts.count(verdict) for verdict in (CONFIRMED, NOT_CONFIRMED, NOT_JUDGED)},
+        "verdicts": {verdict: verdicts.count(verdict) for verdict in (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)},
         "lost_flights": lost_flights(results),
         "own_failures": own_failures(results),
         "claims": claims,

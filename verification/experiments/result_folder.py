@@ -16,7 +16,7 @@ from hfa_model.support.finished import finished, stamp
 from hfa_model.support.jsonable import jsonable
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
-from verification.experiments.panels import Picture, draw
+from verification.experiments.panels import PaperFigure, draw
 from verification.experiments.setting import Setting
 
 SCHEMA = "hfa.experiment/1"
@@ -34,7 +34,7 @@ def deciding(experiment: Experiment, setting: Setting) -> dict[str, Any]:
     }
 
 
-def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
+def result_of(outcome: Outcome, pictures: Sequence[PaperFigure]) -> dict[str, Any]:
     """What is kept of an experiment beside its pictures, as JSON has it."""
     experiment, setting = outcome.experiment, outcome.setting
     result: dict[str, Any] = jsonable(
@@ -46,10 +46,15 @@ def result_of(outcome: Outcome, pictures: Sequence[Picture]) -> dict[str, Any]:
             "matrices": setting.matrices,
             "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in outcome.flown)},
             "flights": [
-                {"name": plan.name, **vars(plan), "learned_from": record.learned_from, "metrics": record.metrics}
+                {
+                    "name": plan.name,
+                    **vars(plan),
+                    "learned_from": record.learned_from,
+                    "metrics": record.metrics.to_dict(),
+                }
                 for plan, record in outcome.flown.items()
             ],
-            "claims": [judgement.to_dict() for judgement in outcome.judgements],
+            "claims": [checked.to_dict() for checked in outcome.claims],
             "pictures": [_name(picture) for picture in pictures],
         }
     )
@@ -79,7 +84,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> dict[str, Any]:
     return result
 
 
-def _name(picture: Picture) -> str:
+def _name(picture: PaperFigure) -> str:
     return f"figure-{picture.number:02d}"
 
 

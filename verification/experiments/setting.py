@@ -1,4 +1,4 @@
-"""What is flown in Section 5: the two aircraft, their games and exact solutions, and the signals of a reading."""
+"""What is simulated in Section 5: the two aircraft, their games and exact solutions, and the reference's signals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.compare import regenerate
-from verification.experiments.configuration import Reading
+from verification.experiments.configuration import Configuration
 from verification.riccati.feedforward import Exosystem, exosystem_feedforward
 from verification.riccati.gare import GameSolution, solve_game
 
@@ -26,7 +26,7 @@ _ALPHA = LINEAR_STATES.index("alpha")
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class PaperCase:
     """One aircraft of Section 5.1. trim_inputs: U0, (5,), of the trim that is linearized."""
 
     dihedral_deg: float
@@ -43,7 +43,7 @@ class Case:
         """The exact solution of the game."""
         return solve_game(self.game)
 
-    def reweighted(self, alpha_factor: float) -> Case:
+    def reweighted(self, alpha_factor: float) -> PaperCase:
         """The same aircraft with the weight of the angle of attack multiplied."""
         factors = np.ones(len(LINEAR_STATES))
         factors[_ALPHA] = alpha_factor
@@ -52,13 +52,13 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """A reading and the two aircraft, 15 degrees first. matrices: one of `MATRICES`."""
+    """The configuration and the two aircraft, 15 degrees first. matrices: one of `MATRICES`."""
 
-    reading: Reading
+    configuration: Configuration
     matrices: str
-    cases: tuple[Case, ...]
+    cases: tuple[PaperCase, ...]
 
-    def case(self, dihedral_deg: float) -> Case:
+    def case(self, dihedral_deg: float) -> PaperCase:
         """The aircraft of that dihedral angle."""
         return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
 
@@ -69,10 +69,10 @@ class Setting:
             {"dihedral_deg": case.dihedral_deg, "A": case.game.A.tolist(), "B": case.game.B.tolist()}
             for case in self.cases
         ]
-        return {"matrices": self.matrices, "models": models, "reading": self.reading.settings}
+        return {"matrices": self.matrices, "models": models, "reading": self.configuration.to_dict()}
 
 
-def make_setting(reading: Reading, matrices: str = "regenerated") -> Setting:
+def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
     """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and B.
 
     Raises BadInputError for an unknown source of matrices.
@@ -84,8 +84,8 @@ def make_setting(reading: Reading, matrices: str = "regenerated") -> Setting:
     for published in published_models():
         model = regenerate(aircraft, published)
         source = published if matrices == "printed" else model
-        cases.append(Case(published.dihedral_deg, published_game(source.A, source.B), model.input_offsets))
-    return Setting(reading, matrices, tuple(cases))
+        cases.append(PaperCase(published.dihedral_deg, published_game(source.A, source.B), model.input_offsets))
+    return Setting(configuration, matrices, tuple(cases))
 
 
 def generator(reference: Signal) -> Signal:
@@ -110,7 +110,7 @@ def exosystem_of(reference: Signal) -> Exosystem:
     return Exosystem(omega, np.column_stack(columns), generator(reference).at(0.0))
 
 
-def feedforward(case: Case, reference: Signal) -> np.ndarray:
+def feedforward(case: PaperCase, reference: Signal) -> np.ndarray:
     """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k)."""
     P_s = exosystem_feedforward(case.game, case.exact.P, exosystem_of(reference))
     return -case.game.R_inverse_B_transposed @ P_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, HELPED
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, MODIFIED
 
 
 def claims_text(table: dict[str, Any]) -> str:
@@ -34,7 +34,7 @@ def claims_markdown(table: dict[str, Any]) -> str:
         "",
         f"Matrices: {table['setting']['matrices']}. "
         + "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
-        + f'; {_lost_text(table)}. A number in bold fulfils the claim. Verdicts are about "{HELPED}", because the law'
+        + f'; {_lost_text(table)}. A number in bold fulfils the claim. Verdicts are about "{MODIFIED}", because the law'
         " as printed does not fly, or about what the claim names.",
         "",
         "| claim | the paper says | measured | asked for | " + " | ".join(laws) + " | verdict | reason |",
@@ -59,12 +59,12 @@ def claims_summary(table: dict[str, Any]) -> str:
     """A short Markdown table: the number of the claim's subject, of this project's law and of the optimum."""
     beside = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
     lines = [
-        f"| claim | the paper says | measured | asked for | {HELPED} | {' | '.join(beside)} | verdict |",
+        f"| claim | the paper says | measured | asked for | {MODIFIED} | {' | '.join(beside)} | verdict |",
         "|" + "---|" * (len(beside) + 6),
     ]
     for claim in table["claims"]:
         own = _cell(claim["findings"][claim["subject"]])
-        own = own if claim["subject"] == HELPED else f"{claim['subject']}: {own}"
+        own = own if claim["subject"] == MODIFIED else f"{claim['subject']}: {own}"
         cells = [_cell(claim["findings"].get(law)) for law in beside]
         row = [claim["number"], claim["says"], claim["measured"], _asked(claim), own, *cells, claim["verdict"]]
         lines.append(_row(row))

@@ -12,15 +12,15 @@ from verification.experiments import graphs
 from verification.experiments.claims import LEARNING, PRINT, TRACKING, Claim, Evidence
 from verification.experiments.experiment import CASE_I, CASE_II, Experiment
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, HELPED, PRINTED, REWEIGHTED
-from verification.experiments.measures import gain_error, residual_growth, smallest, worst
+from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED, REWEIGHTED
+from verification.experiments.measures import gain_error, of_learning, residual_growth, smallest, worst
 from verification.experiments.metrics import TRACKED
-from verification.experiments.panels import Picture
+from verification.experiments.panels import PaperFigure
 from verification.experiments.setting import Setting
 
 _SECTION = "5.1"
-_FLOWN = (PRINTED, HELPED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
-_DISTURBED = (PRINTED, HELPED, CERTIFIED, EXACT)
+_FLOWN = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
+_DISTURBED = (PRINTED, MODIFIED, CERTIFIED, EXACT)
 _TITLES = ("Case I, 15 deg", "Case II, 5 deg")
 _PITCH_RATE = LINEAR_STATES.index("pitch_rate")
 _WORDS = {"speed": "speed", "alpha": "angle of attack", "dihedral": "dihedral"}
@@ -47,7 +47,7 @@ def _alone(setting: Setting, law: str) -> tuple[FlightPlan, ...]:
 def _attenuation(evidence: Evidence, law: str) -> float:
     """Largest ∫ z'Qz + u'Ru over δ² ∫ d'd of the flights under the disturbance alone."""
     records = evidence.records(*_alone(evidence.setting, law))
-    return max(record.metrics["attenuation"] / record.metrics["delta_squared"] for record in records)
+    return max(record.metrics.attenuation / record.metrics.delta_squared for record in records)
 
 
 def _coupling(evidence: Evidence, law: str) -> float:
@@ -58,7 +58,7 @@ def _coupling(evidence: Evidence, law: str) -> float:
 
 
 def _commanded_dihedral(evidence: Evidence, law: str) -> float:
-    return float(np.degrees(evidence.setting.reading.signal("reference").constant[LINEAR_STATES.index("dihedral")]))
+    return float(np.degrees(evidence.setting.configuration.reference.signal.constant[LINEAR_STATES.index("dihedral")]))
 
 
 def _tracking_claims() -> tuple[Claim, ...]:
@@ -67,7 +67,7 @@ def _tracking_claims() -> tuple[Claim, ...]:
             f"5.1-{index + 1}",
             f"Fig. {figure}: the {_WORDS[state]} shows a short initial adjustment in both cases",
             f"latest time at which the {state} error enters its band for good, s",
-            worst(_both, "settling", of=(state,)),
+            worst(_both, lambda metrics: metrics.settling, of=(state,)),
             "<=",
             "short_adjustment",
             laws=(*TRACKING, REWEIGHTED),
@@ -79,8 +79,8 @@ def _tracking_claims() -> tuple[Claim, ...]:
         Claim(
             f"5.1-{index + 5}",
             f"At 5 degrees the controller keeps the {_WORDS[state]} close to its command",
-            f"rms of the {state} error over the late window, in parts of the command",
-            worst(_second, "relative_error", state),
+            f"rms of the {state} error over the late window, as a fraction of the command",
+            worst(_second, lambda metrics: metrics.relative_error, of=(state,)),
             "<=",
             "close",
             laws=(*TRACKING, REWEIGHTED),
@@ -92,7 +92,7 @@ def _tracking_claims() -> tuple[Claim, ...]:
         "5.1-4",
         "Tracking is bounded after the initial adjustment in both cases, with the same controller parameters",
         "largest tracking error after the adjustment over the largest before",
-        worst(_both, "growth"),
+        worst(_both, lambda metrics: metrics.growth),
         "<=",
         "bounded",
     )
@@ -121,7 +121,7 @@ CLAIMS = (
         "5.1-9",
         "Fig. 6: the five control channels remain smooth",
         "largest total variation over range of an input, late window",
-        worst(_both, "wiggle"),
+        worst(_both, lambda metrics: metrics.wiggle),
         "<=",
         "smooth",
         why="the fractional powers switch sign with the current residual, step by step",
@@ -130,7 +130,7 @@ CLAIMS = (
         "5.1-10",
         "Figs. 7, 8: the weights change during the early interval; learning is concentrated in the prescribed window",
         "smaller share of the path of the weights that lies inside the learning time",
-        smallest(_both, "learning", "path_share"),
+        smallest(_both, of_learning(lambda learning: learning.path_share)),
         ">=",
         "concentrated",
         laws=LEARNING,
@@ -139,7 +139,7 @@ CLAIMS = (
         "5.1-11",
         "Fig. 7: the weights then remain bounded",
         "largest change of the weights after the learning time over their size",
-        worst(_both, "learning", "late_change"),
+        worst(_both, of_learning(lambda learning: learning.late_change)),
         "<=",
         "bounded",
         laws=LEARNING,
@@ -148,7 +148,7 @@ CLAIMS = (
         "5.1-12",
         "Figs. 8, 10: weight increments and update norm decrease after the main adaptation",
         "largest update after the learning time over the largest before",
-        worst(_both, "learning", "late_update"),
+        worst(_both, of_learning(lambda learning: learning.late_update)),
         "<=",
         "fallen",
         laws=LEARNING,
@@ -196,15 +196,15 @@ CLAIMS = (
 )
 
 
-def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[Picture, ...]:
+def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tuple[PaperFigure, ...]:
     """Figures 3 to 10."""
-    T_w = setting.reading.predefined_time(_SECTION)
-    shown = (PRINTED, HELPED, CERTIFIED, CERTIFIED_FF, EXACT_FF)
+    T_w = setting.configuration.predefined_time(_SECTION)
+    shown = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT_FF)
     cases = [[flown[FlightPlan(angle, law)] for law in shown] for angle in (CASE_I, CASE_II)]
-    steered = [[flown[FlightPlan(angle, law)] for law in (HELPED, CERTIFIED, EXACT)] for angle in (CASE_I, CASE_II)]
-    learning = [[flown[FlightPlan(angle, law)] for angle in (CASE_I, CASE_II)] for law in (HELPED, CERTIFIED)]
+    steered = [[flown[FlightPlan(angle, law)] for law in (MODIFIED, CERTIFIED, EXACT)] for angle in (CASE_I, CASE_II)]
+    learning = [[flown[FlightPlan(angle, law)] for angle in (CASE_I, CASE_II)] for law in (MODIFIED, CERTIFIED)]
     tracking = tuple(
-        Picture(
+        PaperFigure(
             number,
             f"{_WORDS[state].capitalize()} tracking",
             2,
@@ -222,10 +222,10 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
     ]
     return (
         *tracking,
-        Picture(6, "Control inputs", 2, graphs.input_panels(_TITLES, steered, "law", T_w)),
-        Picture(7, "Critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)),
-        Picture(8, "Critic-weight increments", 2, tuple(graphs.increments_panel(*pair, T_w) for pair in each)),
-        Picture(
+        PaperFigure(6, "Control inputs", 2, graphs.input_panels(_TITLES, steered, "law", T_w)),
+        PaperFigure(7, "Critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)),
+        PaperFigure(8, "Critic-weight increments", 2, tuple(graphs.increments_panel(*pair, T_w) for pair in each)),
+        PaperFigure(
             9,
             "Bellman residuals",
             2,
@@ -233,7 +233,7 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
                 graphs.residual_panel(title, group, "law", T_w) for title, group in zip(_TITLES, by_case, strict=True)
             ),
         ),
-        Picture(
+        PaperFigure(
             10,
             "Critic weight-update norms",
             2,

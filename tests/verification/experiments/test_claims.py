@@ -1,16 +1,29 @@
-"""Claims about the print are measured on the print, whatever is flown."""
+"""Claims follow their numbers; claims about the print are measured on the print, whatever is simulated."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from experiment_configurations import COARSE, changed
 
 from hfa_model.published import published_models
 from hfa_model.vectors import LINEAR_STATES
-from verification.experiments.claims import PRINT, Claim, Evidence
-from verification.experiments.configuration import default_reading
+from verification.experiments.claims import (
+    CONFIRMED,
+    NOT_CONFIRMED,
+    NOT_DECIDABLE,
+    PRINT,
+    Claim,
+    Evidence,
+    check_claim,
+)
+from verification.experiments.configuration import section5_configuration
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord, fly
+from verification.experiments.flown_laws import EXACT
+from verification.experiments.measures import worst
 from verification.experiments.reproduction import EXPERIMENTS
 from verification.experiments.setting import Setting, make_setting
 
@@ -21,7 +34,7 @@ OF_THE_PRINT = [
 
 @cache
 def setting_of(matrices: str) -> Setting:
-    return make_setting(default_reading(), matrices)
+    return make_setting(section5_configuration(), matrices)
 
 
 def test_there_are_claims_about_the_print() -> None:
@@ -43,3 +56,47 @@ def test_the_coupling_is_that_of_the_printed_rows() -> None:
     claim = next(claim for _, claim in OF_THE_PRINT if claim.number == "5.1-8")
     measured = claim.measure(Evidence(setting_of("regenerated"), "5.1", {}), PRINT)
     assert measured == pytest.approx(min(ratios), rel=1e-14)
+
+
+def evidence_of(setting: Setting, section: str, *records: FlightRecord) -> Evidence:
+    return Evidence(setting, section, {record.plan: record for record in records})
+
+
+def always(number: float) -> Any:
+    return lambda evidence, law: number
+
+
+def claim_on(plan: FlightPlan, relation: str, limit: float | str, **changes: Any) -> Claim:
+    measure = worst(lambda setting, law: (plan,), lambda metrics: metrics.relative_error, of=("speed",))
+    return Claim("0", "s", "w", measure, relation, limit, (plan.law,), plan.law, **changes)
+
+
+@pytest.mark.parametrize("relation", ["<=", ">=", "<", ">"])
+def test_a_destabilised_flight_confirms_nothing(relation: str) -> None:
+    """A plant of the opposite sign is unstable under the exact gain; its error is beyond every limit."""
+    setting = make_setting(changed(COARSE))
+    plan = FlightPlan(15.0, EXACT, uncertainty=-6.0)
+    record = fly(setting, plan, "5.1")
+    assert not record.held
+    found = check_claim(claim_on(plan, relation, "close"), evidence_of(setting, "5.1", record))
+    assert found.verdict == NOT_CONFIRMED
+    assert not found.checks[EXACT].ok
+    assert "lost at" in found.reason
+    assert found.to_dict()["findings"][EXACT]["value"] is None
+
+
+def test_a_claim_follows_its_number() -> None:
+    setting = make_setting(changed(COARSE))
+    plan = FlightPlan(15.0, EXACT)
+    evidence = evidence_of(setting, "5.1", fly(setting, plan, "5.1"))
+    value = evidence.record(plan).metrics.relative_error["speed"]
+    verdicts = [check_claim(claim_on(plan, "<=", limit), evidence).verdict for limit in (1.01 * value, 0.99 * value)]
+    assert verdicts == [CONFIRMED, NOT_CONFIRMED]
+    assert check_claim(claim_on(plan, "<=", 1.01 * value, missing="a limit"), evidence).verdict == NOT_DECIDABLE
+    named = check_claim(claim_on(plan, "<=", "close"), evidence)
+    assert named.limit == section5_configuration().criteria.close
+
+
+def test_a_number_that_is_none_confirms_nothing() -> None:
+    claim = Claim("0", "s", "w", always(np.nan), "<=", 1.0, (PRINT,), PRINT)
+    assert check_claim(claim, Evidence(setting_of("regenerated"), "5.1", {})).verdict == NOT_CONFIRMED

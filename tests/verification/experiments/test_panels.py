@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from experiment_readings import SHORT, reading_file
+from experiment_configurations import BRIEF, COARSE, changed
 
 from hfa_model.support.figure import png_bytes
-from verification.experiments.configuration import load_reading
 from verification.experiments.experiment import Outcome
-from verification.experiments.flown_laws import CERTIFIED, HELPED, PRINTED
-from verification.experiments.panels import COMMAND, LOST, Line, Panel, Picture, draw
+from verification.experiments.flown_laws import CERTIFIED, MODIFIED, PRINTED
+from verification.experiments.panels import COMMAND, LOST, Line, Panel, PaperFigure, draw
 from verification.experiments.reproduction import EXPERIMENTS, run_experiment
 from verification.experiments.setting import make_setting
 
@@ -25,14 +24,13 @@ LINES = (
 
 
 @pytest.fixture(scope="module")
-def noise(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def noise() -> Outcome:
     """The smallest experiment, flown for a second."""
-    reading = load_reading(reading_file(tmp_path_factory.mktemp("reading"), SHORT))
-    return run_experiment(EXPERIMENTS["5.4"], make_setting(reading))
+    return run_experiment(EXPERIMENTS["5.4"], make_setting(changed(COARSE, BRIEF)))
 
 
-def picture_of(*panels: Panel) -> Picture:
-    return Picture(3, "Title", 2, panels)
+def picture_of(*panels: Panel) -> PaperFigure:
+    return PaperFigure(3, "Title", 2, panels)
 
 
 def test_what_is_drawn_is_what_is_stored() -> None:
@@ -66,7 +64,7 @@ def test_axes_are_named_and_the_legend_names_every_law() -> None:
 @pytest.mark.parametrize("scale", ["log", "asinh"])
 def test_values_that_an_axis_leaves_out_do_not_shorten_it(scale: str) -> None:
     values = np.where(TIMES < 5.0, 1000.0 * np.exp(-TIMES), np.nan)
-    axes = draw(picture_of(Panel("left", "size", (Line(HELPED, TIMES, values),), scale))).axes[0]
+    axes = draw(picture_of(Panel("left", "size", (Line(MODIFIED, TIMES, values),), scale))).axes[0]
     assert axes.get_xlim()[1] > 20.0
     assert axes.get_yscale() == scale
 
@@ -78,7 +76,7 @@ def test_a_bundle_of_nothing_is_drawn() -> None:
 
 
 def test_a_flight_that_was_lost_at_once_is_drawn() -> None:
-    nothing = Line(HELPED, TIMES[:0], np.zeros(0))
+    nothing = Line(MODIFIED, TIMES[:0], np.zeros(0))
     for lines in ((nothing,), (nothing, LINES[0])):
         for scale in ("linear", "log", "asinh"):
             assert len(draw(picture_of(Panel("left", "size", lines, scale))).axes) == 1 + 1
