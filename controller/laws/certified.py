@@ -20,7 +20,7 @@ from controller.laws.run import Memory, Run
 from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
 from controller.samples import recording
 from controller.samples.recording import Stack
-from controller.samples.stack_equations import GAME, LQ, Problem, StackEquations, newton_step
+from controller.samples.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from hfa_model.support.errors import BadInputError
 
 #: A start counts as stabilizing when its margin is at least this fraction of the fastest closed-loop rate.
@@ -115,7 +115,7 @@ class CertifiedLaw:
         abscissa, fastest = float(eigenvalues.real.max()), float(np.abs(eigenvalues).max())
         stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
         discount = 0.0 if stabilizing else max(0.0, abscissa) + DISCOUNT_MARGIN + 1e-6 * fastest
-        here = Point(weights, Problem(discount, 0.0), 0)
+        here = Point(weights, PartialGame(discount, 0.0), 0)
         return _pack(here, self._normaliser(here), discount)
 
     def _normaliser(self, here: Point) -> np.ndarray:
@@ -246,5 +246,5 @@ def _pack(here: Point, normaliser: np.ndarray, first_discount: float) -> Memory:
 
 def _unpack(memory: Memory) -> tuple[Point, np.ndarray, float]:
     discount, share = (float(value) for value in memory["problem"])
-    here = Point(memory["weights"], Problem(discount, share), int(memory["solves"]))
+    here = Point(memory["weights"], PartialGame(discount, share), int(memory["solves"]))
     return here, memory["normaliser"], float(memory["first_discount"])

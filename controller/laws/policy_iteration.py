@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.samples.stack_equations import Problem, StackEquations, newton_step
+from controller.samples.stack_equations import PartialGame, StackEquations, newton_step
 from hfa_model.support.errors import NoSolutionError
 
 #: A Newton correction below this fraction of |W| ends the iteration on the way (the next one is its square).
@@ -21,7 +21,7 @@ class Point(NamedTuple):
     """Where the learning stands. weights: (M,), scaled coordinates. solves: linear solves spent so far."""
 
     weights: np.ndarray
-    problem: Problem
+    problem: PartialGame
     solves: int
 
 

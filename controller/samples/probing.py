@@ -80,7 +80,3 @@ class ProbingFlight:
         """States (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times."""
         extended = self.extended(times)
         return extended[:, : self.states], extended @ self.input_map.T, extended @ self.disturbance_map.T
-
-    def rates(self, times: np.ndarray) -> np.ndarray:
-        """z' at increasing times, (N_t, n)."""
-        return (self.extended(times) @ self.generator.T)[:, : self.states]

@@ -9,7 +9,6 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import Excitation
 from controller.game.zero_sum import Game
-from controller.samples.probing import ProbingFlight
 from hfa_model.support.errors import BadInputError
 
 #: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding of 1e-16
@@ -87,19 +86,6 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     if widths.shape != (n,) or not np.all(widths > 0.0):
         raise BadInputError(f"the box needs {n} positive half-widths, not {widths.tolist()}")
     return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
-
-
-def flight_pool(game: Game, count: int, duration: float, seed: int, amplitude: float = 0.05) -> Stack:
-    """`count` equally spaced samples of one probing flight of `duration` seconds (`probing.ProbingFlight`).
-
-    F_j = z' - B u - E d of the flight, which is A z_j.
-    """
-    flight = ProbingFlight.design(
-        game, seed, input_amplitude=amplitude, disturbance_amplitude=amplitude, half_widths=natural_spread(game)
-    )
-    times = np.linspace(0.0, duration, count)
-    z, u, d = flight.at(times)
-    return Stack(z, flight.rates(times) - u @ game.B.T - d @ game.E.T)
 
 
 def natural_spread(game: Game) -> np.ndarray:

@@ -13,7 +13,7 @@ from controller.game.zero_sum import Game
 from controller.samples.recording import Stack, excitation
 
 
-class Problem(NamedTuple):
+class PartialGame(NamedTuple):
     """Which game is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final 1/δ²."""
 
     discount: float
@@ -21,7 +21,7 @@ class Problem(NamedTuple):
 
 
 #: The LQ problem without discount, and the game itself.
-LQ, GAME = Problem(0.0, 0.0), Problem(0.0, 1.0)
+LQ, GAME = PartialGame(0.0, 0.0), PartialGame(0.0, 1.0)
 
 
 class Residuals(NamedTuple):
@@ -87,11 +87,11 @@ class StackEquations:
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
-    def S(self, problem: Problem) -> np.ndarray:
+    def S(self, problem: PartialGame) -> np.ndarray:
         """S_s = S_u - s S_d/δ², (n, n)."""
         return self.S_control - problem.share * self.S_disturbance
 
-    def at(self, weights: np.ndarray, problem: Problem) -> Residuals:
+    def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
         """Regressors and residuals of all samples at scaled weights (M,)."""
         pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
         regressors = self.along(self.drifts - problem.discount * self.states - pushed)
@@ -99,14 +99,14 @@ class StackEquations:
         change = regressors @ weights
         return Residuals(regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost))
 
-    def _policies(self, half_gradient: np.ndarray, problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    def _policies(self, half_gradient: np.ndarray, problem: PartialGame) -> tuple[np.ndarray, np.ndarray]:
         """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
         inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
         pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
         return pushed, np.sum(inputs**2, axis=1) - problem.share * np.sum(gusts**2, axis=1)
 
     def along_step(
-        self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: Problem
+        self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
         """l and q of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j, (N_h,) each.
 
@@ -127,12 +127,12 @@ class StackEquations:
         product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
         return product
 
-    def closed_loop_eigenvalues(self, weights: np.ndarray, problem: Problem) -> np.ndarray:
+    def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
         """Eigenvalues of A - βI - S_s P with A from the stack, (n,), 1/s."""
         pushed, _ = self._policies(self.basis.matrix(weights), problem)
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
-    def margin(self, weights: np.ndarray, problem: Problem) -> float:
+    def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
         """Distance of the closed-loop eigenvalues from the imaginary axis, 1/s; positive when stable."""
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 

@@ -120,7 +120,7 @@ class IntegralBaseline:
 
 
 @dataclass(frozen=True)
-class Uncertainty:
+class PlantMismatch:
     """factors: ΔA = factor A, one flight each."""
 
     factors: tuple[float, ...]
@@ -165,7 +165,7 @@ class Configuration:
     published_as_printed: PrintedLaw
     published_modified: ModifiedLaw
     irl: IntegralBaseline
-    uncertainty: Uncertainty
+    uncertainty: PlantMismatch
     reweighted: Reweighting
     criteria: Criteria
 

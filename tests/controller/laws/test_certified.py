@@ -12,7 +12,6 @@ from learning_samples import (
     QUADRATIC,
     abscissa,
     assert_exact,
-    build,
     lq,
     published,
     random_start,
@@ -25,8 +24,8 @@ from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.learn import learn
 from controller.laws.run import run
 from controller.laws.scalar_law import after, decay_rate
-from controller.samples.recording import Stack, flight_pool, random_pool
-from controller.samples.stack_equations import GAME, LQ, Problem
+from controller.samples.probing import ProbingFlight
+from controller.samples.recording import Stack, natural_spread, random_pool, record
 from hfa_model.support.errors import NoSolutionError
 
 # The solution.
@@ -207,60 +206,6 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
     assert first["5 deg", 100.0] > 0.5
 
 
-@pytest.mark.parametrize("name", BASES)
-def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
-    """∂e_j/∂W = σ_j where the value is quadratic, with any policy terms re-evaluated: remainder of order 2."""
-    game, exact = published(PUBLISHED[0])
-    equations = build(game, name)
-    weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
-    direction = np.random.default_rng(1).normal(size=equations.basis.size) * np.abs(weights).max()
-    for problem in (GAME, LQ, Problem(0.7, 0.3)):
-        found = equations.at(weights, problem)
-        remainders = [
-            np.linalg.norm(
-                equations.at(weights + h * direction, problem).residuals
-                - found.residuals
-                - h * found.regressors @ direction
-            )
-            for h in (1e-5, 1e-6)
-        ]
-        assert np.log10(remainders[0] / remainders[1]) == pytest.approx(2.0, abs=0.01)
-        wrong = found.regressors + 0.1 * np.abs(found.regressors).max()
-        missed = [
-            np.linalg.norm(
-                equations.at(weights + h * direction, problem).residuals - found.residuals - h * wrong @ direction
-            )
-            for h in (1e-5, 1e-6)
-        ]
-        assert np.log10(missed[0] / missed[1]) < 1.9
-
-
-@pytest.mark.parametrize("name", BASES)
-def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
-    game, _ = published(PUBLISHED[1])
-    equations = build(game, name)
-    rng = np.random.default_rng(2)
-    weights, step = rng.normal(size=(2, equations.basis.size)) * 100.0
-    problem = Problem(0.4, 0.6)
-    found = equations.at(weights, problem)
-    linear, quadratic = equations.along_step(weights, step, found, problem)
-    for f in (0.3, 1.0, -2.0):
-        exact = equations.at(weights - f * step, problem).residuals
-        assert np.linalg.norm(found.residuals + f * linear + f * f * quadratic - exact) < 1e-12 * np.linalg.norm(exact)
-
-
-def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
-    game, exact = published(PUBLISHED[0])
-    equations = build(game)
-    P, problem = 0.7 * exact.P, Problem(0.3, 0.4)
-    S = game.S_control - 0.4 * game.S_disturbance / game.delta**2
-    A = game.A - 0.3 * np.eye(6)
-    residual = A.T @ P + P @ A + game.Q - P @ S @ P
-    z = equations.states * equations.scales
-    found = equations.at(equations.scaled(QUADRATIC.weights(P)), problem).residuals
-    assert found == pytest.approx(np.sum((z @ residual) * z, axis=1), rel=1e-9)
-
-
 # What it uses.
 
 
@@ -280,7 +225,11 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
     game, exact = published(name)
     for seed in range(3):
-        assert_exact(learn(game, tick=0.2, pool=flight_pool(game, 500, duration, seed)), exact)
+        flight = ProbingFlight.design(
+            game, seed, input_amplitude=0.05, disturbance_amplitude=0.05, half_widths=natural_spread(game)
+        )
+        states, _, _ = flight.at(np.linspace(0.0, duration, 500))
+        assert_exact(learn(game, tick=0.2, pool=record(game, states)), exact)
 
 
 def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:

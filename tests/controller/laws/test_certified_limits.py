@@ -17,7 +17,7 @@ from controller.laws.certified import CertifiedLaw, CertifiedSettings, certified
 from controller.laws.learn import learn
 from controller.laws.policy_iteration import Point, stabilizing_step
 from controller.samples.recording import random_pool, record
-from controller.samples.stack_equations import LQ, Problem, StackEquations, newton_step
+from controller.samples.stack_equations import LQ, PartialGame, StackEquations, newton_step
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
 # The edge of stability.
@@ -165,7 +165,7 @@ def test_a_singular_stack_stops_the_ramp() -> None:
     stack = record(game, np.array([[1.0, 0.0]] * 5))
     equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
     with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
-        ramp.lower_discount(equations, Point(np.zeros(3), Problem(1.0, 0.0), 0), 0.5, np.ones(5))
+        ramp.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
     with pytest.raises(NoSolutionError, match="ends at delta = inf"):
         ramp.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
 

@@ -14,7 +14,6 @@ from controller.samples.recording import (
     Stack,
     choose,
     excitation,
-    flight_pool,
     natural_spread,
     random_pool,
     rank,
@@ -35,9 +34,9 @@ def worst_condition(stack: Stack) -> float:
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_recorded_drifts_are_those_of_the_plant(name: str) -> None:
     game, _ = published(name)
-    for pool in (random_pool(game, 50, seed=1), flight_pool(game, 50, duration=5.0, seed=1)):
-        exact = pool.states @ game.A.T
-        assert np.abs(pool.drifts - exact).max() < 1e-13 * np.abs(exact).max()
+    pool = random_pool(game, 50, seed=1)
+    exact = pool.states @ game.A.T
+    assert np.abs(pool.drifts - exact).max() < 1e-13 * np.abs(exact).max()
 
 
 def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
@@ -98,7 +97,6 @@ def test_probing_flight_obeys_the_plant() -> None:
 
     flown = solve_ivp(rate, (0.0, 4.0), z[0], t_eval=times, rtol=1e-10, atol=1e-12).y.T
     assert np.abs(flown - z).max() < 1e-8
-    assert flight.rates(times) == pytest.approx(z @ game.A.T + u @ game.B.T + d @ game.E.T, abs=1e-12)
     assert 0.0 < np.abs(u).max() <= 0.3
     assert 0.0 < np.abs(d).max() <= 0.2
 

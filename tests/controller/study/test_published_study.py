@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controller.laws import certify
 from controller.laws.published_law import PublishedSettings
-from controller.study.published_study import STUDY, StudyRow, planned_runs, published_study, references_of_models
+from controller.study.published_study import (
+    STUDY,
+    StudyRow,
+    StudyRun,
+    planned_runs,
+    published_study,
+    references_of_models,
+)
 from controller.study.study_report import load_study, study_data
+from hfa_model.support.errors import BadInputError, NoSolutionError
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "docs" / "results" / "published_study.json"
@@ -130,3 +139,48 @@ def test_the_causes_that_the_document_gives_stand_in_the_runs(committed: dict[st
     assert all(run.settled <= 0.9 * 10.0 / 2.0 for run in frozen.runs)
     assert all(run.certified for run in rich.runs)
     assert all(run.last_lambda_0 < 0.01 * run.lambda_0 for run in poor.runs)
+
+
+def test_study_rows_that_take_seconds() -> None:
+    seen: list[float] = []
+    explicit, frozen = published_study(
+        ("theorem gains, explicit", "learning alone, frozen, implicit"), progress=lambda f, _: seen.append(f)
+    )
+    assert len(explicit.runs) == 48
+    assert explicit.finished == ()
+    assert all(run.explicit_step_limit < 1e-10 * run.settings.step for run in explicit.runs)
+    assert len(frozen.finished) == len(frozen.runs) == 4
+    assert all(0.2 < run.P_error < 0.4 and not run.certified for run in frozen.runs)
+    assert all(run.settled <= 0.9 * 10.0 / 2.0 for run in frozen.runs)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+@pytest.mark.slow
+def test_study_rows_that_take_minutes() -> None:
+    rows = {row.name: row for row in published_study(tuple(STUDY)[1:])}
+    assert not any(run.certified for run in rows["theorem gains, implicit"].runs)
+    assert not any(run.stabilizing for run in rows["theorem gains, implicit"].runs)
+    for name in ("gains by hand, raw, W(0) = 100", "gains by hand, scaled, W(0) = 100"):
+        assert len(rows[name].finished) < len(rows[name].runs)
+        assert all(run.P_error > 0.5 for run in rows[name].finished)
+    by_hand = rows["gains by hand, scaled, stabilizing W(0)"]
+    assert len(by_hand.finished) == len(by_hand.runs)
+    assert all(0.1 < run.P_error < 10.0 for run in by_hand.runs)
+    rich, poor = (rows[f"learning alone, re-evaluated, implicit{end}"].runs for end in ("", ", poorer stack"))
+    assert sum(run.certified for run in rich) >= 10
+    assert not any(run.certified for run in poor)
+
+
+def test_study_refuses_a_reference_without_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(certify, "CORRECTION_LIMIT", 0.0)
+    with pytest.raises(NoSolutionError, match="no certified reference for the study: failed: next Newton correction"):
+        published_study(("learning alone, frozen, implicit",))
+
+
+def test_study_rows_say_what_they_hold() -> None:
+    with pytest.raises(BadInputError, match="unknown row 'nothing'; choose from: theorem gains, explicit"):
+        published_study(("nothing",))
+    empty = StudyRow("x", "why", (StudyRun(15.0, PublishedSettings(), 1e-9, 1.0, 2.0, 1e-5, overflow="lost"),))
+    assert np.isnan(empty.span("P_error")[0])
+    assert empty.span("alpha2") == (2.0, 2.0)
