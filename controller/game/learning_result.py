@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -86,5 +86,7 @@ class LearningResult:
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
         certificates = [{**asdict(row), "ok": row.ok} for row in self.certificates]
-        plain: dict[str, Any] = jsonable({"schema": SCHEMA, **vars(self), "excitation": asdict(self.excitation)})
-        return plain | {"certificates": jsonable(certificates)}
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        structured = {"excitation": asdict(self.excitation), "certificates": certificates}
+        plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)
+        return plain
