@@ -124,8 +124,9 @@ def initial_of(words: list[str] | None) -> np.ndarray:
 def signal_of(option: str, words: list[str] | None) -> Signal:
     """`NAME=CONSTANT[:AMPLITUDE:RAD/S]` words of an option, (6,)."""
     if words == [PAPER]:
-        configuration = section5_configuration()
-        return {"--reference": configuration.reference, "--disturbance": configuration.disturbance}[option].signal
+        paper = section5_configuration()
+        signals = {"--reference": paper.reference, "--disturbance": paper.disturbance, "--noise": paper.noise}
+        return signals[option].signal
     constant = np.zeros(len(LINEAR_STATES))
     harmonics = []
     for name, text in split_assignments(words).items():

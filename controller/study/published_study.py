@@ -1,4 +1,4 @@
-"""What the paper's update law does when it is run as printed, and with the help that it needs: one table."""
+"""What the paper's update law does when it is run as printed, and modified until it learns: one table."""
 
 from __future__ import annotations
 

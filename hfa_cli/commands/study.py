@@ -1,4 +1,4 @@
-"""The paper's update law as printed, and with the help that it needs: every setting on both printed models.
+"""The paper's update law as printed, and modified until it learns: every setting on both printed models.
 
 Takes minutes. With --folder each row is kept as it is finished, and --resume takes up what is there.
 """
