@@ -32,7 +32,7 @@ LAWS = {
     MODIFIED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
     CERTIFIED: "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified",
     CERTIFIED_FF: "the same, with the exact feed-forward from the first certified gain on",
-    INTEGRAL: "u = -K(t) z, integral RL learning in flight from the same gentle LQR",
+    INTEGRAL: "u = -K(t) z, learned in flight by integral RL from the same gentle LQR",
     EXACT: "u = -K z with the exact solution of the game",
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
