@@ -13,7 +13,9 @@ from controller.study.published_study import STUDY, published_study
 from controller.study.study_folder import StudyFolder
 from controller.study.study_report import study_data, study_table, study_text
 from hfa_cli import options
+from hfa_cli.argument_types import parsed
 from hfa_cli.output import check_folder, check_target, deliver
+from hfa_cli.parser import add_value
 from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
 
@@ -23,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", action="append", metavar="TEXT", help="the rows whose name contains TEXT; repeatable; default: all"
     )
-    parser.add_argument("--folder", metavar="FOLDER", help="keep each row there as it is finished; made when missing")
+    about = "keep each row there as it is finished; made when missing"
+    add_value(parser, "--folder", parsed(check_folder), "FOLDER", about)
     parser.add_argument("--resume", action="store_true", help="do not run again the rows that are finished in --folder")
     add_removed(parser, "--save", "keep the finished rows with --folder FOLDER")
     options.add_output(parser)
@@ -34,15 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output)
     if arguments.resume and arguments.folder is None:
         raise BadInputError("--resume needs the folder to continue; add --folder FOLDER")
-    folder = None if arguments.folder is None else StudyFolder(check_folder(arguments.folder))
+    folder = None if arguments.folder is None else StudyFolder(arguments.folder)
     kept: dict[str, Any] = {} if folder is None else {"keep": folder.keep}
     if folder is not None and arguments.resume:
         kept["known"] = folder.known
-    rows = published_study(
-        _names(arguments.only),
-        _show if sys.stderr.isatty() else None,
-        **kept,
-    )
+    rows = published_study(_names(arguments.only), _show if sys.stderr.isatty() else None, **kept)
     deliver(
         study_data(rows), lambda: study_text(rows), lambda: study_table(rows), as_json=arguments.json, target=target
     )
