@@ -26,6 +26,6 @@ if TYPE_CHECKING:
     from controller.laws.published_law import PublishedSettings as PublishedSettings
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo, Uncertainty as Uncertainty
     from controller.monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
-    from controller.samples.recording import Stack as Stack, record as record
+    from controller.samples.recording import Stack as Stack, random_pool as random_pool, record as record
 
 __getattr__, __dir__, __all__ = open_door(__name__)

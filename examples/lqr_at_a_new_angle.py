@@ -20,9 +20,7 @@ import control
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import find_operating_point, level_flight, linearize
 
 aircraft = Aircraft(default_parameters().values)
 point = find_operating_point(aircraft, level_flight(np.radians(10.0)))

@@ -26,11 +26,7 @@ the entries of one row really move together, so the ranges are rather too wide t
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim.linear.bands import entry_bands
-from trim.linear.linearize import linearize
-from trim.linear.modes import modes_of
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import entry_bands, find_operating_point, level_flight, linearize, modes_of
 
 shipped = default_parameters()
 for dynamics in ("published", "newton"):

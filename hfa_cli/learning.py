@@ -11,6 +11,7 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.learn import LAWS, learn
 from hfa_cli.argument_types import number, whole
+from hfa_cli.output import Progress
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
@@ -81,5 +82,4 @@ def _converted(text: str, kind: str) -> Any:
 
 def show_learning(fraction: float, message: str) -> None:
     """One line on standard error, gone when done."""
-    end = "\r\033[K" if fraction >= 1.0 else ""
-    print(f"\r\033[Klearn: {100 * fraction:3.0f} %  {message}", end=end, file=sys.stderr, flush=True)
+    Progress("learn").say(fraction, message)

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 from hfa_model.support.door import open_door
 
 if TYPE_CHECKING:
+    from hfa_model.aerodynamics import aircraft_loads as aircraft_loads
     from hfa_model.aircraft import Aircraft as Aircraft
+    from hfa_model.dynamics import rates_from_loads as rates_from_loads
     from hfa_model.parameter_samples import sample_parameters as sample_parameters
     from hfa_model.parameters import (
         Parameters as Parameters,
@@ -18,8 +20,10 @@ if TYPE_CHECKING:
     from hfa_model.published import PublishedModel as PublishedModel, published_models as published_models
     from hfa_model.support.checks import Check as Check
     from hfa_model.support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
-    from hfa_model.variants import VARIANTS as VARIANTS
+    from hfa_model.support.report import Report as Report
+    from hfa_model.variants import VARIANTS as VARIANTS, Newton as Newton, Published as Published, Rival as Rival
     from hfa_model.vectors import (
+        DEGREE as DEGREE,
         INPUT_UNITS as INPUT_UNITS,
         INPUTS as INPUTS,
         LINEAR_STATES as LINEAR_STATES,

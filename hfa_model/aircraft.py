@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
-from hfa_model.parameters import Parameters
+from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import by_name, state_rates, symbols
 from hfa_model.variants import Variant, variant_named
@@ -62,17 +62,22 @@ def compiled_dynamics(variant: Variant) -> CompiledDynamics:
 
 
 class Aircraft:
-    """Parameters and a variant of the equations, bound together: what flies.
+    """Parameters, by default the identified ones, and a variant of the equations, bound together: what flies.
 
     `rates`, `jacobians` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
     shape is wrong, an entry is not finite or the state lies outside the model.
     """
 
-    def __init__(self, parameters: Parameters, dynamics: str | Variant = "published") -> None:
-        self.parameters = parameters
+    def __init__(self, parameters: Parameters | None = None, dynamics: str | Variant = "published") -> None:
+        self.parameters = default_parameters().values if parameters is None else parameters
         self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
         self._functions = compiled_dynamics(self.variant)
-        self._p = np.array(parameters, dtype=float)
+        self._p = np.array(self.parameters, dtype=float)
+
+    def __repr__(self) -> str:
+        p = self.parameters
+        panel = f"{p.panel_mass:.4g} slug, {p.panel_span:.4g} ft by {p.chord:.4g} ft"
+        return f"<Aircraft of three panels of {panel} each, {self.variant.name} dynamics>"
 
     def __reduce__(self) -> tuple[type[Aircraft], tuple[Parameters, Variant]]:
         return Aircraft, (self.parameters, self.variant)  # compiled again where it is unpickled

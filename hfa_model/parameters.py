@@ -15,6 +15,7 @@ import numpy as np
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import Quantity
 
 
@@ -83,8 +84,8 @@ _ROUNDING = 1e-10
 SOURCES = ("identified", "assumed", "print", "released")
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterSet(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class ParameterSet(ByValue, Reported):
     """Parameters with their provenance.
 
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
@@ -111,6 +112,12 @@ class ParameterSet(ByValue):
         if not self.covariance.size:
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def report(self) -> Report:
+        """Every parameter with its standard error, unit and source."""
+        from hfa_model.parameter_report import parameter_report
+
+        return parameter_report(self)
 
 
 def default_parameters() -> ParameterSet:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, TypeAlias
 
 #: A number or a CasADi expression (SX or MX); the shape, where it is not one number, stands in the docstring. To a
 #: type checker it is Any: the union of the three would let SX and MX be added, which CasADi refuses.
 Quantity: TypeAlias = Any
+
+#: One degree, rad: 15 * DEGREE.
+DEGREE = math.pi / 180
 
 
 class State(NamedTuple):

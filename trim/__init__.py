@@ -10,8 +10,9 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
     raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
+    from trim.identification.evidence import Identification as Identification, run_identification as run_identification
     from trim.identification.identify import Fit as Fit, fit as fit, identify as identify
-    from trim.linear.bands import Bands as Bands, entry_bands as entry_bands
+    from trim.linear.bands import Bands as Bands, entry_bands as entry_bands, rival_parameters as rival_parameters
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
     from trim.linear.linearize import LinearModel as LinearModel, linearize as linearize
     from trim.linear.mode_tracking import track_modes as track_modes
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     )
     from trim.point.operating_point import (
         OperatingPoint as OperatingPoint,
+        Status as Status,
         load_operating_point as load_operating_point,
         save_operating_point as save_operating_point,
     )

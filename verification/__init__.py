@@ -18,13 +18,29 @@ if TYPE_CHECKING:
         from_weights as from_weights,
     )
     from verification.critic.critic_check import CriticCheck as CriticCheck, check_critic as check_critic
+    from verification.critic.diagnosis import relative_error as relative_error
+    from verification.experiments.configuration import section5_configuration as section5_configuration
+    from verification.experiments.experiment_flights import FlightPlan as FlightPlan, fly as fly
+    from verification.experiments.setting import make_setting as make_setting
     from verification.flights.recoverable import recoverable_map as recoverable_map
     from verification.flights.scheduling import certified_schedule as certified_schedule
+    from verification.meaning.linear_flight import simulate as simulate
     from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
     from verification.meaning.solution_report import solution_report as solution_report
-    from verification.published.regeneration import regenerate_all as regenerate_all
+    from verification.physics.lagrangian import mechanical_energy as mechanical_energy
+    from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
+    from verification.published.regeneration import (
+        RegeneratedPair as RegeneratedPair,
+        Regeneration as Regeneration,
+        regenerate_all as regenerate_all,
+    )
     from verification.riccati.delta_min import minimum_delta as minimum_delta
+    from verification.riccati.feedforward import (
+        exosystem_feedforward as exosystem_feedforward,
+        paper_reference as paper_reference,
+    )
     from verification.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
+    from verification.riccati.gare_batch import solve_games as solve_games
     from verification.riccati.l2_gain import bounded_real_gain as bounded_real_gain
 
 __getattr__, __dir__, __all__ = open_door(__name__)

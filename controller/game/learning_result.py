@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_model.support.checks import RELATIONS
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.report import Report, Reported
 
 SCHEMA = "hfa.learning-result/1"
 
@@ -50,8 +51,8 @@ class Excitation:
     rounding: float
 
 
-@dataclass(frozen=True, eq=False)
-class LearningResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class LearningResult(Reported):
     """The outcome of one learning law on one game.
 
     times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm: (N,), Bellman
@@ -82,6 +83,12 @@ class LearningResult:
     def converged(self) -> bool:
         """Whether every certificate holds."""
         return self.status == "converged"
+
+    def report(self) -> Report:
+        """Status, certificates, excitation, P and K."""
+        from controller.game.learning_report import learning_report
+
+        return learning_report(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_model.published import published_data
 from hfa_model.support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from trim.linear.linearize import LinearModel
 
 #: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in a model.
 LARGEST = 1e100
@@ -94,11 +97,17 @@ class Game:
         return replace(self, delta=delta)
 
 
-def published_game(A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
-    """The game of paper Section 5.1 on (A, B): its Q, R, delta and E = I; `changes` replaces any of them.
+def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any) -> Game:
+    """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
 
-    With a model of another size than the paper's six states and five inputs, Q and R must be given.
+    `changes` replaces any of them. With a model of another size than the paper's six states and five inputs, Q and R
+    must be given.
     """
+    if B is None:
+        model: Any = A
+        if not hasattr(model, "B"):
+            raise BadInputError("B is missing; give A and B, or a linear model")
+        A, B = model.A, model.B
     settings = published_data()["game"]
     A = _matrix("A", A)
     defaults = {

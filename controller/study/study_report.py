@@ -1,4 +1,4 @@
-"""What the study of the paper's update law says: as data that can be read back, as a table, and as text."""
+"""What the study of the paper's update law says, and its data read back."""
 
 from __future__ import annotations
 
@@ -13,12 +13,57 @@ from controller.laws.published_law import PublishedSettings
 from controller.study.published_study import StudyRow, StudyRun
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.text import Table, columns
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table, range_text
 
 SCHEMA = "hfa.published-study/1"
 #: Numbers that are nan, not inf, where a run did not get so far.
 _NAN = ("last_lambda_0",)
 _RANGES = ("lambda_0", "alpha1", "alpha2", "explicit_step_limit", "P_error", "K_error", "settled", "last_lambda_0")
+
+
+def study_report(rows: tuple[StudyRow, ...]) -> Report:
+    """Outcomes, what the theorem asks for, and causes; smallest and largest value over the runs of a row."""
+    outcomes = [
+        (
+            row.name,
+            *(str(count) for count in _counts(row).values()),
+            *(range_text(*row.span(name)) for name in ("P_error", "K_error")),
+            range_text(*row.span("settled"), "never"),
+        )
+        for row in rows
+    ]
+    demands = [
+        (row.name, *(range_text(*row.span(name)) for name in ("lambda_0", "alpha1", "alpha2", "explicit_step_limit")))
+        for row in rows
+    ]
+    return Report(
+        title="The paper's update law, Eq. (46), on both printed models (15 and 5 deg)",
+        parts=(
+            Table(
+                ("row", "runs", "overflow", "stabilizing", "certified", "error of P", "error of K", "settled s"),
+                outcomes,
+            ),
+            Table(("row", "lambda_0", "alpha1", "alpha2", "largest explicit step s"), demands),
+            "\n".join(f"{row.name}: {row.cause}" for row in rows),
+        ),
+        data=study_data(rows),
+        records=_records(rows),
+    )
+
+
+def load_study(path: str | Path) -> tuple[StudyRow, ...]:
+    """The rows of a file with `study_data`, bit by bit. Raises BadInputError for another file."""
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInputError(f"{path} cannot be read as the .json file of a study") from error
+    try:
+        if data["schema"] != SCHEMA:
+            raise KeyError("schema")
+        return tuple(StudyRow(row["name"], row["cause"], tuple(map(_run, row["runs"]))) for row in data["rows"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise BadInputError(f"{path} is not a study of this version ({SCHEMA})") from error
 
 
 def study_data(rows: tuple[StudyRow, ...]) -> dict[str, Any]:
@@ -38,21 +83,7 @@ def study_data(rows: tuple[StudyRow, ...]) -> dict[str, Any]:
     }
 
 
-def load_study(path: str | Path) -> tuple[StudyRow, ...]:
-    """The rows of a file with `study_data`, bit by bit. Raises BadInputError for another file."""
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadInputError(f"{path} cannot be read as the .json file of a study") from error
-    try:
-        if data["schema"] != SCHEMA:
-            raise KeyError("schema")
-        return tuple(StudyRow(row["name"], row["cause"], tuple(map(_run, row["runs"]))) for row in data["rows"])
-    except (KeyError, TypeError, AttributeError) as error:
-        raise BadInputError(f"{path} is not a study of this version ({SCHEMA})") from error
-
-
-def study_table(rows: tuple[StudyRow, ...]) -> Table:
+def _records(rows: tuple[StudyRow, ...]) -> Table:
     """One row a run."""
     numbers = [field.name for field in fields(StudyRun) if field.name != "settings"]
     settings = [field.name for field in fields(PublishedSettings)]
@@ -64,34 +95,6 @@ def study_table(rows: tuple[StudyRow, ...]) -> Table:
     return Table(("row", *numbers, *settings), body)
 
 
-def study_text(rows: tuple[StudyRow, ...]) -> str:
-    """Outcomes, what the theorem asks for, and causes; smallest and largest value over the runs of a row."""
-    outcomes = [
-        (
-            row.name,
-            *(str(count) for count in _counts(row).values()),
-            *(_range(row.span(name)) for name in ("P_error", "K_error")),
-            _range(row.span("settled"), "never"),
-        )
-        for row in rows
-    ]
-    demands = [
-        (row.name, *(_range(row.span(name)) for name in ("lambda_0", "alpha1", "alpha2", "explicit_step_limit")))
-        for row in rows
-    ]
-    return "\n\n".join(
-        [
-            "The paper's update law, Eq. (46), on both printed models (15 and 5 deg)",
-            columns(
-                ("row", "runs", "overflow", "stabilizing", "certified", "error of P", "error of K", "settled s"),
-                outcomes,
-            ),
-            columns(("row", "lambda_0", "alpha1", "alpha2", "largest explicit step s"), demands),
-            "\n".join(f"{row.name}: {row.cause}" for row in rows),
-        ]
-    )
-
-
 def _counts(row: StudyRow) -> dict[str, int]:
     return {
         "count": len(row.runs),
@@ -99,12 +102,6 @@ def _counts(row: StudyRow) -> dict[str, int]:
         "stabilizing": sum(run.stabilizing for run in row.runs),
         "certified": sum(run.certified for run in row.runs),
     }
-
-
-def _range(span: tuple[float, float], infinite: str = "inf") -> str:
-    if math.isnan(span[0]):
-        return "-"
-    return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in span))
 
 
 def _run(stored: Mapping[str, Any]) -> StudyRun:

@@ -25,8 +25,9 @@ from hfa_cli.flights import (
     seed_of,
 )
 from hfa_cli.learning import law_settings, show_learning
-from hfa_cli.output import Progress, check_target, say_notes, write
+from hfa_cli.output import Progress, check_target, say_notes
 from hfa_cli.values import grid, number, quantity, whole
+from hfa_model.support.data_files import save_data
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.text import Table
@@ -267,7 +268,7 @@ def _say(
 ) -> int:
     data = data | {"warnings": list(dict.fromkeys(warning for point in points for warning in warnings(point)))}
     if target is not None:
-        write(target, data | (history or {}), table)
+        save_data(target, data | (history or {}), table())
     print(json.dumps(jsonable(data), indent=2, allow_nan=False) if arguments.json else text())
     sys.stdout.flush()
     say_notes(data["warnings"])

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from hfa_cli import options
 from hfa_cli.argument_types import parsed, whole
-from hfa_cli.output import Progress, deliver
+from hfa_cli.output import Progress, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit, save_identification
-from trim.identification.identification_report import identification_data, identification_table, identification_text
+from trim.identification.identification_report import identification_report
 
 #: Suffix of a parameters file.
 PARAMETERS = ".toml"
@@ -34,13 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None and target.suffix.lower() == PARAMETERS:
         save_fit(result.fit, target)
         target = None
-    deliver(
-        identification_data(result),
-        lambda: identification_text(result),
-        lambda: identification_table(result),
-        as_json=arguments.json,
-        target=target,
-    )
+    show(identification_report(result), as_json=arguments.json, target=target)
     return 0
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from controller.laws.learning_report import learning_data, learning_table, learning_text
+from controller.game.learning_report import learning_report
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import deliver, say_notes, write
+from hfa_cli.output import say_notes, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,15 +22,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Learn and report; exit 1 when a certificate does not hold."""
     named = game_of(arguments)
     result = run_learning(arguments, named.game)
+    names, labels = (named.states, named.inputs, named.origin), named.labels()
     if arguments.output is not None:
         # Files hold the whole history; on a terminal it would drown the result.
-        write(arguments.output, learning_data(result, history=True) | named.labels(), lambda: learning_table(result))
-    deliver(
-        learning_data(result, history=False) | named.labels(),
-        lambda: learning_text(result, named.states, named.inputs, named.origin),
-        lambda: learning_table(result),
-        as_json=arguments.json,
-        target=None,
-    )
+        learning_report(result, *names, history=True).with_data(**labels).save(arguments.output)
+    show(learning_report(result, *names).with_data(**labels), as_json=arguments.json, target=None)
     say_notes(named.warnings)
     return 0 if result.converged else 1

@@ -10,7 +10,7 @@ from hfa_model.aircraft import Aircraft
 from trim.linear.bands import bands_known, entry_bands
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
-from trim.linear.model_report import linear_model_report
+from trim.linear.model_report import linear_model_report, trust_in
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     known = bands_known(parameters) and not arguments.full
     bands = entry_bands(parameters, condition, model) if known else None
     printed = printed_at(point) if not arguments.full else None
-    report = linear_model_report(model, bands)
+    report = linear_model_report(model, bands, trust_in(bands))
     if printed is not None:
         report = beside_the_print(report, model, printed)
     show(report, as_json=arguments.json, target=arguments.output)

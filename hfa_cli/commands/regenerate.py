@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.output import deliver
-from verification.published.regeneration import regenerate_all, regeneration_data, regeneration_table, regeneration_text
+from hfa_cli.output import show
+from verification.published.regeneration import regenerate_all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,13 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Regenerate, compare and judge; exit 1 when a check fails."""
-    pairs = regenerate_all(options.aircraft_of(arguments))
-    data = regeneration_data(pairs)
-    deliver(
-        data,
-        lambda: regeneration_text(pairs),
-        lambda: regeneration_table(pairs),
-        as_json=arguments.json,
-        target=arguments.output,
-    )
-    return 0 if data["ok"] else 1
+    found = regenerate_all(options.aircraft_of(arguments))
+    show(found.report(), as_json=arguments.json, target=arguments.output)
+    return 0 if found.ok else 1

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 from hfa_cli import options
 from hfa_cli.argument_types import output_file, parsed
@@ -15,7 +14,8 @@ from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, written_whole
 from hfa_model.support.jsonable import jsonable
-from verification.published.report_page import Report, make_report, report_data, report_html, report_pictures
+from hfa_model.support.report import Report
+from verification.published.report_page import MainJob, main_job, main_report, page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,29 +33,27 @@ def run(arguments: argparse.Namespace) -> int:
     places = sum(place is not None for place in (arguments.output, arguments.folder))
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
-    report = make_report(options.parameters_of(arguments), arguments.dynamics)
-    data = jsonable(report_data(report))
-    lines = [f"wrote {name}" for name in _written(report, data, arguments.output, arguments.folder)]
-    lines.append(f"Both printed pairs regenerated: {'yes' if report.regenerated else 'NO'}")
-    lines.append(f"Learned critics agree with the exact game solution: {'yes' if report.learned else 'NO'}")
-    print(json.dumps(data, indent=2, allow_nan=False) if arguments.json else "\n".join(lines))
-    return 0 if data["ok"] else 1
+    job = main_job(options.parameters_of(arguments), arguments.dynamics)
+    report = main_report(job)
+    lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
+    lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
+    lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
+    print(report.json() if arguments.json else "\n".join(lines))
+    return 0 if job.ok else 1
 
 
-def _written(report: Report, data: dict[str, Any], target: Path | None, folder: Path | None) -> list[str]:
+def _written(job: MainJob, report: Report, target: Path | None, folder: Path | None) -> list[str]:
     """Write the page to the file or into the folder; what was written."""
-    if target is None and folder is None:
-        return []  # the numbers alone
-    pictures = report_pictures(report)
-    page = report_html(report, pictures)
     if target is not None:
-        write_text(target, page)
+        write_text(target, page(job, report))
         return [str(target)]
-    assert folder is not None
+    if folder is None:
+        return []  # the numbers alone
     folder.mkdir(exist_ok=True)
-    for name, picture in pictures.items():
-        with written_whole(folder / name) as stream:
-            stream.write(picture)
-    write_text(folder / "numbers.json", json.dumps(data, allow_nan=False) + "\n")
-    write_text(folder / "report.html", page)
-    return [f"{folder / 'report.html'}, numbers.json, {', '.join(pictures)}"]
+    pictures = list(report.pictures())
+    for picture in pictures:
+        with written_whole(folder / picture.name) as stream:
+            stream.write(picture.png)
+    write_text(folder / "numbers.json", json.dumps(jsonable(report.data), allow_nan=False) + "\n")
+    write_text(folder / "report.html", page(job, report))
+    return [f"{folder / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

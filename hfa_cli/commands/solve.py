@@ -6,7 +6,8 @@ import argparse
 
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
-from hfa_cli.output import deliver, say_notes
+from hfa_cli.output import say_notes, show
+from hfa_model.support.report import Report
 from verification.meaning.solution_report import solution_data, solution_report, solution_table, solution_text
 
 
@@ -20,12 +21,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
     report = solution_report(named.game)
-    deliver(
-        solution_data(report, named.states, named.inputs) | named.labels(),
-        lambda: solution_text(report, named.states, named.inputs, named.origin),
-        lambda: solution_table(report, named.states, named.inputs),
-        as_json=arguments.json,
-        target=arguments.output,
+    shown = Report(
+        title="",
+        parts=(solution_text(report, named.states, named.inputs, named.origin),),
+        data=solution_data(report, named.states, named.inputs) | named.labels(),
+        records=solution_table(report, named.states, named.inputs),
     )
+    show(shown, as_json=arguments.json, target=arguments.output)
     say_notes(named.warnings)
     return 0

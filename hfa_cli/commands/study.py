@@ -6,15 +6,14 @@ Takes minutes. With --folder each row is kept as it is finished, and --resume ta
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 from controller.study.published_study import STUDY, published_study
 from controller.study.study_folder import StudyFolder
-from controller.study.study_report import study_data, study_table, study_text
+from controller.study.study_report import study_report
 from hfa_cli import options
 from hfa_cli.argument_types import parsed
-from hfa_cli.output import check_folder, check_target, deliver
+from hfa_cli.output import Progress, check_folder, check_target, show
 from hfa_cli.parser import add_value
 from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
@@ -41,10 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     kept: dict[str, Any] = {} if folder is None else {"keep": folder.keep}
     if folder is not None and arguments.resume:
         kept["known"] = folder.known
-    rows = published_study(_names(arguments.only), _show if sys.stderr.isatty() else None, **kept)
-    deliver(
-        study_data(rows), lambda: study_text(rows), lambda: study_table(rows), as_json=arguments.json, target=target
-    )
+    rows = published_study(_names(arguments.only), Progress("study").say, **kept)
+    show(study_report(rows), as_json=arguments.json, target=target)
     return 0
 
 
@@ -53,9 +50,3 @@ def _names(words: list[str] | None) -> tuple[str, ...]:
         if not word or not any(word in name for name in STUDY):
             raise BadInputError(f"no row's name contains {word!r}; there are: {'; '.join(STUDY)}")
     return tuple(name for name in STUDY if words is None or any(word in name for word in words))
-
-
-def _show(fraction: float, row: str) -> None:
-    """One line on standard error, gone when done."""
-    end = "\r\033[K" if fraction >= 1.0 else ""
-    print(f"\r\033[Kstudy: {100 * fraction:3.0f} %  {row}", end=end, file=sys.stderr, flush=True)

@@ -8,19 +8,21 @@ continued after an interruption (--resume).
 from __future__ import annotations
 
 import argparse
-import json
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from hfa_cli import options
 from hfa_cli.argument_types import whole
-from hfa_cli.output import Progress, deliver, say_notes
+from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report
 from trim.sweeps.sweep import MOST_POINTS, SWEPT, sweep
-from trim.sweeps.sweep_report import sweep_table, sweep_text, sweep_warnings
+from trim.sweeps.sweep_report import sweep_report
 
 #: Suffix of a store, and the options that only a store has.
 STORE = ".zarr"
@@ -60,15 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         from trim.sweeps.root_locus import root_locus
 
         root_locus(result, arguments.picture)
-    warnings = sweep_warnings(result)
-    deliver(
-        result.to_dict() | {"warnings": warnings},
-        lambda: sweep_text(result),
-        lambda: sweep_table(result),
-        as_json=arguments.json,
-        target=arguments.output,
-    )
-    say_notes(warnings)
+    _show(sweep_report(result), arguments.json, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
 
@@ -86,7 +80,7 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
 
 def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
     from trim.sweeps.stored_sweep import stream_sweep
-    from trim.sweeps.stored_sweep_report import store_data, store_text
+    from trim.sweeps.stored_sweep_report import stored_sweep_report
     from trim.sweeps.sweep_plan import SweepPlan
 
     options.refuse(
@@ -116,7 +110,12 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         resume=arguments.resume,
         progress=Progress("sweep"),
     )
-    data = store_data(plan, store, arguments.output)
-    print(json.dumps(data, indent=2) if arguments.json else store_text(data))
-    say_notes(data["warnings"])
-    return 0 if data["counts"]["trimmed"] else 1
+    report = stored_sweep_report(plan, store, arguments.output)
+    _show(report, arguments.json, None)
+    return 0 if report.data["counts"]["trimmed"] else 1
+
+
+def _show(report: Report, as_json: bool, target: Path | None) -> None:
+    """The notes on standard error: the table on standard output stays a table."""
+    show(replace(report, notes=()), as_json=as_json, target=target)
+    say_notes(report.notes)

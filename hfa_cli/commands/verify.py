@@ -17,12 +17,12 @@ from hfa_cli import options
 from hfa_cli.argument_types import input_file, positive
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
-from hfa_cli.output import deliver, say_notes
+from hfa_cli.output import say_notes, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.critic.candidate import Candidate, from_stored, from_weights
-from verification.critic.check_report import check_table, check_text
+from verification.critic.check_report import check_report
 from verification.critic.critic_check import LIMIT, ORDINARY_DEVIATIONS, CriticCheck, check_critic
 
 
@@ -53,13 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.picture is not None:
         _draw(check, named, functions, result, time, arguments.picture)
-    deliver(
-        check.to_dict() | named.labels(),
-        lambda: check_text(check, named.states, named.inputs, named.origin),
-        lambda: check_table(check, named.states, named.inputs),
-        as_json=arguments.json,
-        target=arguments.output,
-    )
+    report = check_report(check, named.states, named.inputs, named.origin).with_data(**named.labels())
+    show(report, as_json=arguments.json, target=arguments.output)
     say_notes(named.warnings)
     return 0 if check.ok else 1
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from hfa_model.support.text import columns
+from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.report import Block, Report
+from hfa_model.support.text import Table
 
 #: What a number may be asked to be of its limit; a value that is not a number is none of them.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
@@ -47,17 +48,22 @@ def below(name: str, value: float, limit: float, reason: str) -> Check:
     return _judged(name, value, limit, bool(value < limit), reason)
 
 
-def finite_or_none(value: float) -> float | None:
-    """JSON has no infinity: None stands for a number that is not finite."""
-    return float(value) if math.isfinite(value) else None
+def checks_block(checks: Iterable[Check]) -> Block:
+    """One row a check, then the reason of each that failed."""
+    found = tuple(checks)
+    rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok)) for check in found]
+    reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
+    return Block((Table(("check", "value", "limit", "verdict"), rows), *reasons))
 
 
 def checks_text(checks: Iterable[Check]) -> str:
-    """One row a check, then the reason of each that failed."""
-    found = tuple(checks)
-    rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", "pass" if check.ok else "FAIL") for check in found]
-    reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
-    return "\n".join([columns(("check", "value", "limit", "verdict"), rows), *reasons])
+    """`checks_block` as text."""
+    return Report("", (checks_block(checks),)).text()
+
+
+def verdict_text(ok: bool) -> str:
+    """How a table says whether a check holds."""
+    return "pass" if ok else "FAIL"
 
 
 def _judged(name: str, value: float, limit: float, ok: bool, reason: str) -> Check:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,6 +20,37 @@ def jsonable(value: Any) -> Any:
         return jsonable(value.tolist())
     if isinstance(value, np.generic):
         return jsonable(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    return finite_or_none(value) if isinstance(value, float) else value
+
+
+def finite_or_none(value: float) -> float | None:
+    """JSON has no infinity: None stands for a number that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def json_text(value: Any) -> str:
+    """The value as indented JSON."""
+    return json.dumps(jsonable(value), indent=2, allow_nan=False)
+
+
+def records_text(value: Any) -> str:
+    """JSON in which a table, a list of objects, has one row a line, and what holds no table is one line."""
+    return _records_text(jsonable(value), "") + "\n"
+
+
+def _records_text(value: Any, indent: str) -> str:
+    if indent and not _holds_table(value):
+        return json.dumps(value, allow_nan=False, ensure_ascii=False)
+    if isinstance(value, dict):
+        brackets, entries = "{}", [(f"{json.dumps(key, ensure_ascii=False)}: ", item) for key, item in value.items()]
+    else:
+        brackets, entries = "[]", [("", item) for item in value]
+    inner = indent + " "
+    lines = ",\n".join(f"{inner}{name}{_records_text(item, inner)}" for name, item in entries)
+    return f"{brackets[0]}\n{lines}\n{indent}{brackets[1]}"
+
+
+def _holds_table(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(map(_holds_table, value.values()))
+    return isinstance(value, list) and any(isinstance(item, dict) or _holds_table(item) for item in value)

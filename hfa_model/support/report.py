@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hfa_model.support.text import Table, columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+NO_RECORDS = Table((), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,20 +27,39 @@ class Picture:
     text: str
     draw: Callable[[], Figure]
 
+    @cached_property
+    def png(self) -> bytes:
+        """The figure as PNG, drawn once."""
+        from hfa_model.support.figure import png_bytes
+
+        return png_bytes(self.draw())
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Parts that belong together: a table and the lines below it, without an empty line between them."""
+
+    parts: Sequence[str | Table]
+
 
 @dataclass(frozen=True, eq=False)
 class Report:
     """What a result says, in the order in which it is read.
 
-    parts: paragraphs (str), tables of formatted cells (Table), pictures, and reports within the report. data: the
-    result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before trusting it.
+    parts: paragraphs (str), tables of formatted cells (Table), blocks, pictures, and reports within the report.
+    data: the result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before
+    trusting it.
     """
 
     title: str
-    parts: Sequence[str | Table | Picture | Report] = ()
+    parts: Sequence[Part] = ()
     notes: Sequence[str] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
-    records: Table | None = None
+    records: Table = NO_RECORDS
+
+    def with_data(self, **more: Any) -> Report:
+        """The same report with more data."""
+        return replace(self, data={**self.data, **more})
 
     def text(self) -> str:
         """For a terminal: parts with an empty line between them; pictures have no place there."""
@@ -54,6 +78,29 @@ class Report:
         shown = [_html(part, level) for part in self.parts]
         return "\n".join([*heading, *shown, *(f"<p>Note: {html.escape(note)}</p>" for note in self.notes)])
 
+    def json(self) -> str:
+        """The data; a number that is not finite becomes null."""
+        from hfa_model.support.jsonable import json_text
+
+        return json_text(self.data)
+
+    def save(self, path: Path) -> None:
+        """Data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all, numbers with all digits."""
+        from hfa_model.support.data_files import save_data
+
+        save_data(path, self.data, self.records)
+
+    def pictures(self) -> Iterator[Picture]:
+        """All pictures, those of the reports within it too."""
+        for part in self.parts:
+            if isinstance(part, Picture):
+                yield part
+            elif isinstance(part, Report):
+                yield from part.pictures()
+
+
+Part: TypeAlias = str | Table | Block | Picture | Report
+
 
 class Reported:
     """A result that shows its report at the prompt and in notebooks."""
@@ -69,41 +116,48 @@ class Reported:
         return self.report().html(level=3)
 
 
-def _text(part: str | Table | Picture | Report) -> str:
+def _text(part: str | Table | Block | Report) -> str:
     if isinstance(part, Report):
         return part.text()
-    return columns(part.header, part.rows) if isinstance(part, Table) else str(part)
+    if isinstance(part, Block):
+        return "\n".join(map(_text, part.parts))
+    return columns(*part) if isinstance(part, Table) else part
 
 
-def _markdown(part: str | Table | Picture | Report, level: int) -> str:
+def _markdown(part: Part, level: int) -> str:
     if isinstance(part, Report):
         return part.markdown(level + 1)
+    if isinstance(part, Block):
+        return "\n\n".join(_markdown(each, level) for each in part.parts)
     if isinstance(part, Picture):
         return f"![{part.text}]({part.name})"
-    if isinstance(part, Table):
-        rule = ("---", *("---:" for _ in part.header[1:]))
-        return "\n".join(f"| {' | '.join(_cell(cell) for cell in row)} |" for row in (part.header, rule, *part.rows))
-    return part
+    return markdown_table(part) if isinstance(part, Table) else part
 
 
-def _html(part: str | Table | Picture | Report, level: int) -> str:
+def markdown_table(table: Table) -> str:
+    """A table as Markdown."""
+    header, *body = (f"| {' | '.join(map(_cell, row))} |" for row in (table.header, *table.rows))
+    return "\n".join([header, "|" + "---|" * len(table.header), *body])
+
+
+def _html(part: Part, level: int) -> str:
     if isinstance(part, Report):
         return part.html(level + 1)
+    if isinstance(part, Block):
+        return "\n".join(_html(each, level) for each in part.parts)
     if isinstance(part, Picture):
-        from hfa_model.support.figure import png_bytes
-
-        data = base64.b64encode(png_bytes(part.draw())).decode("ascii")
+        data = base64.b64encode(part.png).decode("ascii")
         return f'<p><img alt="{html.escape(part.text)}" src="data:image/png;base64,{data}"></p>'
     if isinstance(part, Table):
         head = "".join(f'<th scope="col">{html.escape(str(cell))}</th>' for cell in part.header)
-        body = "".join(
+        body = "\n".join(
             f'<tr><th scope="row">{html.escape(str(row[0]))}</th>'
             + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row[1:])
             + "</tr>"
             for row in part.rows
         )
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return "".join(f"<p>{html.escape(line)}</p>" for line in part.split("\n"))
+        return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    return "\n".join(f"<p>{html.escape(line)}</p>" for line in part.split("\n"))
 
 
 def _cell(cell: Any) -> str:

@@ -1,9 +1,9 @@
-"""Numbers as aligned text for a terminal."""
+"""Numbers as aligned text for a terminal: here and nowhere else is a number given its form."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 
@@ -12,6 +12,21 @@ class Table(NamedTuple):
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
+
+
+class RowsMade(Sequence[tuple[Any, ...]]):
+    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no memory."""
+
+    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
+        self._count, self._row = count, row
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        if not 0 <= index < self._count:
+            raise IndexError(index)
+        return self._row(index)
 
 
 def matrix_table(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> Table:
@@ -25,9 +40,34 @@ def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...],
     return columns(*matrix_table(name, rows, column_names, matrix))
 
 
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """x1, x2, ...: names of what has none."""
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
 def in_degrees(angle: float) -> float:
     """An angle in degrees as it was asked for: 15, not 14.999999999999998."""
     return round(math.degrees(angle), 10)
+
+
+def shown_unit(unit: str) -> str:
+    """The unit that a person reads: deg in place of rad."""
+    return unit.replace("rad", "deg") if unit.startswith("rad") else unit
+
+
+def shown_value(value: float, unit: str, form: str = ".6g") -> str:
+    """A value in its `shown_unit`: radians become degrees."""
+    return format(math.degrees(value) if unit.startswith("rad") else value, form)
+
+
+def degrees(value: float, unit: str) -> tuple[str, str]:
+    """A value with five decimals and its unit, as a person reads them."""
+    return shown_value(value, unit, ".5f"), shown_unit(unit)
+
+
+def angle_text(angle: float) -> str:
+    """An angle in degrees: 15 deg."""
+    return f"{shown_value(angle, 'rad')} deg"
 
 
 def eigenvalue_text(value: complex) -> str:
@@ -35,16 +75,16 @@ def eigenvalue_text(value: complex) -> str:
     return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
 
 
+def range_text(lowest: float, highest: float, infinite: str = "inf") -> str:
+    """0.012 to 3.4; one number where both print the same, a dash where there is none."""
+    if math.isnan(lowest):
+        return "-"
+    return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in (lowest, highest)))
+
+
 def _four_decimals(value: float) -> str:
     text = f"{value:.4f}"
     return "0.0000" if text == "-0.0000" else text
-
-
-def degrees(value: float, unit: str) -> tuple[str, str]:
-    """A value and its unit as a person reads them: radians become degrees."""
-    if unit.startswith("rad"):
-        return f"{math.degrees(value):.5f}", unit.replace("rad", "deg")
-    return f"{value:.5f}", unit
 
 
 def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

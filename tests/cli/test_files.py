@@ -14,8 +14,9 @@ from cli import hfa
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
-from hfa_cli.output import write
+from hfa_model.support.data_files import save_data
 from hfa_model.support.store import open_store
+from hfa_model.support.text import Table
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
@@ -213,8 +214,8 @@ def test_a_store_in_capitals_is_a_store(tmp_path: Path) -> None:
 
 
 def test_no_format_is_written_for_want_of_another(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no format"):
-        write(tmp_path / "a.zarr", {"schema": "hfa.sweep/1"}, lambda: (("a",), [(1.0,)]))
+    with pytest.raises(ValueError, match="unknown suffix"):
+        save_data(tmp_path / "a.zarr", {"schema": "hfa.sweep/1"}, Table(("a",), [(1.0,)]))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -271,7 +272,8 @@ def test_report_page_is_self_contained_and_tells_the_verdict(tmp_path: Path) -> 
     html = page.read_text(encoding="utf-8")
     assert 'are <strong class="yes">regenerated</strong>' in html
     assert html.count('src="data:image/png;base64,') == html.count("<img ") == 3
-    assert not any(word in html for word in ("http://", "https://", "<script", "<link"))
+    assert not any(word in html for word in ("http://", "https://", "<script", "<link", "<pre"))
+    assert '<tr><th scope="row">largest entry error, half units</th><td>1.21</td><td>3</td><td>pass</td></tr>' in html
     assert hfa("report", "-o", str(page), "--dynamics", "newton").code == FAILED
     assert "NOT regenerated" in page.read_text(encoding="utf-8")
     assert list(tmp_path.iterdir()) == [page]

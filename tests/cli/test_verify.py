@@ -202,14 +202,14 @@ def test_verify_draws_what_it_refuses(kind: str) -> None:
 
 
 def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(fraction: float, row: str) -> None:
+    def stop(_: object, fraction: float, row: str) -> None:
         if row.startswith("learning alone"):
             raise KeyboardInterrupt
 
     words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "rows")
     names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
     with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.commands.study._show", stop)
+        patched.setattr("hfa_cli.output.Progress.say", stop)
         assert hfa(*words, err=Terminal()).code == INTERRUPTED
     assert [path.name for path in Path("rows").iterdir()] == ["theorem-gains-explicit.json"]
     kept = json.loads(

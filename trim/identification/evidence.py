@@ -11,6 +11,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
+from hfa_model.support.report import Report, Reported
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
 from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, fit_rival, identify
@@ -42,8 +43,8 @@ class LeftOut:
     pitch_shape_error: float
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Reported):
     """The published structure's fit, its rival's, and the evidence.
 
     starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
@@ -55,6 +56,12 @@ class Identification:
     tables: dict[float, tuple[EntryRow, ...]]
     structures: tuple[Structure, ...]
     left_out: tuple[LeftOut, ...]
+
+    def report(self) -> Report:
+        """The whole evidence."""
+        from trim.identification.identification_report import identification_report
+
+        return identification_report(self)
 
 
 class _WithNewtonLever(Published):

@@ -1,20 +1,58 @@
-"""What an identification says: as numbers for JSON, as a table, and as text for a person."""
+"""What an identification says."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from hfa_model.parameter_report import parameters_table
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.support.text import Table, columns
+from hfa_model.support.report import Block, Report
+from hfa_model.support.text import Table
 from trim.identification.evidence import Identification
-from trim.identification.identify import IDENTIFIED
+from trim.identification.identify import IDENTIFIED, Fit
+from trim.linear.compare import entries_records, entries_table
 
 SCHEMA = "hfa.identification/1"
 
 
-def identification_data(result: Identification) -> dict[str, Any]:
+def identification_report(result: Identification) -> Report:
+    """The whole evidence."""
+    fit = result.fit
+    agreeing = sum(value < min(result.starts) * (1 + 1e-6) + 1e-9 for value in result.starts)
+    return Report(
+        title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; {agreeing} of "
+        f"{len(result.starts)} starts agree\n{_quality(fit)}",
+        parts=(
+            parameters_table(fit.parameters),
+            entries_table("entry", {f"{angle:g} deg ": entries for angle, entries in result.tables.items()}),
+            _determination(fit),
+            _structures(result),
+            _left_out(result),
+        ),
+        data=_data(result),
+        records=entries_records(result.tables),
+    )
+
+
+def fit_report(fit: Fit) -> Report:
+    """One fit: how well, which parameters, what the print determines."""
+    return Report(
+        title=f"Fit to {fit.entries} printed entries\n{_quality(fit)}",
+        parts=(parameters_table(fit.parameters), _determination(fit)),
+    )
+
+
+def _quality(fit: Fit) -> str:
+    return (
+        f"Sum of squares {fit.sum_of_squares:.2f} half units² (rounding alone gives "
+        f"{fit.expected_sum:.1f} on average), largest difference {fit.largest:.2f} half units"
+    )
+
+
+def _data(result: Identification) -> dict[str, Any]:
     """Parameters, entries, singular values, structures tried and cross-prediction, ready for JSON."""
     parameters = result.fit.parameters
     return {
@@ -38,103 +76,38 @@ def identification_data(result: Identification) -> dict[str, Any]:
             str(angle): inputs._asdict() for angle, inputs in zip(result.tables, result.fit.inputs, strict=True)
         },
         "entries": [
-            {
-                "dihedral_deg": angle,
-                "name": entry.name,
-                "printed": entry.printed,
-                "computed": entry.computed,
-                "half_units": entry.half_units,
-                "percent": entry.percent,
-            }
-            for angle, table in result.tables.items()
-            for entry in table
+            {"dihedral_deg": angle, **entry.to_dict()} for angle, table in result.tables.items() for entry in table
         ],
-        "structures": [structure.__dict__ for structure in result.structures],
-        "left_out": [row.__dict__ for row in result.left_out],
+        "structures": [asdict(structure) for structure in result.structures],
+        "left_out": [asdict(row) for row in result.left_out],
     }
 
 
-def identification_table(result: Identification) -> Table:
-    """One row a printed entry."""
-    rows = [
-        (angle, entry.name, entry.printed, entry.computed, entry.half_units, entry.percent)
-        for angle, table in result.tables.items()
-        for entry in table
-    ]
-    return Table(("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows)
-
-
-def identification_text(result: Identification) -> str:
-    """The whole evidence on a terminal."""
-    fit = result.fit
-    agreeing = sum(value < min(result.starts) * (1 + 1e-6) + 1e-9 for value in result.starts)
-    summary = (
-        f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; {agreeing} of "
-        f"{len(result.starts)} starts agree\nSum of squares {fit.sum_of_squares:.2f} half units² (rounding alone gives "
-        f"{fit.expected_sum:.1f} on average), largest difference {fit.largest:.2f} half units"
-    )
-    return "\n\n".join(
-        [
-            summary,
-            _parameters_text(result),
-            _entries_text(result),
-            _determination_text(result),
-            _structures_text(result),
-            _left_out_text(result),
-        ]
-    )
-
-
-def _parameters_text(result: Identification) -> str:
-    parameters = result.fit.parameters
-    rows = []
-    for name in Parameters._fields:
-        value, error = getattr(parameters.values, name), parameters.standard_errors.get(name)
-        shown = "-" if error is None else f"{error:.2g}"
-        rows.append((name, f"{value:.7g}", shown, getattr(FIELDS, name).unit, parameters.sources[name]))
-    return columns(("parameter", "value", "standard error", "unit", "source"), rows)
-
-
-def _entries_text(result: Identification) -> str:
-    rows = [
-        (
-            f"{angle:g} deg {entry.name}",
-            f"{entry.printed:.4f}",
-            f"{entry.computed:.6f}",
-            f"{entry.half_units:+.2f}",
-            f"{entry.percent:+.4f}" if entry.printed else "-",
-        )
-        for angle, table in result.tables.items()
-        for entry in table
-        if not entry.is_zero
-    ]
-    return columns(("entry", "printed", "computed", "half units", "percent"), rows)
-
-
-def _determination_text(result: Identification) -> str:
+def _determination(fit: Fit) -> Block:
     """Singular values: a combination of relative parameters known to 1/(s sqrt 3)."""
-    fit = result.fit
     rows = []
     for value, direction in zip(fit.singular_values, fit.directions, strict=True):
         largest = np.argsort(-np.abs(direction))[:4]
         combination = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
         rows.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", combination))
-    table = columns(("singular value", "known to", "combination of relative parameters"), rows)
-    return (
-        f"{table}\nNot determined by the print, in combination only: all masses, inertias, hinge constants and force "
-        "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients (fixed by chord)."
+    return Block(
+        (
+            Table(("singular value", "known to", "combination of relative parameters"), rows),
+            "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
+            "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients (fixed by chord).",
+        )
     )
 
 
-def _structures_text(result: Identification) -> str:
+def _structures(result: Identification) -> Table:
     rows = [
         (row.description, str(row.extra_constants), f"{row.sum_of_squares:.4g}", f"{row.largest:.4g}")
         for row in result.structures
     ]
-    return columns(("structure", "extra constants", "sum of squares", "largest, half units"), rows)
+    return Table(("structure", "extra constants", "sum of squares", "largest, half units"), rows)
 
 
-def _left_out_text(result: Identification) -> str:
+def _left_out(result: Identification) -> Block:
     rows = [
         (
             f"{row.predicted_deg:g} from {row.fitted_deg:g} deg",
@@ -145,8 +118,10 @@ def _left_out_text(result: Identification) -> str:
         for row in result.left_out
     ]
     header = ("predicted", "determined", "speed", "alpha", "pitch_rate", "dihedral_rate", "pitch_rate, up to a factor")
-    return (
-        columns(header, rows)
-        + "\nOne angle alone does not split the pitch inertia into its constant and its sin² η part:"
-        + "\nit leaves one factor on the whole pitch-rate row open, and nothing else."
+    return Block(
+        (
+            Table(header, rows),
+            "One angle alone does not split the pitch inertia into its constant and its sin² η part:\n"
+            "it leaves one factor on the whole pitch-rate row open, and nothing else.",
+        )
     )

@@ -17,6 +17,7 @@ from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
@@ -67,8 +68,8 @@ _START_SPREAD = 0.3
 _PRIOR_SPREAD = 0.3
 
 
-@dataclass(frozen=True, eq=False)
-class Fit(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(ByValue, Reported):
     """One least-squares fit.
 
     parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
@@ -88,6 +89,12 @@ class Fit(ByValue):
     largest: float
     singular_values: np.ndarray
     directions: np.ndarray
+
+    def report(self) -> Report:
+        """How well, which parameters, what the print determines."""
+        from trim.identification.identification_report import fit_report
+
+        return fit_report(self)
 
 
 def identify(seed: int = 0, starts: int = 8) -> tuple[Fit, list[float]]:

@@ -14,6 +14,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Rival, Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
@@ -26,8 +27,8 @@ from trim.point.solve import find_operating_point
 _SAME = 1e-7
 
 
-@dataclass(frozen=True, eq=False)
-class Bands(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(ByValue, Reported):
     """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
 
     rounding: standard error propagated from the rounding of the print through the parameters and the trim.
@@ -48,6 +49,12 @@ class Bands(ByValue):
     def B(self) -> np.ndarray:
         """Half width of the band on B: two standard errors of rounding plus the structural spread."""
         return 2 * self.B_rounding + self.B_structure
+
+    def report(self) -> Report:
+        """The bands of A and B."""
+        from trim.linear.model_report import bands_report
+
+        return bands_report(self)
 
 
 @cache

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +50,10 @@ class EntryRow:
         """For example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
 
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {name: getattr(self, name) for name in ("name", "printed", "computed", "half_units", "percent")}
+
 
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
     """All 66 entries of A (6 x 6) and B (6 x 5), row by row."""
@@ -89,22 +95,34 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """The report of a model with the printed pair of its condition."""
-    data = {**report.data, "printed": {"A": published.A.tolist(), "B": published.B.tolist()}}
-    return Report("", (report, comparison_table(model, published)), data=data, records=report.records)
+    printed = {"A": published.A.tolist(), "B": published.B.tolist()}
+    beside = replace(report, title="", parts=(report, comparison_table(model, published)), notes=())
+    return beside.with_data(printed=printed)
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """The table of entries: printed, computed, difference in half units of the last digit and in percent."""
+    """The table of entries of a model beside its print."""
+    return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
+
+
+def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
+    """Printed, computed, difference in half units of the last digit and in percent; what begins each row -> entries."""
     rows = [
         (
-            entry.name,
+            f"{begin}{entry.name}",
             f"{entry.printed:.4f}",
             f"{entry.computed:.6f}",
             f"{entry.half_units:+.2f}",
             f"{entry.percent:+.4f}" if entry.printed else "-",
         )
-        for entry in compare(model, published)
+        for begin, group in entries.items()
+        for entry in group
         if not entry.is_zero
     ]
-    header = (f"at {published.dihedral_deg:g} deg", "printed", "computed", "half units", "percent")
-    return Table(header, rows)
+    return Table((title, "printed", "computed", "half units", "percent"), rows)
+
+
+def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
+    """The same with all digits; printed angle (deg) -> entries."""
+    rows = [(angle, *entry.to_dict().values()) for angle, group in entries.items() for entry in group]
+    return Table(("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows)

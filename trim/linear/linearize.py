@@ -10,6 +10,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.point.operating_point import OperatingPoint
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     import control
 
 
-@dataclass(frozen=True, eq=False)
-class LinearModel(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(ByValue, Reported):
     """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9).
 
     A: (n, n), B: (n, 5). states, inputs: names, in order; units in `state_units`, `input_units`.
@@ -58,6 +59,12 @@ class LinearModel(ByValue):
             raise BadInputError(f"the model has no state {unknown[0]!r}; choose from {', '.join(self.states)}")
         rows = [self.states.index(name) for name in states]
         return replace(self, A=self.A[np.ix_(rows, rows)], B=self.B[rows], states=states)
+
+    def report(self) -> Report:
+        """A, B, offsets and modes."""
+        from trim.linear.model_report import linear_model_report
+
+        return linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
         """The same model as python-control's `StateSpace`, every state an output, names kept."""

@@ -7,33 +7,47 @@ from collections.abc import Iterable
 from typing import Any
 
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.vectors import entry_unit
+from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
+from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
 from trim.linear.bands import Bands
 from trim.linear.linearize import LinearModel
 from trim.linear.modes import Mode, modes_of
 from trim.point.trim_report import warnings
 
+#: Why a model comes without bands.
+NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 
 
-def linear_model_report(model: LinearModel, bands: Bands | None) -> Report:
-    """A, B, offsets and modes; the bands of the entries where they are known."""
+def linear_model_report(model: LinearModel, bands: Bands | None = None, trust: str = "") -> Report:
+    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for."""
     point = model.point
-    if bands is not None:
-        size = max(float(bands.A.max()), float(bands.B.max()))
-        trust = f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"
-    else:
-        trust = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
     return Report(
-        title=f"Linear model at dihedral {math.degrees(point.states.dihedral):.6g} deg, {point.dynamics} dynamics "
+        title=f"Linear model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics "
         f"(x' = A x + B u, x = X - X0, u = U - U0)\n"
         "A and B in rad, ft, s; the offsets X0 and U0 in the units beside them",
-        parts=(*matrices(model), trust, _offsets(model), modes_table(modes_of(model.A, model.states))),
+        parts=(*matrices(model), *filter(None, [trust]), _offsets(model), modes_table(modes_of(model.A, model.states))),
         notes=warnings(point),
         data=_data(model, bands),
         records=_records(model, bands),
     )
+
+
+def trust_in(bands: Bands | None) -> str:
+    """The sentence on the bands."""
+    if bands is None:
+        return NO_BANDS
+    size = max(float(bands.A.max()), float(bands.B.max()))
+    return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"
+
+
+def bands_report(bands: Bands) -> Report:
+    """Half width of the band of every entry of A and B."""
+    tables = [
+        Table((name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)])
+        for name, across, band in (("A ±", LINEAR_STATES, bands.A), ("B ±", INPUTS, bands.B))
+    ]
+    return Report("Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables)
 
 
 def matrices(model: LinearModel) -> tuple[Table, Table]:

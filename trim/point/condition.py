@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
 from hfa_model.published import published_data
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.text import shown_unit, shown_value
 from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
@@ -188,6 +189,4 @@ def release(
 def describe(name: str, value: float) -> str:
     """A value with its unit as an engineer reads it: angles in degrees."""
     unit = UNITS[name]
-    if unit.startswith("rad"):
-        return f"{math.degrees(value):.6g} {unit.replace('rad', 'deg')}"
-    return f"{value:.6g}" if unit == "1" else f"{value:.6g} {unit}"
+    return shown_value(value, unit) + ("" if unit == "1" else f" {shown_unit(unit)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ import numpy as np
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.support.jsonable import json_text
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
 
 if TYPE_CHECKING:
@@ -21,19 +24,29 @@ SCHEMA = "hfa.operating-point/1"
 BALANCE = 1e-10
 
 
-@dataclass(frozen=True)
-class OperatingPoint:
+class Status(StrEnum):
+    """What became of a point: balanced within the limits, balanced beyond them, or not balanced at all."""
+
+    TRIMMED = "trimmed"
+    BEYOND_LIMITS = "beyond limits"
+    NO_TRIM = "no trim"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, repr=False)
+class OperatingPoint(Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation.
 
     states, inputs: in the units of `vectors.py`. residuals: balanced equation -> residual, in its own unit.
-    dynamics: name of the variant. status: "trimmed" or "failed".
+    dynamics: name of the variant. status: `TRIMMED`, or `FAILED` when it comes with a
+    `TrimError`, which says why.
     """
 
     states: State
     inputs: Input
     residuals: dict[str, float]
     dynamics: str
-    status: str
+    status: Status
 
     @property
     def scaled_residuals(self) -> dict[str, float]:
@@ -50,6 +63,12 @@ class OperatingPoint:
         """State or input, and gamma -> its value."""
         return {**self.states._asdict(), **self.inputs._asdict(), "gamma": self.gamma}
 
+    def report(self) -> Report:
+        """State, inputs and residuals."""
+        from trim.point.trim_report import operating_point_report
+
+        return operating_point_report(self)
+
     def to_control(self) -> control.OperatingPoint:
         """The same point as python-control's `OperatingPoint` (seven states, five inputs)."""
         import control
@@ -61,7 +80,7 @@ class OperatingPoint:
         return {
             "schema": SCHEMA,
             "dynamics": self.dynamics,
-            "status": self.status,
+            "status": str(self.status),
             "states": self.states._asdict(),
             "state_units": STATE_UNITS._asdict(),
             "inputs": self.inputs._asdict(),
@@ -72,7 +91,7 @@ class OperatingPoint:
 
 def save_operating_point(point: OperatingPoint, path: Path) -> None:
     """Write a point as JSON that `load_operating_point` reads back bit for bit."""
-    write_text(path, json.dumps(point.to_dict(), indent=2) + "\n")
+    write_text(path, json_text(point.to_dict()) + "\n")
 
 
 def load_operating_point(path: Path) -> OperatingPoint:
@@ -91,9 +110,11 @@ def load_operating_point(path: Path) -> OperatingPoint:
         states = State(**{name: float(data["states"][name]) for name in STATES})
         inputs = Input(**{name: float(data["inputs"][name]) for name in INPUTS})
         residuals = {name: float(value) for name, value in data["residuals"].items()}
-        point = OperatingPoint(states, inputs, residuals, str(data["dynamics"]), str(data["status"]))
+        dynamics, status = str(data["dynamics"]), str(data["status"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadInputError(f"{path}: {error} is missing or not a number") from error
     if not np.isfinite([*states, *inputs, *residuals.values()]).all():
         raise BadInputError(f"{path}: holds a number that is not finite; trim again and save the point")
-    return point
+    if status not in tuple(Status):
+        raise BadInputError(f"{path}: has the status {status!r}; it must be one of {', '.join(Status)}")
+    return OperatingPoint(states, inputs, residuals, dynamics, Status(status))

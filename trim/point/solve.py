@@ -10,7 +10,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.vectors import INPUTS
 from trim.point.condition import VARIABLES, TrimCondition
-from trim.point.operating_point import OperatingPoint
+from trim.point.operating_point import OperatingPoint, Status
 from trim.point.trim_problem import TrimProblem
 
 _MAX_NEWTON_STEPS = 50
@@ -69,8 +69,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     found = search(problem, guess)
     best = problem.clip(found)
     if not problem.solved(best):
-        raise TrimError(problem.failure(found), problem.point(best, "failed"))
-    return problem.point(best, "trimmed")
+        raise TrimError(problem.failure(found), problem.point(best, Status.FAILED))
+    return problem.point(best, Status.TRIMMED)
 
 
 def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from hfa_model.aircraft import Aircraft, check_in_range
 from hfa_model.atmosphere import density
 from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, State
 from trim.point.condition import SCALES, VARIABLES, TrimCondition, describe
-from trim.point.operating_point import BALANCE, OperatingPoint
+from trim.point.operating_point import BALANCE, OperatingPoint, Status
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class TrimProblem:
         thrust = drag + weight * math.sin(guess["gamma"])
         return guess | {"alpha": lift_coefficient / p.lift_slope, "throttle": thrust / p.thrust_per_throttle}
 
-    def point(self, unknowns: np.ndarray, status: str) -> OperatingPoint:
+    def point(self, unknowns: np.ndarray, status: Status) -> OperatingPoint:
         """The operating point at these unknowns."""
         state, control = self.vectors(unknowns)
         unscaled = self.residual(unknowns) * [getattr(RATE_SCALES, name) for name in self.equations]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table, degrees, in_degrees
+from hfa_model.support.text import Table, angle_text, degrees, in_degrees
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint
@@ -34,13 +35,12 @@ def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]
 
 def warnings(point: OperatingPoint) -> list[str]:
     """What a user should know before trusting a model at this point."""
-    found = []
-    if abs(point.states.dihedral) > PAPER_RANGE * (1 + 1e-12):
-        found.append(
-            f"dihedral {math.degrees(point.states.dihedral):.6g} deg lies beyond the paper's range, "
-            f"which ends at {math.degrees(PAPER_RANGE):.0f} deg"
-        )
-    return found
+    if abs(point.states.dihedral) <= PAPER_RANGE * (1 + 1e-12):
+        return []
+    return [
+        f"dihedral {angle_text(point.states.dihedral)} lies beyond the paper's range, "
+        f"which ends at {angle_text(PAPER_RANGE)}"
+    ]
 
 
 def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> Report:
@@ -49,10 +49,6 @@ def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPo
     left = margins(condition, point)
     # The flight-path angle is no state: it stands among them where it is an unknown.
     states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
-    residuals = [
-        (f"rate of {name}", f"{value:.2e}", getattr(RATE_UNITS, name), f"{point.scaled_residuals[name]:.2e}")
-        for name, value in point.residuals.items()
-    ]
     load_rows = [
         ("lift", f"{loads.lift:.4f}", f"{loads.center.lift:.4f}", f"{loads.outer.lift:.4f}", "lbf"),
         ("drag", f"{loads.drag:.4f}", f"{loads.center.drag:.4f}", f"{loads.outer.drag:.4f}", "lbf"),
@@ -62,17 +58,35 @@ def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPo
         ("hinge moment", "", "", f"{loads.hinge_moment:.4f}", "ft lbf"),
     ]
     return Report(
-        title=f"Trim, {point.dynamics} dynamics: {point.status}",
+        title=_title(point),
         parts=(
             _values("state", states, left),
             _values("input", point.inputs._asdict(), left),
-            Table(("equation", "residual", "unit", "scaled"), residuals),
+            _residuals(point),
             Table(("load", "aircraft", "center panel", "outer panel", "unit"), load_rows),
         ),
         notes=warnings(point),
         data=_data(condition, point, loads),
         records=_records(point),
     )
+
+
+def operating_point_report(point: OperatingPoint) -> Report:
+    """State, inputs and residuals: what a point knows of itself, without the aircraft and the condition."""
+    parts = _values("state", point.states._asdict()), _values("input", point.inputs._asdict()), _residuals(point)
+    return Report(_title(point), parts, warnings(point), point.to_dict(), _records(point))
+
+
+def _title(point: OperatingPoint) -> str:
+    return f"Trim, {point.dynamics} dynamics: {point.status}"
+
+
+def _residuals(point: OperatingPoint) -> Table:
+    rows = [
+        (f"rate of {name}", f"{value:.2e}", getattr(RATE_UNITS, name), f"{point.scaled_residuals[name]:.2e}")
+        for name, value in point.residuals.items()
+    ]
+    return Table(("equation", "residual", "unit", "scaled"), rows)
 
 
 def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads) -> dict[str, Any]:
@@ -105,7 +119,7 @@ def _records(point: OperatingPoint) -> Table:
     return Table(("kind", "name", "value", "unit"), rows)
 
 
-def _values(kind: str, values: dict[str, float], left: dict[str, float]) -> Table:
+def _values(kind: str, values: Mapping[str, float], left: Mapping[str, float] = {}) -> Table:
     """Values with their units, and margins where there are any."""
     rows = [
         (name, *degrees(value, UNITS[name]), degrees(left[name], UNITS[name])[0] if name in left else "")

@@ -14,11 +14,12 @@ from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import LIMITS
+from trim.point.operating_point import Status
 from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import LevelFlights, level_conditions, level_flight_of, solve_level_flights
 
 #: What became of a point.
-STATUS = ("trimmed", "beyond limits", "no trim")
+STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, Input
 from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of
@@ -26,8 +27,8 @@ MOST_POINTS = 1_000_000
 SCHEMA = "hfa.sweep/1"
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(ByValue, Reported):
     """N points in the order of the grid, the last variable running fastest.
 
     variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
@@ -52,6 +53,12 @@ class Sweep(ByValue):
     def trimmed(self) -> np.ndarray:
         """(N,) true where a trim was found."""
         return np.array([reason == "" for reason in self.reasons])
+
+    def report(self) -> Report:
+        """One line a point."""
+        from trim.sweeps.sweep_report import sweep_report
+
+        return sweep_report(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Names, units and arrays; complex eigenvalues as [real, imaginary]."""

@@ -1,4 +1,4 @@
-"""What a sweep says: as a table and as text."""
+"""What a sweep says."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.text import Table, columns, eigenvalue_text
+from hfa_model.support.report import Block, Picture, Report
+from hfa_model.support.text import RowsMade, Table, angle_text, eigenvalue_text, shown_unit, shown_value
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_unit
 from trim.point.condition import PAPER_RANGE
+from trim.point.operating_point import Status
 from trim.sweeps.sweep import Sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 
@@ -17,7 +19,50 @@ from trim.sweeps.sweep_plan import Steps, SweepPlan
 _LIMIT = PAPER_RANGE * (1 + 1e-12)
 
 
-def sweep_table(result: Sweep) -> Table:
+def sweep_report(result: Sweep) -> Report:
+    """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
+
+    A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it.
+    """
+    modes = tuple(dict.fromkeys(result.mode_names))
+    members = [[i for i, each in enumerate(result.mode_names) if each == name] for name in modes]
+    units = [getattr(STATE_UNITS, name) for name in result.variables]
+
+    def varied(i: int) -> tuple[str, ...]:
+        return tuple(map(shown_value, result.values[i], units))
+
+    def row(i: int) -> tuple[str, ...]:
+        if result.reasons[i]:
+            return *varied(i), *("-" for _ in modes)
+        return *varied(i), *(_mode_text(result.eigenvalues[i, columns]) for columns in members)
+
+    count, warnings = len(result.reasons), sweep_warnings(result)
+    header = (
+        *(f"{name} {shown_unit(unit)}" for name, unit in zip(result.variables, units, strict=True)),
+        *(f"{name} 1/s" for name in modes),
+    )
+    failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(result.reasons) if reason]
+    return Report(
+        title=f"Sweep, {result.dynamics} dynamics: {int(result.trimmed.sum())} of {count} points trimmed",
+        parts=(Block((Table(header, RowsMade(count, row)), *failures)), *_root_locus(result)),
+        notes=warnings,
+        data=result.to_dict() | {"warnings": warnings},
+        records=_records(result),
+    )
+
+
+def _root_locus(result: Sweep) -> tuple[Picture, ...]:
+    """The picture of a sweep in one variable."""
+    from trim.sweeps.root_locus import root_locus_figure
+
+    moving = np.ptp(result.values, axis=0) > 0
+    if not result.mode_names or moving.sum() != 1 or not moving[-1]:
+        return ()
+    text = f"Eigenvalues over {result.variables[-1]}"
+    return (Picture("root_locus.png", text, lambda: root_locus_figure(result)),)
+
+
+def _records(result: Sweep) -> Table:
     """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
     n = len(result.model_states)
     header = (
@@ -28,51 +73,26 @@ def sweep_table(result: Sweep) -> Table:
         *(f"input {name} [{getattr(INPUT_UNITS, name)}]" for name in INPUTS),
         *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
         *(
-            f"A({row}, {column}) [{entry_unit(row, column)}]"
+            f"{matrix}({row}, {column}) [{entry_unit(row, column)}]"
+            for matrix, names in (("A", result.model_states), ("B", INPUTS))
             for row in result.model_states
-            for column in result.model_states
+            for column in names
         ),
-        *(f"B({row}, {column}) [{entry_unit(row, column)}]" for row in result.model_states for column in INPUTS),
     )
-    rows: list[tuple[Any, ...]] = []
-    for i, reason in enumerate(result.reasons):
-        eigenvalues = (part for value in result.eigenvalues[i] for part in (value.real, value.imag))
-        rows.append(
-            (
-                *result.values[i],
-                "failed" if reason else "trimmed",
-                reason,
-                *result.states[i],
-                *result.inputs[i],
-                *eigenvalues,
-                *result.A[i].ravel(),
-                *result.B[i].ravel(),
-            )
+
+    def row(i: int) -> tuple[Any, ...]:
+        return (
+            *result.values[i],
+            str(Status.FAILED if result.reasons[i] else Status.TRIMMED),
+            result.reasons[i],
+            *result.states[i],
+            *result.inputs[i],
+            *(part for value in result.eigenvalues[i] for part in (value.real, value.imag)),
+            *result.A[i].ravel(),
+            *result.B[i].ravel(),
         )
-    return Table(header, rows)
 
-
-def sweep_text(result: Sweep) -> str:
-    """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
-
-    A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it.
-    """
-    names = tuple(dict.fromkeys(result.mode_names))
-    members = [[i for i, each in enumerate(result.mode_names) if each == name] for name in names]
-    header = (
-        *(f"{name} {_unit(name)}" for name in result.variables),
-        *(f"{name} 1/s" for name in names),
-    )
-    rows, failures = [], []
-    for i, reason in enumerate(result.reasons):
-        values = tuple(_shown(name, value) for name, value in zip(result.variables, result.values[i], strict=True))
-        if reason:
-            rows.append((*values, *("-" for _ in names)))
-            failures.append(f"{', '.join(values)}: {reason}")
-        else:
-            rows.append((*values, *(_mode_text(result.eigenvalues[i, columns_of]) for columns_of in members)))
-    text = f"Sweep, {result.dynamics} dynamics: {int(result.trimmed.sum())} of {len(result.reasons)} points trimmed\n\n"
-    return text + "\n".join([columns(header, rows), *failures])
+    return Table(header, RowsMade(len(result.reasons), row))
 
 
 def sweep_warnings(result: Sweep) -> list[str]:
@@ -104,16 +124,7 @@ def _beyond(dihedral: np.ndarray) -> int:
 def _range_warnings(beyond: int) -> list[str]:
     if not beyond:
         return []
-    limit = f"{math.degrees(PAPER_RANGE):.0f} deg"
-    return [f"{beyond} points lie beyond the paper's range of dihedral, which ends at {limit}"]
-
-
-def _unit(name: str) -> str:
-    return str(getattr(STATE_UNITS, name)).replace("rad", "deg")
-
-
-def _shown(name: str, value: float) -> str:
-    return f"{math.degrees(value) if _unit(name) == 'deg' else value:.6g}"
+    return [f"{beyond} points lie beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"]
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:

@@ -12,7 +12,9 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most, below, finite_or_none
+from hfa_model.support.checks import Check, at_least, at_most, below
+from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.report import Report, Reported
 from verification.critic.candidate import Candidate
 from verification.critic.diagnosis import SIGNLESS, diagnose, relative_error
 from verification.meaning.margins import DiskMargin, disk_margin
@@ -45,8 +47,8 @@ _BOX_SAMPLES = 2000
 SCHEMA = "hfa.critic-check/1"
 
 
-@dataclass(frozen=True, eq=False)
-class CriticCheck:
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticCheck(Reported):
     """The verdict on one critic.
 
     P_rel_error = |P - P*| / |P*|, K_rel_error = |K - K*| / |K*|, Frobenius norms in the units of the game. The checks
@@ -70,6 +72,12 @@ class CriticCheck:
     def ok(self) -> bool:
         """Whether every check holds."""
         return all(check.ok for check in self.checks)
+
+    def report(self) -> Report:
+        """The verdict, every check, the margins, and P and K entry by entry."""
+        from verification.critic.check_report import check_report
+
+        return check_report(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""

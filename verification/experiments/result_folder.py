@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -13,7 +12,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.support.figure import save
 from hfa_model.support.files import save_npz, write_text
 from hfa_model.support.finished import finished, stamp
-from hfa_model.support.jsonable import jsonable
+from hfa_model.support.jsonable import jsonable, records_text
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import PaperFigure, draw
@@ -99,8 +98,8 @@ def finished_experiment(experiment: Experiment, setting: Setting, folder: Path) 
 
 
 def json_text(data: Mapping[str, Any]) -> str:
-    """JSON with a line an entry; a number that is not finite becomes null."""
-    return json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    """JSON with a line a record; a number that is not finite becomes null."""
+    return records_text(data)
 
 
 def _replace(unfinished: Path, target: Path) -> None:

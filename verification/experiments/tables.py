@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from hfa_model.support.report import Report, markdown_table
+from hfa_model.support.text import Table
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, MODIFIED
 
 
@@ -27,56 +29,40 @@ def _lost_text(table: dict[str, Any]) -> str:
 def claims_markdown(table: dict[str, Any]) -> str:
     """The table as Markdown: one row a claim, one column a law."""
     laws = list(dict.fromkeys(law for claim in table["claims"] for law in claim["findings"]))
-    lines = [
-        "# Section 5 of the paper, claim by claim",
-        "",
-        *(f"- {law}: {text}" for law, text in table["laws"].items()),
-        "",
-        f"Matrices: {table['setting']['matrices']}. "
-        + "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
-        + f'; {_lost_text(table)}. A number in bold fulfils the claim. Verdicts are about "{MODIFIED}", because the law'
-        " as printed does not fly, or about what the claim names.",
-        "",
-        "| claim | the paper says | measured | asked for | " + " | ".join(laws) + " | verdict | reason |",
-        "|" + "---|" * (len(laws) + 6),
+    rows = [
+        (*_words(claim), *(_cell(claim["findings"].get(law)) for law in laws), claim["verdict"], claim["reason"])
+        for claim in table["claims"]
     ]
-    for claim in table["claims"]:
-        cells = [_cell(claim["findings"].get(law)) for law in laws]
-        row = [
-            claim["number"],
-            claim["says"],
-            claim["measured"],
-            _asked(claim),
-            *cells,
-            claim["verdict"],
-            claim["reason"],
-        ]
-        lines.append(_row(row))
-    return "\n".join(lines) + "\n"
+    verdicts = "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
+    report = Report(
+        title="Section 5 of the paper, claim by claim",
+        parts=(
+            "\n".join(f"- {law}: {text}" for law, text in table["laws"].items()),
+            f"Matrices: {table['setting']['matrices']}. {verdicts}; {_lost_text(table)}. A number in bold fulfils the "
+            f'claim. Verdicts are about "{MODIFIED}", because the law as printed does not fly, or about what the claim '
+            "names.",
+            Table((*_WORDS, *laws, "verdict", "reason"), rows),
+        ),
+    )
+    return report.markdown() + "\n"
 
 
 def claims_summary(table: dict[str, Any]) -> str:
     """A short Markdown table: the number of the claim's subject, of this project's law and of the optimum."""
     beside = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
-    lines = [
-        f"| claim | the paper says | measured | asked for | {MODIFIED} | {' | '.join(beside)} | verdict |",
-        "|" + "---|" * (len(beside) + 6),
-    ]
+    rows = []
     for claim in table["claims"]:
         own = _cell(claim["findings"][claim["subject"]])
         own = own if claim["subject"] == MODIFIED else f"{claim['subject']}: {own}"
-        cells = [_cell(claim["findings"].get(law)) for law in beside]
-        row = [claim["number"], claim["says"], claim["measured"], _asked(claim), own, *cells, claim["verdict"]]
-        lines.append(_row(row))
-    return "\n".join(lines)
+        rows.append((*_words(claim), own, *(_cell(claim["findings"].get(law)) for law in beside), claim["verdict"]))
+    return markdown_table(Table((*_WORDS, MODIFIED, *beside, "verdict"), rows))
 
 
-def _asked(claim: dict[str, Any]) -> str:
-    return f"{claim['relation']} {claim['limit']:.3g}"
+_WORDS = ("claim", "the paper says", "measured", "asked for")
 
 
-def _row(cells: list[str]) -> str:
-    return "| " + " | ".join(text.replace("|", "\\|") for text in cells) + " |"
+def _words(claim: dict[str, Any]) -> tuple[str, ...]:
+    return claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}"
 
 
 def _cell(finding: dict[str, Any] | None) -> str:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, checks_text, finite_or_none
+from hfa_model.support.checks import Check, checks_text
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.text import Table, columns, matrix_text
 from verification.meaning.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
 from verification.meaning.meaning import meaning_checks

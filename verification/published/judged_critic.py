@@ -11,24 +11,31 @@ from controller.game.basis import basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import published_game
 from controller.laws.learn import learn
-from hfa_model.support.text import in_degrees
+from hfa_model.support.report import Report, Reported
+from hfa_model.support.text import angle_text
 from trim.linear.linearize import LinearModel
 from verification.critic.candidate import from_weights
 from verification.critic.check_figure import check_figure
-from verification.critic.check_report import check_text
+from verification.critic.check_report import check_report
 from verification.critic.critic_check import ORDINARY_DEVIATIONS, CriticCheck, check_critic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
-class JudgedCritic:
+@dataclass(frozen=True, eq=False, repr=False)
+class JudgedCritic(Reported):
     """The model, the run of the default law on the paper's game, and the verdict."""
 
     model: LinearModel
     run: LearningResult
     check: CriticCheck
+
+    def report(self) -> Report:
+        """The table of checks and the entries of P and K."""
+        model, point = self.model, self.model.point
+        origin = f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
+        return check_report(self.check, model.states, model.inputs, origin)
 
 
 def judged_critic(model: LinearModel) -> JudgedCritic:
@@ -40,13 +47,6 @@ def judged_critic(model: LinearModel) -> JudgedCritic:
     time = run.settings["predefined_time"]
     check = check_critic(game, candidate, functions, box=np.array(ORDINARY_DEVIATIONS), run=run, predefined_time=time)
     return JudgedCritic(model, run, check)
-
-
-def critic_text(critic: JudgedCritic) -> str:
-    """The table of checks and the entries of P and K."""
-    model = critic.model
-    origin = f"the model at dihedral {in_degrees(model.point.states.dihedral):g} deg, {model.point.dynamics} dynamics"
-    return check_text(critic.check, model.states, model.inputs, origin)
 
 
 def critic_picture(critic: JudgedCritic) -> Figure:

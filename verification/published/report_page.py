@@ -2,132 +2,111 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import json
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import FIELDS, Parameters, ParameterSet
-from hfa_model.support.checks import checks_text
-from hfa_model.support.figure import png_bytes
-from hfa_model.support.text import columns, in_degrees
+from hfa_model.parameters import ParameterSet
+from hfa_model.support.checks import checks_block
+from hfa_model.support.report import Picture, Report
+from hfa_model.support.text import in_degrees
 from hfa_model.variants import variant_named
-from trim.sweeps.root_locus import root_locus_figure
 from trim.sweeps.sweep import Sweep, sweep
-from trim.sweeps.sweep_report import sweep_text, sweep_warnings
-from verification.published.judged_critic import JudgedCritic, critic_picture, critic_text, judged_critic
-from verification.published.regeneration import RegeneratedPair, regenerate_all, regeneration_data, regeneration_text
-from verification.published.regeneration_figure import regeneration_figure
+from verification.published.judged_critic import JudgedCritic, critic_picture, judged_critic
+from verification.published.regeneration import Regeneration, regenerate_all
+from verification.published.regeneration_report import difference_picture
 
 SCHEMA = "hfa.report/1"
+TITLE = "Highly flexible aircraft: linear models"
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
 
 _STYLE = """
 body { font-family: sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em; color: #222; }
-pre { background: #f6f6f6; padding: 1em; overflow-x: auto; font-size: 0.8em; line-height: 1.35; }
+table { display: block; overflow-x: auto; border-collapse: collapse; font-size: 0.8em; margin: 1em 0; }
+th, td { padding: 0.2em 0.8em; border-bottom: 1px solid #ddd; text-align: right; white-space: nowrap; }
+thead th { background: #f6f6f6; }
+th:first-child { text-align: left; }
 img { max-width: 100%; }
 .yes { color: #06630a; } .no { color: #a30000; }
 """
 
 
-@dataclass(frozen=True)
-class Report:
-    """What the page shows of one aircraft: regeneration, sweep, a critic learned and judged at each printed angle."""
+@dataclass(frozen=True, eq=False)
+class MainJob:
+    """One aircraft: both pairs regenerated, the sweep, a critic learned and judged at each printed angle."""
 
     parameters: ParameterSet
-    pairs: tuple[RegeneratedPair, ...]
+    regeneration: Regeneration
     sweep: Sweep
     critics: tuple[JudgedCritic, ...]
-
-    @property
-    def regenerated(self) -> bool:
-        """Whether both printed pairs were regenerated."""
-        return all(pair.ok for pair in self.pairs)
 
     @property
     def learned(self) -> bool:
         """Whether every learned critic agrees with the exact game solution."""
         return all(critic.check.ok for critic in self.critics)
 
+    @property
+    def ok(self) -> bool:
+        """Whether everything holds."""
+        return self.regeneration.ok and self.learned
 
-def make_report(parameters: ParameterSet, dynamics: str) -> Report:
-    """Regenerate both pairs and sweep the dihedral angle, there and then."""
+
+def main_job(parameters: ParameterSet, dynamics: str) -> MainJob:
+    """Regenerate both pairs, learn and judge a critic on each, and sweep the dihedral angle."""
     aircraft = Aircraft(parameters.values, variant_named(dynamics))
-    pairs = regenerate_all(aircraft)
-    critics = tuple(judged_critic(pair.model) for pair in pairs)
-    return Report(parameters, pairs, sweep(aircraft, {"dihedral": SWEEP}), critics)
+    regeneration = regenerate_all(aircraft)
+    critics = tuple(judged_critic(pair.model) for pair in regeneration.pairs)
+    return MainJob(parameters, regeneration, sweep(aircraft, {"dihedral": SWEEP}), critics)
 
 
-def report_data(report: Report) -> dict[str, Any]:
-    """Every number on the page."""
-    return {
-        "schema": SCHEMA,
-        "ok": report.regenerated and report.learned,
-        "regeneration": regeneration_data(report.pairs),
-        "sweep": report.sweep.to_dict() | {"warnings": sweep_warnings(report.sweep)},
-        "critics": [
-            {"dihedral_deg": in_degrees(critic.model.point.states.dihedral), **critic.check.to_dict()}
-            for critic in report.critics
-        ],
-    }
+def main_report(job: MainJob) -> Report:
+    """Everything on the page below its verdict; data: every number."""
+    regeneration, swept, first = job.regeneration.report(), job.sweep.report(), job.critics[0]
+    pairs = job.regeneration.pairs
+    checks = [Report(f"{pair.published.dihedral_deg:g} deg", (checks_block(pair.checks),)) for pair in pairs]
+    critic = Picture("critic.png", "Learned and exact value, and the error over time", lambda: critic_picture(first))
+    judged = [each.report() for each in job.critics]
+    return Report(
+        title="",
+        parts=(
+            difference_picture(job.regeneration),
+            *checks,
+            Report("Root locus over the dihedral angle", ("The paper's range ends at 15 degrees.", swept)),
+            Report("The learned critic against the exact game solution", (critic, *judged)),
+            Report("Entry by entry", tuple(pair.report() for pair in pairs)),
+            Report("The aircraft", (job.parameters.report(),)),
+        ),
+        data={
+            "schema": SCHEMA,
+            "ok": job.ok,
+            "regeneration": regeneration.data,
+            "sweep": swept.data,
+            "critics": [
+                {"dihedral_deg": in_degrees(critic.model.point.states.dihedral), **critic.check.to_dict()}
+                for critic in job.critics
+            ],
+        },
+    )
 
 
-def report_pictures(report: Report) -> dict[str, bytes]:
-    """File name -> PNG."""
-    return {
-        "regeneration.png": png_bytes(regeneration_figure(report.pairs)),
-        "root_locus.png": png_bytes(root_locus_figure(report.sweep)),
-        "critic.png": png_bytes(critic_picture(report.critics[0])),
-    }
-
-
-def report_html(report: Report, pictures: dict[str, bytes]) -> str:
+def page(job: MainJob, report: Report) -> str:
     """The page; pictures are embedded, nothing is loaded from elsewhere."""
-    regenerated = _verdict(report.regenerated, "regenerated", "NOT regenerated")
-    agrees = _verdict(report.learned, "agrees", "DOES NOT agree")
-    names = json.dumps(sorted(pictures))
-    checks = "\n\n".join(f"{pair.published.dihedral_deg:g} deg\n{checks_text(pair.checks)}" for pair in report.pairs)
-    critics = "\n\n".join(critic_text(critic) for critic in report.critics)
+    regenerated = _verdict(job.regeneration.ok, "regenerated", "NOT regenerated")
+    agrees = _verdict(job.learned, "agrees", "DOES NOT agree")
+    names = json.dumps(sorted(picture.name for picture in report.pictures()))
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Highly flexible aircraft: linear models</title>
+<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="pictures" content='{names}'><style>{_STYLE}</style></head><body>
-<h1>Highly flexible aircraft: linear models</h1>
-<p>Both printed pairs (A, B) are {regenerated} from one set of parameters, {report.sweep.dynamics} dynamics.
+<h1>{TITLE}</h1>
+<p>Both printed pairs (A, B) are {regenerated} from one set of parameters, {job.sweep.dynamics} dynamics.
 The learned critic {agrees} with the exact solution of the game at both angles.</p>
-<pre>{html.escape(checks)}</pre>
-{_image("regeneration.png", pictures, "Difference of every entry from its print")}
-<h2>Root locus over the dihedral angle</h2>
-<p>The paper's range ends at 15 degrees.</p>
-{_image("root_locus.png", pictures, "Eigenvalues over the dihedral angle")}
-<pre>{html.escape(sweep_text(report.sweep))}</pre>
-<h2>The learned critic against the exact game solution</h2>
-{_image("critic.png", pictures, "Learned and exact value, and the error over time")}
-<pre>{html.escape(critics)}</pre>
-<h2>Entry by entry</h2>
-<pre>{html.escape(regeneration_text(report.pairs))}</pre>
-<h2>The aircraft</h2>
-<pre>{html.escape(_parameters(report.parameters))}</pre>
+{report.html()}
 </body></html>
 """
 
 
 def _verdict(ok: bool, yes: str, no: str) -> str:
     return f'<strong class="yes">{yes}</strong>' if ok else f'<strong class="no">{no}</strong>'
-
-
-def _image(name: str, pictures: dict[str, bytes], text: str) -> str:
-    data = base64.b64encode(pictures[name]).decode("ascii")
-    return f'<p><img alt="{html.escape(text)}" src="data:image/png;base64,{data}"></p>'
-
-
-def _parameters(parameters: ParameterSet) -> str:
-    rows = [
-        (name, f"{getattr(parameters.values, name):.7g}", getattr(FIELDS, name).unit, parameters.sources[name])
-        for name in Parameters._fields
-    ]
-    return columns(("parameter", "value", "unit", "source"), rows)

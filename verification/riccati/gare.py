@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import finite_or_none
+from hfa_model.support.checks import checks_block
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.report import Report, Reported
+from hfa_model.support.text import Table, eigenvalue_text, matrix_table, numbered
 from verification.riccati.certificate import Certificate
 from verification.riccati.delta_min import minimum_delta
 from verification.riccati.derivations import certified_solution
 from verification.riccati.spectrum import spectrum
 
 
-@dataclass(frozen=True, eq=False)
-class GameSolution:
+@dataclass(frozen=True, eq=False, repr=False)
+class GameSolution(Reported):
     """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds for them.
 
     P: (n, n); K: (m, n); disturbance_gain L: (k, n).
@@ -32,6 +35,22 @@ class GameSolution:
     certificate: Certificate
     closed_loop_eigenvalues: np.ndarray
     worst_case_eigenvalues: np.ndarray
+
+    def report(self) -> Report:
+        """P, K, the closed loop and the certificate."""
+        m, n = self.K.shape
+        states, inputs, poles = numbered("x", n), numbered("u", m), self.closed_loop_eigenvalues
+        spectrum_of_loop = [("", eigenvalue_text(value)) for value in poles if value.imag >= 0]
+        return Report(
+            title=f"Exact game solution, delta {self.delta:.6g}",
+            parts=(
+                matrix_table("P", states, states, self.P),
+                matrix_table("K", inputs, states, self.K),
+                Table(("closed loop A - B K", "1/s"), spectrum_of_loop),
+                checks_block(self.certificate.checks),
+            ),
+            data=self.to_dict(),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes None."""

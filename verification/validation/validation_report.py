@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hfa_model.support.checks import checks_text
+from hfa_model.support.checks import checks_block
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
 from verification.validation.comparison import Validation
@@ -29,7 +29,7 @@ def validation_report(found: Validation, dynamics: str) -> Report:
                 ("dihedral deg", "read from the figure 1/s", "computed 1/s"),
                 [(f"{degrees:g}", f"{read:.2f}", f"{computed:.4f}") for degrees, read, computed in found.fast_roots],
             ),
-            checks_text(found.checks),
+            checks_block(found.checks),
         ),
         data=_data(found, dynamics),
         records=Table(

@@ -61,7 +61,7 @@ def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: A
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
     with pytest.raises(AssertionError):
-        assert_meets(aircraft, BASE, OperatingPoint(point.states, off, point.residuals, point.dynamics, "trimmed"))
+        assert_meets(aircraft, BASE, OperatingPoint(point.states, off, point.residuals, point.dynamics, point.status))
 
 
 @pytest.mark.parametrize(

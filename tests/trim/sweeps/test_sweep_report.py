@@ -10,7 +10,7 @@ import pytest
 
 from hfa_model.aircraft import Aircraft
 from trim.sweeps.sweep import Sweep, sweep
-from trim.sweeps.sweep_report import sweep_text, sweep_warnings
+from trim.sweeps.sweep_report import sweep_report, sweep_warnings
 
 NUMBER = re.compile(r"(-?\d+\.\d{4})(?: ± (\d+\.\d{4})i)?")
 
@@ -31,7 +31,7 @@ def result(published_aircraft: Aircraft) -> Sweep:
 
 def test_every_eigenvalue_of_every_point_is_shown(result: Sweep) -> None:
     """Beyond 28 deg the pair of the short period becomes two real eigenvalues."""
-    lines = sweep_text(result).splitlines()[3:]
+    lines = sweep_report(result).text().splitlines()[3:]
     assert np.count_nonzero(result.eigenvalues[result.trimmed].imag == 0, axis=1).max() == 4
     for line, expected, trimmed in zip(lines, result.eigenvalues, result.trimmed, strict=False):
         if trimmed:
@@ -40,7 +40,7 @@ def test_every_eigenvalue_of_every_point_is_shown(result: Sweep) -> None:
 
 
 def test_two_real_eigenvalues_stand_in_the_column_of_their_pair(result: Sweep) -> None:
-    lines = sweep_text(result).splitlines()
+    lines = sweep_report(result).text().splitlines()
     assert re.split(r" {2,}", lines[2])[1] == "short period 1/s"
     at_30 = next(line for line in lines if line.startswith("30 "))
     assert re.split(r" {2,}", at_30)[1] == "-4.5424, -2.9511"
@@ -50,7 +50,7 @@ def test_two_real_eigenvalues_stand_in_the_column_of_their_pair(result: Sweep) -
 
 def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
     reasons = ("no trim: why", *result.reasons[1:])
-    lines = sweep_text(replace(result, reasons=reasons)).splitlines()
+    lines = sweep_report(replace(result, reasons=reasons)).text().splitlines()
     assert re.split(r" {2,}", lines[3]) == ["0", "-", "-", "-", "-"]
     assert "0: no trim: why" in lines
 

@@ -1,0 +1,31 @@
+"""What a set of parameters says."""
+
+from __future__ import annotations
+
+from hfa_model.parameters import FIELDS, Parameters, ParameterSet
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table
+
+
+def parameter_report(parameters: ParameterSet) -> Report:
+    """Every parameter with its standard error, unit and source."""
+    structure = ", ".join(f"{name} {value:.7g}" for name, value in parameters.structure.items())
+    return Report(
+        "Parameters of the aircraft" + (f", {structure}" if structure else ""), (parameters_table(parameters),)
+    )
+
+
+def parameters_table(parameters: ParameterSet) -> Table:
+    """One row a parameter."""
+    errors = parameters.standard_errors
+    rows = [
+        (
+            name,
+            f"{getattr(parameters.values, name):.7g}",
+            f"{errors[name]:.2g}" if name in errors else "-",
+            getattr(FIELDS, name).unit,
+            parameters.sources[name],
+        )
+        for name in Parameters._fields
+    ]
+    return Table(("parameter", "value", "standard error", "unit", "source"), rows)

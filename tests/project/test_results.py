@@ -1,0 +1,130 @@
+"""Results at the prompt, in notebooks, in another process: they show their report, compare and come back."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import controller
+import hfa_model
+import trim
+import verification
+
+#: Result -> a line that its report has at the prompt.
+SHOWN = {
+    "Aircraft": "<Aircraft of three panels of 9.326 slug, 80 ft by 8 ft each, published dynamics>",
+    "ParameterSet": "parameter",
+    "OperatingPoint": "Trim, published dynamics: trimmed",
+    "LinearModel": "dihedral (slow)",
+    "Bands": "A ±",
+    "Sweep": "Sweep, published dynamics: 2 of 3 points trimmed",
+    "Fit": "Fit to 35 printed entries",
+    "Regeneration": "Both pairs regenerated: yes",
+    "RegeneratedPair": "Dihedral 15 deg, published dynamics",
+    "LearningResult": "Law 'certified', basis 'quadratic': converged",
+    "GameSolution": "Exact game solution, delta 200",
+    "JudgedCritic": "Critic on the model at dihedral 15 deg, published dynamics",
+    "CriticCheck": "Critic on the plant, against the exact game solution: agrees",
+}
+#: Those that hold arrays, compared value by value.
+COMPARED = ("ParameterSet", "OperatingPoint", "LinearModel", "Bands", "Sweep", "Fit", "Regeneration", "RegeneratedPair")
+#: A candidate holds its policy as a function within a function, which pickle cannot name.
+UNPICKLED = ("JudgedCritic", "CriticCheck")
+
+
+@lru_cache(maxsize=1)
+def results() -> dict[str, Any]:
+    aircraft, condition = hfa_model.Aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
+    point = trim.find_operating_point(aircraft, condition)
+    model = trim.linearize(aircraft, point)
+    game, critic = controller.published_game(model), verification.judged_critic(model)
+    regeneration = verification.regenerate_all(aircraft)
+    found = (
+        aircraft,
+        hfa_model.default_parameters(),
+        point,
+        model,
+        trim.entry_bands(hfa_model.default_parameters(), condition, model),
+        trim.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
+        trim.fit(hfa_model.published_models()[:1], hfa_model.Published(), prior=True),
+        regeneration,
+        regeneration.pairs[0],
+        controller.learn(game),
+        verification.solve_game(game),
+        critic,
+        critic.check,
+    )
+    return {type(result).__name__: result for result in found}
+
+
+def test_every_result_is_here() -> None:
+    assert list(results()) == list(SHOWN)
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_result_shows_its_report(name: str) -> None:
+    result = results()[name]
+    shown = repr(result)
+    assert SHOWN[name] in shown
+    assert "array(" not in shown
+    assert len(shown) < 10_000
+    if name != "Aircraft":
+        html = result._repr_html_()
+        assert "<table>" in html
+        assert "<script" not in html
+
+
+@pytest.mark.parametrize("name", [name for name in SHOWN if name not in UNPICKLED])
+def test_a_result_pickles(name: str) -> None:
+    result = results()[name]
+    again = pickle.loads(pickle.dumps(result))
+    assert repr(again) == repr(result)
+    if name in COMPARED:
+        assert again == result
+
+
+def test_an_aircraft_from_a_pickle_gives_the_same_rates() -> None:
+    aircraft, point = results()["Aircraft"], results()["OperatingPoint"]
+    again = pickle.loads(pickle.dumps(hfa_model.Aircraft(aircraft.parameters, "newton")))
+    x = np.array(point.states) + 0.01
+    newton = hfa_model.Aircraft(aircraft.parameters, "newton")
+    np.testing.assert_array_equal(again.rates(x, point.inputs), newton.rates(x, point.inputs))
+    assert not np.array_equal(again.rates(x, point.inputs), aircraft.rates(x, point.inputs))
+
+
+def test_an_aircraft_without_parameters_is_the_identified_one() -> None:
+    aircraft = hfa_model.Aircraft()
+    assert aircraft.parameters == hfa_model.default_parameters().values
+    assert aircraft.variant.name == "published"
+
+
+def test_linear_models_are_equal_by_their_values() -> None:
+    model = results()["LinearModel"]
+    assert model == replace(model, A=model.A.copy())
+    changed = model.A.copy()
+    changed[0, 0] += 1e-12
+    assert model != replace(model, A=changed)
+    assert model != replace(model, states=model.states[::-1])
+    assert model != "a model"
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(model)
+
+
+def test_what_failed_in_a_sweep_is_equal_to_itself() -> None:
+    swept = results()["Sweep"]
+    assert np.isnan(swept.A[0]).all()
+    assert swept == replace(swept, A=swept.A.copy())
+
+
+def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
+    model = results()["LinearModel"]
+    one, other = controller.published_game(model, delta=150.0), controller.published_game(model.A, model.B, delta=150.0)
+    for name in ("A", "B", "E", "Q", "R", "delta"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    with pytest.raises(hfa_model.BadInputError, match="give A and B, or a linear model"):
+        controller.published_game(model.A)
