@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     )
     from trim.point.solve import TrimError as TrimError, find_operating_point as find_operating_point
     from trim.point.trim_report import trim_report as trim_report
+    from trim.sweeps.level_flights import (
+        level_conditions as level_conditions,
+        solve_level_flights as solve_level_flights,
+    )
     from trim.sweeps.stored_sweep import stream_sweep as stream_sweep
     from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
     from trim.sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan
