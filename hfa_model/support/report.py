@@ -24,15 +24,23 @@ class Picture:
 
 
 @dataclass(frozen=True, eq=False)
+class Block:
+    """Parts that belong together: a table and the lines below it, without an empty line between them."""
+
+    parts: Sequence[str | Table]
+
+
+@dataclass(frozen=True, eq=False)
 class Report:
     """What a result says, in the order in which it is read.
 
-    parts: paragraphs (str), tables of formatted cells (Table), pictures, and reports within the report. data: the
-    result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before trusting it.
+    parts: paragraphs (str), tables of formatted cells (Table), blocks, pictures, and reports within the report.
+    data: the result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before
+    trusting it.
     """
 
     title: str
-    parts: Sequence[str | Table | Picture | Report] = ()
+    parts: Sequence[str | Table | Block | Picture | Report] = ()
     notes: Sequence[str] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
     records: Table | None = None
@@ -69,15 +77,19 @@ class Reported:
         return self.report().html(level=3)
 
 
-def _text(part: str | Table | Picture | Report) -> str:
+def _text(part: str | Table | Block | Picture | Report) -> str:
     if isinstance(part, Report):
         return part.text()
+    if isinstance(part, Block):
+        return "\n".join(map(_text, part.parts))
     return columns(part.header, part.rows) if isinstance(part, Table) else str(part)
 
 
-def _markdown(part: str | Table | Picture | Report, level: int) -> str:
+def _markdown(part: str | Table | Block | Picture | Report, level: int) -> str:
     if isinstance(part, Report):
         return part.markdown(level + 1)
+    if isinstance(part, Block):
+        return "\n\n".join(_markdown(each, level) for each in part.parts)
     if isinstance(part, Picture):
         return f"![{part.text}]({part.name})"
     if isinstance(part, Table):
@@ -86,9 +98,11 @@ def _markdown(part: str | Table | Picture | Report, level: int) -> str:
     return part
 
 
-def _html(part: str | Table | Picture | Report, level: int) -> str:
+def _html(part: str | Table | Block | Picture | Report, level: int) -> str:
     if isinstance(part, Report):
         return part.html(level + 1)
+    if isinstance(part, Block):
+        return "\n".join(_html(each, level) for each in part.parts)
     if isinstance(part, Picture):
         from hfa_model.support.figure import png_bytes
 

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+#: Numbers smaller than this are rounding and shown as 0.
+ROUNDING = 1e-12
+
 
 class Table(NamedTuple):
     """A header and its rows: what a CSV file and a terminal table have in common."""
@@ -28,6 +31,18 @@ def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...],
 def in_degrees(angle: float) -> float:
     """An angle in degrees as it was asked for: 15, not 14.999999999999998."""
     return round(math.degrees(angle), 10)
+
+
+def shown_unit(unit: str) -> str:
+    """The unit that a person reads: deg in place of rad."""
+    return unit.replace("rad", "deg") if unit.startswith("rad") else unit
+
+
+def short_number(value: float, unit: str) -> str:
+    """A value in its `shown_unit` with four digits or more; what is only rounding is 0."""
+    shown = math.degrees(value) if unit.startswith("rad") else float(value)
+    shown = 0.0 if abs(shown) < ROUNDING else shown
+    return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 
 
 def eigenvalue_text(value: complex) -> str:
