@@ -28,7 +28,7 @@ from verification.riccati.gare import solve_game
 STEP, STEPS = 1e-4, 200_000
 _QUARTIC = (0, 1, 3, 4)
 
-Flight = Callable[[], np.ndarray]
+Contestant = Callable[[], np.ndarray]
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
@@ -42,7 +42,7 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
     return float((np.abs(one - other).max(axis=0) / largest).max())
 
 
-class Case:
+class FlightCase:
     """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for every contestant."""
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class _Loop(ctypes.Structure):
     ]
 
 
-def c_flight(case: Case, steps: int = STEPS, flags: tuple[str, ...] = ("-O3",)) -> Flight:
+def c_flight(case: FlightCase, steps: int = STEPS, flags: tuple[str, ...] = ("-O3",)) -> Contestant:
     """The hand-written C loop as a function () -> history. The flag -DSAMPLES=0 leaves the stack out."""
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
@@ -200,7 +200,7 @@ def runge_kutta(rate, t, y, h):
     return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def numpy_flight(case: Case, steps: int) -> np.ndarray:
+def numpy_flight(case: FlightCase, steps: int) -> np.ndarray:
     """The loop in NumPy, step by step."""
     rate = python_rate(np, case.data())
     history = np.empty((steps + 1, len(case.start)))
@@ -210,14 +210,14 @@ def numpy_flight(case: Case, steps: int) -> np.ndarray:
     return history
 
 
-def numba_flight(case: Case, steps: int = STEPS) -> Flight:
+def numba_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
     """The loop under numba; ImportError where it is not installed."""
     from benchmarks.numba_flight import numba_flight as compiled
 
     return compiled(case, STEP, steps)
 
 
-def jax_flight(case: Case, steps: int = STEPS) -> Flight:
+def jax_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
     """The loop as a JAX scan on the CPU, in double precision; ImportError where it is not installed."""
     import jax
 

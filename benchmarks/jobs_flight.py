@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.flight_case import STEPS, Case, c_flight, difference, jax_flight, numba_flight, numpy_flight
+from benchmarks.flight_case import STEPS, FlightCase, c_flight, difference, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from hfa_model.native.machine_code import _compiler
@@ -12,12 +12,12 @@ _GENERATED = "20 s of flight, critic learning, generated C"
 
 def rows(quick: bool = False) -> list[Row]:
     """The compiled loop against each peer that is there."""
-    case = Case()
+    case = FlightCase()
     steps = 2000 if quick else STEPS
     return [*_against_c(case, steps), _without_compiler(case, quick), *_against_python(case, steps)]
 
 
-def _against_c(case: Case, steps: int) -> list[Row]:
+def _against_c(case: FlightCase, steps: int) -> list[Row]:
     if _compiler() is None:
         return []
     by_hand = c_flight(case, steps)
@@ -26,7 +26,7 @@ def _against_c(case: Case, steps: int) -> list[Row]:
     return [Row(_GENERATED, "C by hand, -O3", timing, 1 / 1.5, remark)]
 
 
-def _without_compiler(case: Case, quick: bool) -> Row:
+def _without_compiler(case: FlightCase, quick: bool) -> Row:
     steps, peer_steps = (1000, 100) if quick else (20_000, 1000)
     timing = in_turn(
         lambda: case.fly(False, steps),
@@ -38,7 +38,7 @@ def _without_compiler(case: Case, quick: bool) -> Row:
     return Row("20 s of flight, critic learning, no compiler", "NumPy loop", timing, 20.0)
 
 
-def _against_python(case: Case, steps: int) -> list[Row]:
+def _against_python(case: FlightCase, steps: int) -> list[Row]:
     found = []
     for name, make in (("numba", numba_flight), ("JAX scan on the CPU", jax_flight)):
         try:

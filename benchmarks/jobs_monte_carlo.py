@@ -44,4 +44,4 @@ def _stored(plan: MonteCarlo, workers: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         store = stream_monte_carlo(plan, Path(folder) / "members.zarr", count=workers)
         assert store.missing() == []
-        assert (store.read("flown") == plan.course.duration).all(), "a member left its envelope: its flight was shorter"
+        assert (store.read("flown") == plan.scenario.duration).all(), "a member left: its flight was shorter"

@@ -9,7 +9,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from benchmarks.flight_case import STEP, STEPS, Case, Flight, c_flight, jax_flight, numba_flight, numpy_flight
+from benchmarks.flight_case import STEP, STEPS, Contestant, FlightCase, c_flight, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from controller.flight.closed_loop import CompiledLoop
@@ -22,14 +22,14 @@ from hfa_model.native.machine_code import _compiler
 
 def rows(quick: bool = False) -> list[Row]:
     """For orientation, without a target."""
-    case = Case()
+    case = FlightCase()
     return [*_limits(case, quick), _without_stack(case, quick), *_attempts(case, quick)]
 
 
-def _limits(case: Case, quick: bool) -> list[Row]:
+def _limits(case: FlightCase, quick: bool) -> list[Row]:
     """What compiled code makes of the loop, in parts of NumPy's time."""
     steps, peer_steps = (500, 100) if quick else (STEPS, 1000)
-    contestants: dict[str, Callable[..., Flight]] = {"numba": numba_flight, "JAX": jax_flight}
+    contestants: dict[str, Callable[..., Contestant]] = {"numba": numba_flight, "JAX": jax_flight}
     if _compiler() is not None:
         contestants |= {
             "C by hand, -O3": c_flight,
@@ -55,7 +55,7 @@ def _limits(case: Case, quick: bool) -> list[Row]:
     return found
 
 
-def _without_stack(case: Case, quick: bool) -> Row:
+def _without_stack(case: FlightCase, quick: bool) -> Row:
     """What would be left if the stack of Eq. (46) cost nothing: not the same flight, only its time.
 
     The weights stay where they are (p = 0), because without the stack they run away.
@@ -93,7 +93,7 @@ class _NoStack(CriticPolicy):
         return ca.Function("stack", [weights], [ca.SX.zeros(self.memory_size)])
 
 
-def _attempts(case: Case, quick: bool) -> list[Row]:
+def _attempts(case: FlightCase, quick: bool) -> list[Row]:
     """The stack of Eq. (46), half of the loop's time in the virtual machine, written in other ways."""
     calls, repeats = (100, 1) if quick else (20_000, 7)
     plain = CriticPolicy(case.law, zero(6))._stack
@@ -109,7 +109,7 @@ def _attempts(case: Case, quick: bool) -> list[Row]:
     return found
 
 
-def _many(function: ca.Function, case: Case, calls: int) -> Callable[[], None]:
+def _many(function: ca.Function, case: FlightCase, calls: int) -> Callable[[], None]:
     bound = BoundFunction(function)
     bound.inputs[0][:] = case.start[6:]
 
@@ -120,7 +120,7 @@ def _many(function: ca.Function, case: Case, calls: int) -> Callable[[], None]:
     return run
 
 
-def _by_logarithm(case: Case) -> ca.Function:
+def _by_logarithm(case: FlightCase) -> ca.Function:
     """The same numbers to rounding, with a logarithm and an exponential for each power."""
     law, W = case.law, ca.MX.sym("W", case.law.basis.size)
     stored = law.history.at(np.zeros(law.basis.size))
@@ -132,7 +132,7 @@ def _by_logarithm(case: Case) -> ca.Function:
     return ca.Function("stack", [W], [ca.mtimes(regressors.T, push)])
 
 
-def _written_out(case: Case) -> ca.Function:
+def _written_out(case: FlightCase) -> ca.Function:
     """One scalar operation after the other."""
     law, W = case.law, ca.SX.sym("W", case.law.basis.size)
     stored = law.history.at(np.zeros(law.basis.size))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.flight_case import STEP, Case
+from benchmarks.flight_case import STEP, FlightCase
 from controller.flight.critic_policy import CriticPolicy
-from controller.flight.envelope import flight_envelope
+from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.signals import zero
+from controller.flight.simulate import Scenario
+from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
-from controller.monte_carlo.monte_carlo_plan import Course, FlownLaw, MonteCarlo, Uncertainty, critic_law, gain_law
+from controller.monte_carlo.monte_carlo_plan import FlownLaw, MonteCarlo, critic_law, gain_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
+from hfa_model.vectors import State
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -22,7 +25,7 @@ _UNCERTAIN = Uncertainty(
     noise={"alpha": 0.001, "pitch_rate": 0.001},
     turbulence=(1.0, 1750.0),
 )
-_FAR = np.full(7, 1e9)
+_EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
 
 
 def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
@@ -30,24 +33,25 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
     The envelope is as good as none, so that every member flies to the end.
     """
-    case = Case()
+    case = FlightCase()
     law = critic_law("published", CriticPolicy(case.law, zero(6)))
     initial = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
-    course = Course(-_FAR, _FAR, duration, STEP, 0.01, initial, case.reference, case.disturbance)
-    return _plan(members, 5.0, "linear", law, course)
+    scenario = Scenario(duration, STEP, 0.01, initial, case.reference, case.disturbance, uncertainty=_UNCERTAIN)
+    return _plan(members, 5.0, "linear", law, scenario, _EVERYWHERE)
 
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
     aircraft = Aircraft(default_parameters().values)
     model = linearize(aircraft, find_operating_point(aircraft, level_flight(float(np.radians(15.0)))))
-    envelope = flight_envelope(aircraft.parameters, model.point)
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
-    course = Course(np.array(envelope.lowest), np.array(envelope.highest), duration)
-    return _plan(members, 15.0, "nonlinear", law, course)
+    scenario = Scenario(duration, uncertainty=_UNCERTAIN)
+    return _plan(members, 15.0, "nonlinear", law, scenario, flight_envelope(aircraft.parameters, model.point))
 
 
-def _plan(members: int, degrees: float, plant: str, law: FlownLaw, course: Course) -> MonteCarlo:
+def _plan(
+    members: int, degrees: float, plant: str, law: FlownLaw, scenario: Scenario, envelope: Envelope
+) -> MonteCarlo:
     aircraft = Aircraft(default_parameters().values)
     point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, course, _UNCERTAIN)
+    return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, scenario, envelope)

@@ -1,66 +1,93 @@
-"""Options of a nonlinear flight, and the scenario that they name."""
+"""What the commands that fly share: options of the scenario and of the law, and how the outcome is told."""
 
 from __future__ import annotations
 
 import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.flight.actuators import Actuators
+from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.signals import Harmonic, Signal
-from controller.flight.simulate import Scenario
+from controller.flight.simulate import NonlinearFlight, Scenario
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import games
-from hfa_cli.learning import add_settings
-from hfa_cli.values import number, quantity, span, split_assignments, whole
+from hfa_cli.argument_types import number, quantity, span, whole
+from hfa_cli.learning import add_settings, law_settings, show_learning
+from hfa_cli.output import say_notes, show
+from hfa_cli.parser import add_named, add_value
+from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.linearize import LinearModel
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
+from trim.point.trim_report import warnings
 from verification.experiments.configuration import section5_configuration
+
+if TYPE_CHECKING:
+    from controller.flight.gain_plan import GainPlan
 
 #: Laws that fly: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
 #: In place of NAME=...: what the paper flies in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
+#: How help shows colon-separated numbers.
+_LAG_RATE, _GUST, TURBULENCE = "LAG:RATE", "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
 _TICK = 0.01
 
 
-def add_scenario(parser: argparse.ArgumentParser) -> None:
-    """What happens in the flight; everything is off by default."""
+def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
+    """What happens in the flight besides a reference; everything is off by default. duration: what help calls it."""
+    add_times(parser, duration)
+    add_initial(parser)
+    add_signal(parser, "--disturbance", "added to the rate of a state")
+    add_signal(parser, "--noise", "added to what a sensor says")
+    missed = "a parameter of the flown aircraft that the design misses"
+    add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
+    about = "first-order actuators, s and deg/s, within the trim's control limits"
+    add_value(parser, "--actuators", numbers(_LAG_RATE, 2), _LAG_RATE, about)
+    add_value(parser, "--engine", numbers(_LAG_RATE, 2), _LAG_RATE, "another lag and rate for the throttle, s and 1/s")
+    add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
+    add_value(parser, "--turbulence", numbers(TURBULENCE, 2), TURBULENCE, "Dryden turbulence, ft/s and ft, from --seed")
+    add_envelope(parser)
+
+
+def add_times(parser: argparse._ActionsContainer, duration: str = "20") -> None:
+    """--duration (what help calls its default) and --step."""
+    add_value(parser, "--duration", number, "S", f"default {duration}")
+    add_value(parser, "--step", number, "S", "fixed step of the integration, default 0.001", default=0.001)
+
+
+def add_initial(parser: argparse._ActionsContainer) -> None:
+    """--initial: where the states begin."""
+    about = "a state off trim at the start, degrees; or `paper`"
+    add_named(parser, "--initial", _initial, "NAME=VALUE", about, alone=PAPER)
+
+
+def add_signal(parser: argparse._ActionsContainer, option: str, about: str) -> None:
+    """An option of a signal: constants, and a sine for some states."""
     form = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
-    parser.add_argument("--duration", metavar="S", help="default 20")
-    parser.add_argument("--step", metavar="S", help="fixed step of the integration, default 0.001")
-    parser.add_argument(
-        "--initial", action="append", metavar="NAME=VALUE", help="a state off trim at the start, degrees; or `paper`"
-    )
-    parser.add_argument("--reference", action="append", metavar=form, help="what a state shall follow; or `paper`")
-    parser.add_argument("--disturbance", action="append", metavar=form, help="added to the rate of a state; or `paper`")
-    parser.add_argument("--noise", action="append", metavar=form, help="added to what a sensor says; or `paper`")
-    parser.add_argument(
-        "--error",
-        action="append",
-        metavar="NAME=FACTOR",
-        help="a parameter of the flown aircraft that the design misses",
-    )
-    parser.add_argument(
-        "--actuators", metavar="LAG:RATE", help="first-order actuators, s and deg/s, within the trim's control limits"
-    )
-    parser.add_argument("--engine", metavar="LAG:RATE", help="another lag and rate for the throttle, s and 1/s")
-    parser.add_argument("--gust", metavar="LENGTH:PEAK[:BEGIN]", help="1-cosine updraft, ft, ft/s and s")
-    parser.add_argument("--turbulence", metavar="SIGMA:SCALE", help="Dryden turbulence, ft/s and ft, from --seed")
-    parser.add_argument(
-        "--envelope", action="append", metavar="NAME=LOW:HIGH", help="other limits of a state, absolute; repeatable"
-    )
+    add_named(parser, option, _constant_or_wave, form, f"{about}; or `{PAPER}`", alone=PAPER)
+
+
+def add_envelope(parser: argparse._ActionsContainer) -> None:
+    """--envelope: between which values each state must stay."""
+    add_named(parser, "--envelope", span, "NAME=LOW:HIGH", "other limits of a state, absolute; repeatable")
 
 
 def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
     """--law (one of `laws`), --set, --seed, --delta, --Q, --R."""
     parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(laws)}; default certified")
     add_settings(parser)
-    parser.add_argument("--seed", metavar="N", help="seed of the recorded data and of the turbulence; default 0")
+    add_value(parser, "--seed", whole(0), "N", "seed of the recorded data and of the turbulence; default 0")
     games.add_weights(parser)
 
 
@@ -77,73 +104,147 @@ def law_of(arguments: argparse.Namespace, laws: tuple[str, ...] = LAWS) -> str:
     return law
 
 
+def check_learning(arguments: argparse.Namespace) -> None:
+    """BadInputError for an unknown law, and for options of learning where nothing is learned."""
+    if law_of(arguments) != "exact":
+        return
+    for name in ("online", "set"):
+        if getattr(arguments, name, None):
+            raise BadInputError(f"--{name} belongs to a learning law; with --law exact there is nothing to learn")
+    if arguments.seed is not None and getattr(arguments, "turbulence", None) is None:
+        raise BadInputError("--seed belongs to a learning law or to --turbulence; here nothing is random")
+
+
+def gain_plan_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> GainPlan:
+    """The gain that flies: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
+    from controller.flight.gain_plan import GainPlan, frozen_plan, learned_value, online_plan
+    from verification.riccati.gare import solve_game
+
+    game = game_on(model, arguments)
+    if arguments.law == "exact":
+        return GainPlan("exact", solve_game(game).K[None])
+    told = show_learning if sys.stderr.isatty() else None
+    learned = learned_value(game, arguments.law, seed_of(arguments), told, **law_settings(arguments))
+    frozen = frozen_plan(arguments.law, learned)
+    return frozen if online_tick is None else online_plan(game, arguments.law, learned, online_tick)
+
+
+def tell(
+    report: Report,
+    points: Sequence[OperatingPoint],
+    arguments: argparse.Namespace,
+    target: Path | None,
+    only_in_files: dict[str, Any] | None = None,
+) -> None:
+    """Print the report, or its data, and write the file; then what should be known of the trims `points`."""
+    notes = list(dict.fromkeys(warning for point in points for warning in warnings(point)))
+    told = report.with_data(warnings=notes)
+    if target is not None:
+        told.with_data(**(only_in_files or {})).save(target)
+    show(told, as_json=arguments.json, target=None)
+    sys.stdout.flush()
+    say_notes(notes)
+
+
+def draw_flight(result: NonlinearFlight, report: Report, picture: Path | None) -> None:
+    """The picture of a flight, if one was asked for."""
+    if picture is not None:
+        from hfa_model.support.figure import save
+        from verification.flights.flight_figures import flight_figure
+
+        save(flight_figure(result, report.title.partition("\n")[0]), picture)
+
+
 def seed_of(arguments: argparse.Namespace) -> int:
     """The seed that the options name."""
-    return whole("--seed", arguments.seed, 0, lowest=0)
+    return 0 if arguments.seed is None else int(arguments.seed)
 
 
 def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
     """The scenario that the options name, about a trim. duration: unless given, s."""
-    duration = duration if arguments.duration is None else number(arguments.duration, "--duration")
-    step = 0.001 if arguments.step is None else number(arguments.step, "--step")
-    scenario = Scenario(
+    duration = duration if arguments.duration is None else arguments.duration
+    return Scenario(
         duration=duration,
-        step=step,
+        step=arguments.step,
         tick=_TICK,
         initial=initial_of(arguments.initial),
-        reference=signal_of("--reference", arguments.reference),
-        disturbance=signal_of("--disturbance", arguments.disturbance),
-        noise=signal_of("--noise", arguments.noise),
-        errors={name: number(text, name) for name, text in split_assignments(arguments.error).items()},
+        reference=signal_of("reference", getattr(arguments, "reference", None)),
+        disturbance=signal_of("disturbance", arguments.disturbance),
+        noise=signal_of("noise", arguments.noise),
+        errors=arguments.error or {},
         actuators=_actuators(arguments),
+        gust=_gust(arguments, point.states.speed, duration),
     )
-    return scenario.with_gust(_gust(arguments, point.states.speed, scenario))
 
 
-def envelope_changes(words: list[str] | None) -> dict[str, tuple[float, float]]:
-    """`NAME=LOW:HIGH` words of --envelope, in internal units."""
-    changes = {}
-    for name, text in split_assignments(words).items():
-        _known("--envelope", name, STATES)
-        changes[name] = span(name, text)
-    return changes
+def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> Envelope:
+    """The envelope about a trim, with the limits that the options name."""
+    return flight_envelope(aircraft.parameters, point, arguments.envelope)
 
 
-def initial_of(words: list[str] | None) -> np.ndarray:
-    """`NAME=VALUE` words of --initial as a deviation from trim, (7,)."""
+def initial_of(given: dict[str, float] | str | None) -> np.ndarray:
+    """What --initial says as a deviation from trim, (7,)."""
     start = np.zeros(len(STATES))
-    if words == [PAPER]:
+    if isinstance(given, str):
         start[[STATES.index(name) for name in LINEAR_STATES]] = section5_configuration().initial
         return start
-    for name, text in split_assignments(words).items():
-        _known("--initial", name, STATES)
-        start[STATES.index(name)] = quantity(name, text)
+    for name, value in (given or {}).items():
+        start[STATES.index(name)] = value
     return start
 
 
-def signal_of(option: str, words: list[str] | None) -> Signal:
-    """`NAME=CONSTANT[:AMPLITUDE:RAD/S]` words of an option, (6,)."""
-    if words == [PAPER]:
+def signal_of(name: str, given: dict[str, tuple[float, ...]] | str | None) -> Signal:
+    """What the option of a signal says, (6,): constants, and a sine with its frequency for some."""
+    if isinstance(given, str):
         paper = section5_configuration()
-        signals = {"--reference": paper.reference, "--disturbance": paper.disturbance, "--noise": paper.noise}
-        return signals[option].signal
-    constant = np.zeros(len(LINEAR_STATES))
-    harmonics = []
-    for name, text in split_assignments(words).items():
-        _known(option, name, LINEAR_STATES)
-        parts = text.split(":")
-        if len(parts) not in (1, 3):
-            raise BadInputError(f"{option} {name} is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
-        index = LINEAR_STATES.index(name)
-        constant[index] = quantity(name, parts[0])
-        if len(parts) == 3:
+        return {"reference": paper.reference, "disturbance": paper.disturbance, "noise": paper.noise}[name].signal
+    constant, harmonics = np.zeros(len(LINEAR_STATES)), []
+    for state, (value, *wave) in (given or {}).items():
+        index = LINEAR_STATES.index(state)
+        constant[index] = value
+        if wave:
             sine = np.zeros(len(LINEAR_STATES))
-            sine[index] = quantity(name, parts[1])
-            frequency = number(parts[2], f"{option} {name} frequency")
-            if frequency <= 0:
-                raise BadInputError(f"{option} {name} frequency is {frequency:g} rad/s; it must be positive")
+            sine[index], frequency = wave
             harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
     return Signal(constant, np.zeros(len(LINEAR_STATES)), tuple(harmonics))
+
+
+def _initial(name: str, text: str) -> float:
+    """The type of --initial."""
+    _check_state(name, STATES)
+    return quantity(name, text)
+
+
+def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
+    """The type of a signal: (constant,) or (constant, amplitude, rad/s)."""
+    _check_state(name, LINEAR_STATES)
+    parts = text.split(":")
+    if len(parts) not in (1, 3):
+        raise argparse.ArgumentTypeError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
+    values = tuple(quantity(name, part) for part in parts[:2])
+    if len(parts) == 1:
+        return values
+    frequency = number(parts[2])
+    if frequency <= 0:
+        raise argparse.ArgumentTypeError(f"frequency is {frequency:g} rad/s; it must be positive")
+    return (*values, frequency)
+
+
+def numbers(form: str, *counts: int) -> Callable[[str], tuple[float, ...]]:
+    """The type of numbers between colons, as many as one of `counts`."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        parts = text.split(":")
+        if len(parts) not in counts:
+            raise argparse.ArgumentTypeError(f"is {text!r}; give {form}")
+        return tuple(number(part) for part in parts)
+
+    return convert
+
+
+def _check_state(name: str, names: tuple[str, ...]) -> None:
+    if name not in names:
+        raise argparse.ArgumentTypeError(f"is not among the states {', '.join(names)}")
 
 
 def _actuators(arguments: argparse.Namespace) -> Actuators | None:
@@ -151,40 +252,27 @@ def _actuators(arguments: argparse.Namespace) -> Actuators | None:
         if arguments.engine is not None:
             raise BadInputError("--engine belongs to --actuators; give both")
         return None
-    lag, degrees_per_second = numbers("--actuators", arguments.actuators, "LAG:RATE", (2,))
+    lag, degrees_per_second = arguments.actuators
     if degrees_per_second <= 0:
         raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
-    rate = quantity("dihedral", str(degrees_per_second))  # degrees to radians as everywhere else
+    rate = math.radians(degrees_per_second)
     engine_lag, engine_rate = lag, np.inf
     if arguments.engine is not None:
-        engine_lag, engine_rate = numbers("--engine", arguments.engine, "LAG:RATE", (2,))
+        engine_lag, engine_rate = arguments.engine
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     surfaces = len(lowest) - 1
     return Actuators(Input(engine_lag, *[lag] * surfaces), lowest, highest, Input(engine_rate, *[rate] * surfaces))
 
 
-def _gust(arguments: argparse.Namespace, speed: float, scenario: Scenario) -> Gust | None:
+def _gust(arguments: argparse.Namespace, speed: float, duration: float) -> Gust | None:
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     if arguments.gust is not None:
-        length, peak, *begin = numbers("--gust", arguments.gust, "LENGTH:PEAK[:BEGIN]", (2, 3))
-        if begin and not 0 <= begin[0] < scenario.duration:
-            raise BadInputError(f"--gust begins at {begin[0]:g} s; the flight lasts from 0 to {scenario.duration:g} s")
+        length, peak, *begin = arguments.gust
+        if begin and not 0 <= begin[0] < duration:
+            raise BadInputError(f"--gust begins at {begin[0]:g} s; the flight lasts from 0 to {duration:g} s")
         return OneMinusCosine(length, peak, speed, *begin)
     if arguments.turbulence is not None:
-        intensity, scale = numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))
-        return Dryden(intensity, scale, speed, scenario.tick, scenario.ticks, seed_of(arguments))
+        intensity, scale = arguments.turbulence
+        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments))
     return None
-
-
-def numbers(option: str, text: str, form: str, counts: tuple[int, ...]) -> list[float]:
-    """Numbers between colons, as many as one of `counts`; BadInputError shows the form."""
-    parts = text.split(":")
-    if len(parts) not in counts:
-        raise BadInputError(f"{option} is {text!r}; give {form}")
-    return [number(part, option) for part in parts]
-
-
-def _known(option: str, name: str, names: tuple[str, ...]) -> None:
-    if name not in names:
-        raise BadInputError(f"{option} has no state {name!r}; choose from {', '.join(names)}")

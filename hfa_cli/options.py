@@ -29,6 +29,11 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
     equations = "published (regenerates the print; default) or newton (first principles)"
     add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
+    add_parameters(parser)
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """--parameters: the aircraft, whatever its equations."""
     about = f"parameters file, or {' or '.join(NAMED)} (default: identified)"
     add_value(parser, "--parameters", parsed(_parameters), "FILE", about)
 

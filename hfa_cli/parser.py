@@ -19,15 +19,24 @@ class _Once(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); a name that comes twice is refused."""
+    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); a name that comes twice is refused.
 
-    def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
+    alone: a word that stands for all of them, and comes alone.
+    """
+
+    def __init__(self, *, value: Callable[[str, str], Any], alone: str | None = None, **options: Any) -> None:
         super().__init__(**options)
-        self._value = value
+        self._value, self._alone = value, alone
         self._texts: dict[str, str] = {}
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         name, separator, text = values.partition("=")
+        if self._alone is not None and (values == self._alone or self._alone in self._texts):
+            if self._texts:
+                raise argparse.ArgumentError(self, f"{self._alone} goes alone; leave the others out")
+            self._texts[values] = ""
+            setattr(namespace, self.dest, self._alone)
+            return
         if not separator:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
         if name in self._texts:
@@ -91,10 +100,15 @@ def add_value(
 
 
 def add_named(
-    parser: argparse._ActionsContainer, option: str, kind: Callable[[str, str], Any], form: str, about: str
+    parser: argparse._ActionsContainer,
+    option: str,
+    kind: Callable[[str, str], Any],
+    form: str,
+    about: str,
+    alone: str | None = None,
 ) -> None:
-    """A repeatable option whose words name what they are about. kind: name, word -> value."""
-    parser.add_argument(option, action=_Named, value=kind, metavar=form, help=about)
+    """A repeatable option whose words name what they are about. kind: name, word -> value; alone: as in `_Named`."""
+    parser.add_argument(option, action=_Named, value=kind, alone=alone, metavar=form, help=about)
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

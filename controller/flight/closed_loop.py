@@ -1,4 +1,9 @@
-"""Plant, policy and signals as one compiled loop, and what it flies."""
+"""Plant, policy and signals as one loop y' = f(t, y, p), compiled, and the flight that it makes.
+
+Nobody else knows how the loop is laid out:
+
+    y = [x; memory of the policy; filter of the gust],   p = [the plant's; the policy's; noise samples; the gust's].
+"""
 
 from __future__ import annotations
 
@@ -17,8 +22,23 @@ from controller.flight.signals import TimeVector
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 
+#: Tick -> constants that are held during the tick.
+Constants = Callable[[int], np.ndarray]
+
+_NOTHING = np.zeros(0)
+_Z = len(LINEAR_STATES)
 #: Steps whose outputs are computed in one go.
 _BLOCK = 10_000
+
+
+class Expressions(NamedTuple):
+    """A loop at (t, y, p): y' and what is seen of it; error z without noise, inputs u, disturbance d, updraft w."""
+
+    rate: Any
+    error: Any
+    inputs: Any
+    disturbance: Any
+    updraft: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +46,7 @@ class ClosedLoop:
     """x' = plant(x, u, d(t), w(t)),  u = policy(t, x + n(t) - x_d(t)).
 
     reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model. gust: w, none by default.
+    samples: (ticks, 6), noise besides n that is held in each tick, none by default.
     """
 
     plant: Plant
@@ -34,13 +55,79 @@ class ClosedLoop:
     disturbance: TimeVector
     noise: TimeVector
     gust: Gust | None = None
+    samples: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         """Every signal has six channels."""
         for name in ("reference", "disturbance", "noise"):
             size = getattr(self, name).size
-            if size != len(LINEAR_STATES):
-                raise BadInputError(f"the {name} has {size} channels; it must have {len(LINEAR_STATES)}")
+            if size != _Z:
+                raise BadInputError(f"the {name} has {size} channels; it must have {_Z}")
+
+    def symbols(self) -> tuple[Any, Any, Any]:
+        """t, y and p to write the loop out in."""
+        return ca.SX.sym("t"), ca.SX.sym("y", self._y_ends[-1]), ca.SX.sym("p", self._p_ends[-1])
+
+    def at(self, t: Any, y: Any, p: Any) -> Expressions:
+        """The loop written out at CasADi expressions."""
+        n, k, _ = self._y_ends
+        a, b, c, _ = self._p_ends
+        x, memory = y[:n], y[n:k]
+        error = self.plant.seen(x) - self.reference.at(t)
+        measured = error + self.noise.at(t)
+        if self.samples is not None:
+            measured += p[b:c]
+        u = self.policy.control(t, measured, memory, p[a:b])
+        d = self.disturbance.at(t)
+        own_rate = self.policy.memory_rate(t, measured, memory, p[a:b])
+        if self.gust is None:
+            return Expressions(ca.vertcat(self.plant.rate(x, u, d, 0.0, p[:a]), own_rate), error, u, d, ca.SX(0))
+        updraft = self.gust.updraft(t, y[k:], p[c:])
+        rates = self.plant.rate(x, u, d, updraft, p[:a]), own_rate, self.gust.memory_rate(t, y[k:], p[c:])
+        return Expressions(ca.vertcat(*rates), error, u, d, updraft)
+
+    def start(self, initial: np.ndarray, memory: np.ndarray | None = None) -> np.ndarray:
+        """y(0) for x(0) = `initial`; memory: of the policy at the start, 0 unless given."""
+        n, k, _ = self._y_ends
+        own = np.zeros(k - n) if memory is None else memory
+        if (len(initial), len(own)) != (n, k - n):
+            raise BadInputError(
+                f"the flight starts with {len(initial) + len(own)} numbers; plant and policy have {n} and {k - n}"
+            )
+        return np.concatenate([initial, own, _NOTHING if self.gust is None else self.gust.start()])
+
+    def constants(self, of_policy: Constants, of_plant: np.ndarray = _NOTHING) -> Constants:
+        """Tick -> p, in an array that the next call overwrites."""
+        a, b, c, size = self._p_ends
+        p = np.zeros(size)
+        p[:a] = of_plant
+
+        def every(tick: int) -> np.ndarray:
+            p[a:b] = of_policy(tick)
+            if self.samples is not None:
+                p[b:c] = self.samples[tick]
+            if self.gust is not None:
+                p[c:] = self.gust.constants(tick)
+            return p
+
+        return every
+
+    def parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """x and the memory of the policy in y (..., n)."""
+        n, k, _ = self._y_ends
+        return y[..., :n], y[..., n:k]
+
+    @property
+    def _y_ends(self) -> tuple[int, int, int]:
+        sizes = len(self.plant.states), self.policy.memory_size, self.gust.memory_size if self.gust is not None else 0
+        return sizes[0], sizes[0] + sizes[1], sum(sizes)
+
+    @property
+    def _p_ends(self) -> tuple[int, int, int, int]:
+        noise = _Z if self.samples is not None else 0
+        air = self.gust.constants_size if self.gust is not None else 0
+        a, b, c, d = np.cumsum([self.plant.constants_size, self.policy.constants_size, noise, air]).tolist()
+        return a, b, c, d
 
 
 @dataclass(frozen=True)
@@ -60,45 +147,13 @@ class Flight:
     updrafts: np.ndarray
 
 
-class Expressions(NamedTuple):
-    """A loop at (t, y, p): y' and what is seen of it; error z without noise, inputs u, disturbance d, updraft w."""
-
-    rate: Any
-    error: Any
-    inputs: Any
-    disturbance: Any
-    updraft: Any
-
-
-def expressions(loop: ClosedLoop, t: Any, y: Any, p: Any) -> Expressions:
-    """The loop written out, y = [x; memory; gust filter], p = [policy's; gust's constants], as CasADi expressions."""
-    n, k, m = len(loop.plant.states), loop.policy.memory_size, loop.policy.constants_size
-    x, memory, own = y[:n], y[n : n + k], p[:m]
-    error = loop.plant.seen(x) - loop.reference.at(t)
-    measured = error + loop.noise.at(t)
-    u = loop.policy.control(t, measured, memory, own)
-    d = loop.disturbance.at(t)
-    own_rate = loop.policy.memory_rate(t, measured, memory, own)
-    if loop.gust is None:
-        return Expressions(ca.vertcat(loop.plant.rate(x, u, d), own_rate), error, u, d, ca.SX(0))
-    of_the_air = t, y[n + k :], p[m:]
-    updraft = loop.gust.updraft(*of_the_air)
-    rate = ca.vertcat(loop.plant.rate(x, u, d, updraft), own_rate, loop.gust.memory_rate(*of_the_air))
-    return Expressions(rate, error, u, d, updraft)
-
-
 class CompiledLoop:
-    """The loop as CasADi Functions of (t, y, p), y = [x; memory; gust filter], p = [policy's; gust's constants].
-
-    Compiled once, flown many times.
-    """
+    """The loop as CasADi Functions of (t, y, p), compiled once, flown many times."""
 
     def __init__(self, loop: ClosedLoop) -> None:
         self.loop = loop
-        n, k, m = len(loop.plant.states), loop.policy.memory_size, loop.policy.constants_size
-        filters, noises = (loop.gust.memory_size, loop.gust.constants_size) if loop.gust is not None else (0, 0)
-        arguments = ca.SX.sym("t"), ca.SX.sym("y", n + k + filters), ca.SX.sym("p", m + noises)
-        now = expressions(loop, *arguments)
+        arguments = loop.symbols()
+        now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
         seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
         self._seen = ca.Function("loop_seen", [*arguments], seen)
@@ -106,7 +161,7 @@ class CompiledLoop:
     def fly(
         self,
         initial: np.ndarray,
-        constants: Callable[[int], np.ndarray],
+        constants: Constants,
         *,
         step: float,
         steps_per_tick: int,
@@ -114,27 +169,18 @@ class CompiledLoop:
         memory: np.ndarray | None = None,
         **options: Any,
     ) -> Flight:
-        """Integrate from x(0) = `initial`, memory(0) = `memory`; arguments as in `integrator.integrate`.
+        """Integrate from x(0) = `initial`, memory(0) = `memory`; constants: of the policy.
 
-        constants: of the policy; the gust's are its own, and so is the start of its filter.
+        The other arguments as in `integrator.integrate`.
         """
-        plant_size, memory_size = len(self.loop.plant.states), self.loop.policy.memory_size
-        start = np.concatenate([initial, np.zeros(memory_size) if memory is None else memory])
-        if start.shape != (plant_size + memory_size,):
-            raise BadInputError(
-                f"the flight starts with {start.size} numbers; plant and policy have {plant_size} and {memory_size}"
-            )
-        gust = self.loop.gust
-        if gust is not None:
-            start = np.concatenate([start, gust.start()])
-        every = constants if gust is None else lambda tick: np.concatenate([constants(tick), gust.constants(tick)])
+        start, every = self.loop.start(initial, memory), self.loop.constants(constants)
         path = integrate(self.rate, start, every, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
         # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
         last = (len(path.times) - 1) // steps_per_tick - 1
         rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, last)
-        table = np.array([every(tick) for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
+        table = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
         errors, inputs, disturbances, updrafts = self._watched(path.times, path.states, table)
-        states, own, _ = np.split(path.states, [plant_size, plant_size + memory_size], axis=1)
+        states, own = self.loop.parts(path.states)
         return Flight(path.times, states, errors, inputs, disturbances, own, updrafts.ravel())
 
     def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:

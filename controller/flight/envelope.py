@@ -38,6 +38,12 @@ class Envelope:
     lowest: State
     highest: State
 
+    def to_dict(self) -> dict[str, list[float]]:
+        """State -> [lowest, highest]."""
+        return {
+            name: [float(low), float(high)] for name, low, high in zip(STATES, self.lowest, self.highest, strict=True)
+        }
+
     def inside(self, states: np.ndarray) -> np.ndarray:
         """Which rows of (N, 7) absolute states are within all limits; a number that is not finite is not."""
         return np.asarray(((states >= np.array(self.lowest)) & (states <= np.array(self.highest))).all(axis=-1))

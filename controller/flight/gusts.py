@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from controller.flight.policies import Memoryless
 from hfa_model.support.errors import BadInputError
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
@@ -44,7 +45,7 @@ class Gust(Protocol):
 
 
 @dataclass(frozen=True)
-class OneMinusCosine:
+class OneMinusCosine(Memoryless):
     """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
 
     length: ft, of the whole gust from still air to still air, twice the gust gradient distance H. peak: ft/s,
@@ -64,11 +65,6 @@ class OneMinusCosine:
         _check_finite(peak=self.peak, begin=self.begin)
 
     @property
-    def memory_size(self) -> int:
-        """A known function of time has no states: 0."""
-        return 0
-
-    @property
     def constants_size(self) -> int:
         """Nothing changes from tick to tick: 0."""
         return 0
@@ -77,10 +73,6 @@ class OneMinusCosine:
         """The gust at t; expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
-
-    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
-        """No states, so no rates: (0,)."""
-        return ca.SX(0, 1)
 
     def start(self) -> np.ndarray:
         """No states, (0,)."""

@@ -22,21 +22,48 @@ class Plant(Protocol):
 
     states: names. rate: x' of the deviation x, for an input deviation u (5,), a disturbance d (6,) that adds to
     the rates of the six states of the linear model, and an updraft of the air, ft/s. seen: those six deviations.
+    p: what differs from flight to flight (the parameters of the aircraft, say); mostly nothing.
     """
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states, in order."""
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+    @property
+    def constants_size(self) -> int:
+        """Length of p."""
+
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """dx/dt."""
 
     def seen(self, x: Any) -> Any:
         """The deviations of `LINEAR_STATES`, (6,)."""
 
 
+class _Known:
+    """A plant whose numbers are known when the loop is made."""
+
+    @property
+    def constants_size(self) -> int:
+        """Nothing differs from flight to flight: 0."""
+        return 0
+
+
+class SevenStates:
+    """A plant with all states of the aircraft."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All seven states."""
+        return STATES
+
+    def seen(self, x: Any) -> Any:
+        """The six states of the linear model."""
+        return ca.mtimes(ca.DM(spread().T), x)
+
+
 @dataclass(frozen=True, eq=False)
-class LinearPlant:
+class LinearPlant(_Known):
     """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5).
 
     It knows nothing of moving air: BadInputError when it is flown through a gust (`LinearizedAircraft` can be).
@@ -50,7 +77,7 @@ class LinearPlant:
         """The six states of the paper's linear model."""
         return LINEAR_STATES
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """A x + B u + d."""
         if not (isinstance(updraft, float) and updraft == 0.0):
             raise BadInputError("the six-state linear model knows no gusts; fly the linearized or nonlinear aircraft")
@@ -69,7 +96,7 @@ class Equations(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearPlant:
+class NonlinearPlant(SevenStates, _Known):
     """X' = f(X, U, w) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
 
     d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
@@ -78,25 +105,16 @@ class NonlinearPlant:
     aircraft: Aircraft | Equations
     point: OperatingPoint
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        """All seven states."""
-        return STATES
-
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """f(X0 + x, U0 + u, w), disturbed."""
         X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
         U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
         rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, updraft))
         return rate + ca.mtimes(ca.DM(spread()), d)
 
-    def seen(self, x: Any) -> Any:
-        """The six states of the linear model."""
-        return ca.mtimes(ca.DM(spread().T), x)
-
 
 @dataclass(frozen=True, eq=False)
-class LinearizedAircraft:
+class LinearizedAircraft(SevenStates, _Known):
     """x' = A x + B u + d + b w with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what `NonlinearPlant` is to
     first order, altitude included. A: (7, 7), B: (7, 5), b: (7,).
     """
@@ -114,19 +132,10 @@ class LinearizedAircraft:
         A, B, gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0))
         return cls(A, B, gust.ravel())
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        """All seven states."""
-        return STATES
-
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """A x + B u + b w, disturbed."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * updraft
         return rate + ca.mtimes(ca.DM(spread()), d)
-
-    def seen(self, x: Any) -> Any:
-        """The six states of the linear model."""
-        return ca.mtimes(ca.DM(spread().T), x)
 
 
 def spread() -> np.ndarray:

@@ -36,16 +36,24 @@ class Policy(Protocol):
         """d(memory)/dt, (memory_size,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class GainPolicy:
-    """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""
-
-    feedforward: Signal
+class Memoryless:
+    """A policy or a gust without states of its own."""
 
     @property
     def memory_size(self) -> int:
-        """A fixed gain remembers nothing: 0."""
+        """No states: 0."""
         return 0
+
+    def memory_rate(self, *_: Any) -> Any:
+        """No states, so no rates: (0,)."""
+        return ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class GainPolicy(Memoryless):
+    """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""
+
+    feedforward: Signal
 
     @property
     def constants_size(self) -> int:
@@ -55,10 +63,6 @@ class GainPolicy:
     def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
         """-K z + v(t)."""
         return -ca.mtimes(ca.reshape(p, _M, _N), z) + self.feedforward.at(t)
-
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """No states, so no rates: (0,)."""
-        return ca.SX(0, 1)
 
 
 def gain_constants(K: np.ndarray) -> np.ndarray:

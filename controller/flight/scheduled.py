@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.flight.policies import Memoryless
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
@@ -126,7 +127,7 @@ class ScheduledReference:
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledPolicy:
+class ScheduledPolicy(Memoryless):
     """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured dihedral.
 
     The trims follow the commanded dihedral and the gain the measured one. So, linearized about a trim, the policy
@@ -135,11 +136,6 @@ class ScheduledPolicy:
     """
 
     reference: ScheduledReference
-
-    @property
-    def memory_size(self) -> int:
-        """A schedule remembers nothing: 0."""
-        return 0
 
     @property
     def constants_size(self) -> int:
@@ -152,7 +148,3 @@ class ScheduledPolicy:
         measured = base.states.dihedral + self.reference.at(t)[_DIHEDRAL] + z[_DIHEDRAL]
         trimmed = schedule.inputs_at(self.reference.change.at(t)) - ca.DM(np.array(base.inputs))
         return trimmed - ca.mtimes(schedule.gain_at(measured), z)
-
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """No states, so no rates: (0,)."""
-        return ca.SX(0, 1)

@@ -93,9 +93,17 @@ class Signal:
             )
         return Signal(self.constant + other.constant, self.slope + other.slope, self.harmonics + other.harmonics)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The formula as data for JSON."""
+        return {
+            "constant": self.constant,
+            "slope": self.slope,
+            "harmonics": [harmonic._asdict() for harmonic in self.harmonics],
+        }
+
 
 def zero(size: int) -> Signal:
-    """The signal that is nought."""
+    """The zero signal."""
     return Signal(np.zeros(size), np.zeros(size))
 
 

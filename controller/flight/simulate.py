@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from controller.flight.actuators import ActuatedPolicy, Actuators
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants, Flight
 from controller.flight.envelope import Departure, Envelope
 from controller.flight.gain_plan import GainPlan
 from controller.flight.gusts import Gust
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
+from controller.flight.plants import Equations, LinearizedAircraft, NonlinearPlant, Plant
 from controller.flight.policies import GainPolicy, Policy
-from controller.flight.signals import TimeVector, zero
-from controller.flight.times import Timed
+from controller.flight.signals import Signal, TimeVector, zero
+from controller.flight.times import check_times
+from controller.flight.uncertain import Uncertainty
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
@@ -27,13 +30,14 @@ _N = len(LINEAR_STATES)
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario(Timed):
-    """What happens in a flight. Everything is off unless given.
+class Scenario:
+    """Everything that happens in a flight. All is off unless given.
 
-    duration, step, tick: s; gains and turbulence change once a tick, which holds a whole number of steps.
-    initial: (7,), deviation from trim. reference, disturbance, noise: (6,) each. errors: parameter -> factor on
-    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. BadInputError when the
-    times do not fit each other or the actuators, are too long, or an error names no parameter.
+    duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of
+    steps. initial: (7,), deviation from trim. reference, disturbance, noise: (6,) each. errors: parameter -> factor on
+    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. uncertainty: what is still
+    to be drawn (`drawn`). samples: (ticks, 6), drawn noise, held in each tick. BadInputError when the times do not fit
+    each other or the actuators, are too long, an error names no parameter, or there are two gusts.
     """
 
     duration: float = 20.0
@@ -46,10 +50,12 @@ class Scenario(Timed):
     errors: Mapping[str, float] = field(default_factory=dict)
     actuators: Actuators | None = None
     gust: Gust | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    samples: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
-        self.check_times()
+        check_times(self.duration, self.step, self.tick)
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
@@ -57,26 +63,74 @@ class Scenario(Timed):
                 raise BadInputError(f"unknown parameter {name!r}; choose from {', '.join(Parameters._fields)}")
             if not (np.isfinite(factor) and factor > 0.0):
                 raise BadInputError(f"the error of {name} is a factor of {factor}; it must be a positive number")
+        if self.gust is not None and self.uncertainty.turbulence is not None:
+            raise BadInputError("the scenario has a gust and turbulence to be drawn; give one of them")
 
-    def with_gust(self, gust: Gust | None) -> Scenario:
-        """The same with a gust, which may need the ticks of the flight to be made."""
-        return replace(self, gust=gust)
+    @property
+    def steps_per_tick(self) -> int:
+        """Steps in a tick."""
+        return round(self.tick / self.step)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks in the flight."""
+        return round(self.duration / self.tick)
+
+    def drawn(self, seed: int, member: int, speed: float) -> Scenario:
+        """One draw of what is uncertain, decided by seed and member alone. speed: at which gusts are met, ft/s."""
+        uncertain = self.uncertainty
+        factors = zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True)
+        return replace(
+            self,
+            errors={**self.errors, **{name: self.errors.get(name, 1.0) * factor for name, factor in factors}},
+            gust=uncertain.air(seed, member, speed, self.tick, self.ticks) or self.gust,
+            uncertainty=Uncertainty(),
+            samples=uncertain.samples(seed, member, self.ticks),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
+        signals = {name: getattr(self, name) for name in ("reference", "disturbance", "noise")}
+        formulas = {
+            name: each.to_dict() if isinstance(each, Signal) else type(each).__name__ for name, each in signals.items()
+        }
+        return {
+            "duration": self.duration,
+            "step": self.step,
+            "tick": self.tick,
+            "initial": self.initial,
+            "errors": dict(self.errors),
+            **formulas,
+            "actuators": None if self.actuators is None else asdict(self.actuators),
+            "gust": _gust_data(self.gust),
+        }
 
 
-@dataclass(frozen=True, eq=False)
-class NonlinearFlight:
+def _gust_data(gust: Any) -> dict[str, Any] | None:
+    return None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearFlight(Reported):
     """A flight, up to the first tick that left the envelope.
 
-    flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear model, None when
-    none was asked for. departure: which state left the envelope first, None when it held.
+    loop: what was flown. flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear
+    model, None when none was asked for. departure: which state left the envelope first, None when it held.
     """
 
     scenario: Scenario
     point: OperatingPoint
     envelope: Envelope
+    loop: ClosedLoop
     flight: Flight
     predicted: Flight | None
     departure: Departure | None
+
+    def report(self) -> Report:
+        """See `flight_report`."""
+        from controller.flight.flight_report import flight_report
+
+        return flight_report(self)
 
     @property
     def states(self) -> np.ndarray:
@@ -130,7 +184,7 @@ def fly(
     result = fly_policy(flown, policy, plan.constants, scenario, envelope, progress=progress)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
     model = LinearizedAircraft.at(aircraft, point)
-    predicted = _loop(model, policy, scenario, point).fly(
+    predicted = CompiledLoop(loop_of(model, policy, scenario, point)).fly(
         scenario.initial, plan.constants, step=scenario.step, steps_per_tick=scenario.steps_per_tick, ticks=ticks
     )
     return replace(result, predicted=predicted)
@@ -139,45 +193,45 @@ def fly(
 def fly_policy(
     plant: NonlinearPlant,
     policy: Policy,
-    constants: Callable[[int], np.ndarray],
+    constants: Constants,
     scenario: Scenario,
     envelope: Envelope,
     *,
+    memory: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> NonlinearFlight:
     """The nonlinear aircraft under any policy, without a prediction. constants: tick -> p of the policy.
 
-    BadInputError when it does not begin inside the envelope.
+    BadInputError when it does not begin inside the envelope, or part of the scenario is still to be drawn.
     """
+    if scenario.uncertainty != Uncertainty():
+        raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, speed)")
     offsets = np.array(plant.point.states)
     envelope.refuse_start(scenario.initial + offsets)
-    flight = _loop(plant, policy, scenario, plant.point).fly(
+    loop = loop_of(plant, policy, scenario, plant.point)
+    flight = CompiledLoop(loop).fly(
         scenario.initial,
         constants,
         step=scenario.step,
         steps_per_tick=scenario.steps_per_tick,
         ticks=scenario.ticks,
+        memory=memory,
         progress=progress,
         stop=lambda rows: not bool(envelope.inside(rows[:, : len(STATES)] + offsets).all()),
     )
     departure = envelope.departure(flight.times, flight.states + offsets)
-    return NonlinearFlight(scenario, plant.point, envelope, flight, None, departure)
+    return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
 
 
-def loop_of(aircraft: Aircraft, point: OperatingPoint, scenario: Scenario) -> CompiledLoop:
-    """The compiled nonlinear loop of `fly`, for those who integrate it otherwise."""
-    return _loop(NonlinearPlant(with_errors(aircraft, scenario), point), GainPolicy(zero(len(INPUTS))), scenario, point)
-
-
-def with_errors(aircraft: Aircraft, scenario: Scenario) -> Aircraft:
+def with_errors(aircraft: Aircraft, scenario: Scenario) -> Equations:
     """The aircraft that is flown: its parameters times the errors of the scenario."""
     wrong = {name: getattr(aircraft.parameters, name) * factor for name, factor in scenario.errors.items()}
-    return Aircraft(aircraft.parameters._replace(**wrong), aircraft.variant)
+    return Equations(aircraft.parameters._replace(**wrong), aircraft.variant)
 
 
-def _loop(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> CompiledLoop:
+def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
+    """The loop of a plant about a point, under a policy, with everything that happens in the scenario."""
     if scenario.actuators is not None:
         policy = ActuatedPolicy(policy, scenario.actuators, np.array(point.inputs))
-    return CompiledLoop(
-        ClosedLoop(plant, policy, scenario.reference, scenario.disturbance, scenario.noise, scenario.gust)
-    )
+    signals = scenario.reference, scenario.disturbance, scenario.noise
+    return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples)

@@ -1,4 +1,4 @@
-"""The times of a flight: how they must fit each other, and what follows from them."""
+"""How the times of a flight must fit each other."""
 
 from __future__ import annotations
 
@@ -11,35 +11,17 @@ from hfa_model.support.errors import BadInputError
 MOST_STEPS = 10_000_000
 
 
-class Timed:
-    """A flight of `duration`, integrated by `step` and changed once a `tick`, all in s."""
-
-    duration: float
-    step: float
-    tick: float
-
-    @property
-    def steps_per_tick(self) -> int:
-        """Steps in a tick."""
-        return round(self.tick / self.step)
-
-    @property
-    def ticks(self) -> int:
-        """Ticks in the flight."""
-        return round(self.duration / self.tick)
-
-    def check_times(self) -> None:
-        """Raise BadInputError unless all are positive, fit each other and make `MOST_STEPS` steps at most."""
-        times = {name: getattr(self, name) for name in ("duration", "step", "tick")}
-        for name, value in times.items():
-            if not (math.isfinite(value) and value > 0.0):
-                raise BadInputError(f"{name} is {value} s; it must be a positive number")
-        check_whole(times)
-        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
-            raise BadInputError(
-                f"duration is {self.duration:g} s; with a step of {self.step:g} s it must not exceed "
-                f"{MOST_STEPS * self.step:g} s"
-            )
+def check_times(duration: float, step: float, tick: float) -> None:
+    """Raise BadInputError unless all, s, are positive, fit each other and make `MOST_STEPS` steps at most."""
+    times = {"duration": duration, "step": step, "tick": tick}
+    for name, value in times.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise BadInputError(f"{name} is {value} s; it must be a positive number")
+    check_whole(times)
+    if duration > MOST_STEPS * step * (1 + 1e-9):
+        raise BadInputError(
+            f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"
+        )
 
 
 def check_whole(times: Mapping[str, float], where: str = "") -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import gain_constants
+from controller.flight.policies import Memoryless, gain_constants
 from controller.flight.signals import Signal
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
@@ -16,18 +16,13 @@ _N, _M = len(LINEAR_STATES), len(INPUTS)
 
 
 @dataclass(frozen=True, eq=False)
-class TrackingPolicy:
+class TrackingPolicy(Memoryless):
     """u = -K z + F w(t), K (5, 6) and F (5, k) from p (`tracking_constants`).
 
     generator: w (k,), the signals that the reference is made of.
     """
 
     generator: Signal
-
-    @property
-    def memory_size(self) -> int:
-        """A gain remembers nothing: 0."""
-        return 0
 
     @property
     def constants_size(self) -> int:
@@ -39,10 +34,6 @@ class TrackingPolicy:
         feedback = ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), z)
         feedforward = ca.mtimes(ca.reshape(p[_M * _N :], _M, self.generator.size), self.generator.at(t))
         return feedforward - feedback
-
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """No states, so no rates: (0,)."""
-        return ca.SX(0, 1)
 
 
 def tracking_constants(K: np.ndarray, F: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -12,10 +13,10 @@ import numpy as np
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.policies import gain_constants
+from controller.flight.policies import Memoryless, gain_constants
 from controller.flight.signals import zero
+from controller.flight.watched_loop import WatchedLoop
 from hfa_model.native.bound import BoundFunction
-from hfa_model.native.machine_code import machine_code
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint
 
@@ -31,17 +32,13 @@ _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 
 
-class _CommandedGain:
+class _CommandedGain(Memoryless):
     """u = -K (z - c): the gain K and a constant command c (6,) are handed over for each trial."""
 
-    memory_size = 0
     constants_size = _M * _N + _N
 
     def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
         return -ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), z - p[_M * _N :])
-
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        return ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +76,12 @@ class Trials:
             return np.asarray(self.settled & (error <= CLOSE).all(axis=1))
 
 
+def _same(p: np.ndarray, tick: int) -> np.ndarray:
+    return p
+
+
 class TrialLoop:
-    """A plant under u = -K (x - c) as one function that flies a second at a time and watches the envelope."""
+    """A plant under u = -K (x - c), flown a second at a time, wherever it goes."""
 
     def __init__(
         self,
@@ -91,19 +92,23 @@ class TrialLoop:
         compile_code: bool = True,
     ) -> None:
         nothing = zero(_N)
-        self._rate = CompiledLoop(ClosedLoop(plant, _CommandedGain(), nothing, nothing, nothing)).rate
+        loop = ClosedLoop(plant, _CommandedGain(), nothing, nothing, nothing)
+        self._watched = WatchedLoop(
+            loop,
+            point,
+            envelope,
+            step=STEP,
+            steps_per_tick=round(_CHUNK_SECONDS / STEP),
+            stops=False,
+            compile_code=compile_code,
+        )
+        self._rate = BoundFunction(CompiledLoop(loop).rate)
         offsets = np.array(point.states)
-        self._lowest, self._highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
-        width = self._highest - self._lowest
-        self._far_below, self._far_above = self._lowest - _LOST_WIDTHS * width, self._highest + _LOST_WIDTHS * width
+        lowest, highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
+        self._far_below = lowest - _LOST_WIDTHS * (highest - lowest)
+        self._far_above = highest + _LOST_WIDTHS * (highest - lowest)
         speed = STATES.index("speed")
         self._far_below[speed] = _LOST_SPEED * envelope.lowest.speed - offsets[speed]
-        steps = round(_CHUNK_SECONDS / STEP)
-        fold = self._watched_step().fold(steps)
-        y, p = ca.MX.sym("y", fold.numel_in(0)), ca.MX.sym("p", self._rate.numel_in(2))
-        chunk = ca.Function("trial", [y, p], [fold(y, ca.repmat(p, 1, steps))])
-        self._chunk = BoundFunction(machine_code(chunk) if compile_code else chunk)
-        self._plant_rate = BoundFunction(self._rate)
 
     def fly(
         self,
@@ -121,56 +126,25 @@ class TrialLoop:
         count = len(starts)
         left, when = np.full(count, -1), np.full(count, np.inf)
         final, settled = np.empty((count, len(STATES))), np.zeros(count, dtype=bool)
-        flat = gain_constants(gain)
+        flat, rounded = gain_constants(gain), _CHUNK_SECONDS * np.ceil(seconds / _CHUNK_SECONDS - 1e-9)
         for index in range(count):
             p = np.concatenate([flat, commands[index]])
-            y = self._trial(starts[index], p, int(np.ceil(seconds / _CHUNK_SECONDS - 1e-9)))
-            final[index] = y[: len(STATES)]
-            if y[-2] >= 0:
-                left[index], when[index] = int(y[-2]), y[-1]
+            trial = self._watched.fly(starts[index], partial(_same, p), rounded, self._lost)
+            final[index] = np.nan if self._lost(trial.final) else trial.final
+            if trial.left >= 0:
+                left[index], when[index] = trial.left, trial.flown
             settled[index] = self._at_rest(final[index], p)
             if progress is not None:
                 progress()
         return Trials(left, when, final, settled)
 
-    def _trial(self, start: np.ndarray, p: np.ndarray, chunks: int) -> np.ndarray:
-        """[x; t; first state that left or -1; when] after the chunks, or when the flight is lost."""
-        y, constants = self._chunk.inputs
-        y[:], constants[:] = np.concatenate([start, [0.0, -1.0, 0.0]]), p
-        for _ in range(chunks):
-            self._chunk()
-            y[:] = self._chunk.results[0]
-            with np.errstate(invalid="ignore"):
-                lost = ~((y[: len(STATES)] >= self._far_below) & (y[: len(STATES)] <= self._far_above))
-            if lost.any():
-                y[: len(STATES)] = np.nan
-                break
-        return y.copy()
+    def _lost(self, x: np.ndarray) -> bool:
+        return not bool(((x >= self._far_below) & (x <= self._far_above)).all())
 
     def _at_rest(self, x: np.ndarray, p: np.ndarray) -> bool:
-        t, y, constants = self._plant_rate.inputs
+        t, y, constants = self._rate.inputs
         t[:], y[:], constants[:] = 0.0, x, p
-        self._plant_rate()
-        rates = np.abs(self._plant_rate.results[0][_ROWS]) / np.array(STATE_SCALES)[_ROWS]
+        self._rate()
+        rates = np.abs(self._rate.results[0][_ROWS]) / np.array(STATE_SCALES)[_ROWS]
         with np.errstate(invalid="ignore"):
             return bool((rates <= CLOSE).all())
-
-    def _watched_step(self) -> ca.Function:
-        """One Runge-Kutta step of [x; t; first; when]: `first` is set once, to the state with the largest excess."""
-        n = len(STATES)
-        y, p = ca.SX.sym("y", n + 3), ca.SX.sym("p", self._rate.numel_in(2))
-        x, t, first, when = y[:n], y[n], y[n + 1], y[n + 2]
-        k1 = self._rate(t, x, p)
-        k2 = self._rate(t, x + STEP / 2 * k1, p)
-        k3 = self._rate(t, x + STEP / 2 * k2, p)
-        k4 = self._rate(t, x + STEP * k3, p)
-        after = x + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        width = ca.DM(self._highest - self._lowest)
-        excess = ca.fmax(after - ca.DM(self._highest), ca.DM(self._lowest) - after) / width
-        worst, which = excess[0], ca.SX(0)
-        for index in range(1, n):
-            which = ca.if_else(excess[index] > worst, index, which)
-            worst = ca.fmax(worst, excess[index])
-        leaves = ca.logic_and(first < 0, worst > 0)
-        marked = ca.vertcat(ca.if_else(leaves, which, first), ca.if_else(leaves, t + STEP, when))
-        return ca.Function("watched_step", [y, p], [ca.vertcat(after, t + STEP, marked)], {"cse": True})

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.flight.watched_loop import Summary
 from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.support.store import Array, Layout, Store
@@ -24,12 +25,14 @@ _NAN = float("nan")
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Members start .. stop - 1, stacked: their `Summary` and the factors drawn. What a worker runs."""
-    flown = [fly_member(plan, member) for member in range(start, stop)]
-    summaries = [summary._asdict() for _, summary in flown]
-    return {"factors": np.array([draws.factors for draws, _ in flown])} | {
-        name: np.array([summary[name] for summary in summaries]) for name in summaries[0]
-    }
+    """Members start .. stop - 1, stacked: their `Summary`, final states absolute, and the factors drawn.
+
+    What a worker runs.
+    """
+    members = [fly_member(plan, member) for member in range(start, stop)]
+    factors = [[scenario.errors[name] for name in plan.scenario.uncertainty.errors] for scenario, _ in members]
+    rows = {name: np.array([getattr(summary, name) for _, summary in members]) for name in Summary._fields}
+    return {"factors": np.array(factors), **rows, "final": rows["final"] + np.array(plan.point.states)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +46,17 @@ class MonteCarloJob:
         """One row a member: the fields of `Summary` and the factors drawn."""
         plan = self.plan
         arrays = {
-            "factors": Array((len(plan.uncertainty.errors),), "float64", _NAN),
+            "factors": Array((len(plan.scenario.uncertainty.errors),), "float64", _NAN),
             "left": Array((), "int8", -1),
             "flown": Array((), "float64", _NAN),
             "rms_error": Array((len(LINEAR_STATES),), "float64", _NAN),
             "peak_error": Array((len(LINEAR_STATES),), "float64", _NAN),
             "effort": Array((len(INPUTS),), "float64", _NAN),
             "final": Array((len(STATES),), "float64", _NAN),
-            "memory": Array((len(plan.law.memory),), "float64", _NAN),
+            "memory": Array((len(plan.memory),), "float64", _NAN),
         }
         attributes = {
-            "errors": list(plan.uncertainty.errors),
+            "errors": list(plan.scenario.uncertainty.errors),
             "left": list(STATES),
             "error_states": list(LINEAR_STATES),
             "error_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
@@ -62,7 +65,7 @@ class MonteCarloJob:
             "inputs": list(INPUTS),
             "input_units": list(INPUT_UNITS),
         }
-        steps = plan.course.ticks * plan.course.steps_per_tick
+        steps = plan.scenario.ticks * plan.scenario.steps_per_tick
         chunk = -(-CHUNK_STEPS // steps)
         return Layout(SCHEMA, "Monte Carlo", plan.members, chunk, plan.to_dict(), plan.identity, arrays, attributes)
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from controller.flight.plants import Equations, NonlinearPlant, Plant, spread
+from controller.flight.plants import Equations, NonlinearPlant, Plant, SevenStates, spread
 from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
@@ -18,25 +18,20 @@ from hfa_model.vectors import INPUTS, STATES, Input, State
 from trim.point.operating_point import OperatingPoint
 
 _N, _M = len(STATES), len(INPUTS)
+#: Of [f0, A, B, b].
+_COLUMNS = 1 + _N + _M + 1
 
 
-class UncertainPlant(Protocol):
-    """A plant about a trim of the nominal aircraft, whose own parameters come as numbers later."""
-
-    @property
-    def constants_size(self) -> int:
-        """Length of what the parameters come down to in the loop."""
+class UncertainPlant(Plant, Protocol):
+    """A plant about a trim of the nominal aircraft, whose own parameters come as numbers p later."""
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """(constants_size,) for parameters (18,) in the order of `Parameters`."""
-
-    def plant(self, constants: Any) -> Plant:
-        """The plant for symbols (constants_size,)."""
+        """p for parameters (18,) in the order of `Parameters`."""
 
 
 @dataclass(frozen=True, eq=False)
-class UncertainAircraft:
-    """X' = f(X0 + x, U0 + u, w; θ) + d: `NonlinearPlant` with the parameters θ as an input."""
+class UncertainAircraft(SevenStates):
+    """X' = f(X0 + x, U0 + u, w; θ) + d: `NonlinearPlant` with the parameters θ as an input, p = θ (18,)."""
 
     variant: Variant
     point: OperatingPoint
@@ -47,20 +42,21 @@ class UncertainAircraft:
         return len(Parameters._fields)
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """The parameters themselves, (18,)."""
+        """The parameters themselves."""
         return parameters
 
-    def plant(self, constants: Any) -> Plant:
-        """The nonlinear aircraft of these parameters."""
-        return NonlinearPlant(Equations(Parameters(*ca.vertsplit(constants)), self.variant), self.point)
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+        """f(X0 + x, U0 + u, w; p), disturbed."""
+        flown = Equations(Parameters(*ca.vertsplit(p)), self.variant)
+        return NonlinearPlant(flown, self.point).rate(x, u, d, updraft)
 
 
 @dataclass(frozen=True, eq=False)
-class UncertainLinearization:
+class UncertainLinearization(SevenStates):
     """x' = f0(θ) + A(θ) x + B(θ) u + b(θ) w + d: what `UncertainAircraft` is to first order in x, u and w.
 
-    f0, A, B, b: f and its exact derivatives at the nominal trim (X0, U0, 0). f0 is not zero where θ is not nominal:
-    the trim of the design is not the trim of the aircraft.
+    f0, A, B, b: f and its exact derivatives at the nominal trim (X0, U0, 0), column by column in p. f0 is not zero
+    where θ is not nominal: the trim of the design is not the trim of the aircraft.
     """
 
     variant: Variant
@@ -68,8 +64,8 @@ class UncertainLinearization:
 
     @property
     def constants_size(self) -> int:
-        """f0 (7), A (7, 7), B (7, 5), b (7), column by column."""
-        return _N * (1 + _N + _M + 1)
+        """f0 (7), A (7, 7), B (7, 5), b (7)."""
+        return _N * _COLUMNS
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
         """[f0, A, B, b] of these parameters, (98,)."""
@@ -77,26 +73,10 @@ class UncertainLinearization:
         flat = _expansion(self.variant)(np.array(at.states), np.array(at.inputs), parameters)
         return np.array(flat).ravel(order="F")
 
-    def plant(self, constants: Any) -> Plant:
-        """The affine plant of these numbers."""
-        return _AffinePlant(ca.reshape(constants, _N, 1 + _N + _M + 1))
-
-
-@dataclass(frozen=True, eq=False)
-class _AffinePlant:
-    """matrix: [f0, A, B, b], (7, 14)."""
-
-    matrix: Any
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return STATES
-
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0) -> Any:
-        return ca.mtimes(self.matrix, ca.vertcat(1.0, x, u, updraft)) + ca.mtimes(ca.DM(spread()), d)
-
-    def seen(self, x: Any) -> Any:
-        return ca.mtimes(ca.DM(spread().T), x)
+    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+        """[f0, A, B, b] [1; x; u; w], disturbed."""
+        known = ca.mtimes(ca.reshape(p, _N, _COLUMNS), ca.vertcat(1.0, x, u, updraft))
+        return known + ca.mtimes(ca.DM(spread()), d)
 
 
 #: Kind of plant -> its class.

@@ -8,9 +8,9 @@ its envelope.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,27 +20,33 @@ from controller.flight.critic_policy import CriticPolicy
 from controller.flight.signals import Signal
 from controller.game.zero_sum import Game
 from hfa_cli import options
+from hfa_cli.argument_types import number, quantity, whole
 from hfa_cli.flights import (
     LAWS,
+    TURBULENCE,
+    add_envelope,
+    add_initial,
+    add_signal,
+    add_times,
     add_weights,
-    envelope_changes,
+    envelope_of,
     game_on,
     initial_of,
     law_of,
     numbers,
     seed_of,
     signal_of,
+    tell,
 )
 from hfa_cli.learning import law_settings
-from hfa_cli.output import Progress, check_target, say_notes
-from hfa_cli.values import number, quantity, split_assignments, whole
+from hfa_cli.output import Progress, check_target
+from hfa_cli.parser import add_named, add_value
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.jsonable import jsonable
 from trim.linear.linearize import LinearModel, linearize
-from trim.point.trim_report import warnings
 
 if TYPE_CHECKING:
-    from controller.monte_carlo.monte_carlo_plan import FlownLaw, MonteCarlo, Uncertainty
+    from controller.flight.uncertain import Uncertainty
+    from controller.monte_carlo.monte_carlo_plan import FlownLaw, MonteCarlo
 
 #: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
 _CRITICS = ("published", "published-helped")
@@ -53,100 +59,84 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     add_weights(parser, (*LAWS, *_CRITICS))
     parser.add_argument("--gain", metavar="FILE", help="fly the gain K in this file (.json .npz .mat) instead of a law")
-    parser.add_argument("--members", metavar="N", help=f"default {_DEFAULT_MEMBERS}")
+    add_value(parser, "--members", whole(1), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS)
     parser.add_argument("--plant", default="nonlinear", metavar="KIND", help="nonlinear (default) or linear")
     drawn = parser.add_argument_group("what differs from member to member; off by default")
-    drawn.add_argument(
-        "--error", action="append", metavar="NAME=DEVIATION", help="relative standard deviation of a parameter"
-    )
-    drawn.add_argument(
-        "--noise", action="append", metavar="NAME=DEVIATION", help="standard deviation of a sensor, degrees for angles"
-    )
-    drawn.add_argument("--turbulence", metavar="SIGMA:SCALE", help="Dryden turbulence, ft/s and ft")
-    form = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
+    deviation, of_sensor = "relative standard deviation of a parameter", "standard deviation of a sensor"
+    add_named(drawn, "--error", lambda _, text: number(text), "NAME=DEVIATION", deviation)
+    add_named(drawn, "--noise", quantity, "NAME=DEVIATION", f"{of_sensor}, degrees for angles")
+    add_value(drawn, "--turbulence", numbers(TURBULENCE, 2), TURBULENCE, "Dryden turbulence, ft/s and ft")
     flight = parser.add_argument_group("the flight")
-    flight.add_argument("--duration", metavar="S", help="default 20")
-    flight.add_argument("--step", metavar="S", help="fixed step of the integration, default 0.001")
-    flight.add_argument("--initial", action="append", metavar="NAME=VALUE", help="a state off trim; or `paper`")
-    flight.add_argument("--reference", action="append", metavar=form, help="what a state shall follow; or `paper`")
-    flight.add_argument("--disturbance", action="append", metavar=form, help="added to a rate; or `paper`")
-    flight.add_argument(
-        "--envelope", action="append", metavar="NAME=LOW:HIGH", help="other limits of a state, absolute; repeatable"
-    )
-    parser.add_argument("--workers", metavar="N", help="processes; default 1")
-    parser.add_argument("--scheduler", metavar="URL", help="Dask scheduler, tcp://host:port")
-    parser.add_argument("--resume", action="store_true", help="continue an interrupted run of the same options")
+    add_times(flight)
+    add_initial(flight)
+    add_signal(flight, "--reference", "what a state shall follow")
+    add_signal(flight, "--disturbance", "added to the rate of a state")
+    add_envelope(flight)
+    options.add_workers(parser, "run of the same options")
     parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
     parser.add_argument("-o", "--output", metavar="FILE", help="keep every member in this store (.zarr)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when every member left its envelope."""
-    from controller.monte_carlo.monte_carlo_report import monte_carlo_data, monte_carlo_text
+    from controller.monte_carlo.monte_carlo_report import Outcome
     from controller.monte_carlo.stored_members import stream_monte_carlo
 
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     options.one_place(arguments)
-    workers = whole("--workers", arguments.workers, 1, lowest=1)
     plan = _plan(arguments)
     with tempfile.TemporaryDirectory() as folder:
         store = stream_monte_carlo(
             plan,
             Path(folder) / "members.zarr" if target is None else target,
-            count=workers,
+            count=arguments.workers or 1,
             scheduler=arguments.scheduler,
             resume=arguments.resume,
             progress=Progress("fly"),
         )
-        data = monte_carlo_data(plan, store) | {"store": arguments.output, "warnings": warnings(plan.point)}
-    where = "members not kept" if target is None else f"members in {target}"
-    print(json.dumps(jsonable(data), indent=2, allow_nan=False) if arguments.json else monte_carlo_text(data, where))
-    say_notes(data["warnings"])
-    return 0 if data["held"] else 1
+        outcome = Outcome.of(plan, store, "members not kept" if target is None else f"members in {target}")
+    report = outcome.report()
+    tell(replace(report, data={**report.data, "store": arguments.output}), [plan.point], arguments, None)
+    return 0 if outcome.held else 1
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
-    from controller.flight.envelope import flight_envelope
-    from controller.monte_carlo.monte_carlo_plan import Course, MonteCarlo
+    from controller.flight.simulate import Scenario
+    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 
-    members = whole("--members", arguments.members, _DEFAULT_MEMBERS, lowest=1)
-    uncertainty, seed = _uncertainty(arguments), seed_of(arguments)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    envelope = flight_envelope(aircraft.parameters, point, envelope_changes(arguments.envelope))
-    times = {name: getattr(arguments, name) for name in ("duration", "step")}
-    course = Course(
-        lowest=np.array(envelope.lowest),
-        highest=np.array(envelope.highest),
+    reference = signal_of("reference", arguments.reference)
+    scenario = Scenario(
+        duration=20.0 if arguments.duration is None else arguments.duration,
+        step=arguments.step,
         initial=initial_of(arguments.initial),
-        reference=signal_of("--reference", arguments.reference),
-        disturbance=signal_of("--disturbance", arguments.disturbance),
-        **{name: number(text, f"--{name}") for name, text in times.items() if text is not None},
+        reference=reference,
+        disturbance=signal_of("disturbance", arguments.disturbance),
+        uncertainty=_uncertainty(arguments),
     )
-    law = _law(arguments, linearize(aircraft, point), course.reference)
     return MonteCarlo(
-        members=members,
-        seed=seed,
+        members=arguments.members,
+        seed=seed_of(arguments),
         parameters=aircraft.parameters,
         dynamics=arguments.dynamics,
         point=point,
         plant=arguments.plant,
-        law=law,
-        course=course,
-        uncertainty=uncertainty,
+        law=_law(arguments, linearize(aircraft, point), reference),
+        scenario=scenario,
+        envelope=envelope_of(arguments, aircraft, point),
     )
 
 
 def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
-    from controller.monte_carlo.monte_carlo_plan import Uncertainty
+    from controller.flight.uncertain import Uncertainty
 
-    errors = {name: number(text, name) for name, text in split_assignments(arguments.error).items()}
-    noise = {name: quantity(name, text) for name, text in split_assignments(arguments.noise).items()}
+    errors, noise = arguments.error or {}, arguments.noise or {}
     if arguments.turbulence is None:
         return Uncertainty(errors, noise)
-    intensity, scale = numbers("--turbulence", arguments.turbulence, "SIGMA:SCALE", (2,))
+    intensity, scale = arguments.turbulence
     return Uncertainty(errors, noise, (intensity, scale))
 
 

@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+#: Numbers smaller than this are rounding and shown as 0.
+ROUNDING = 1e-12
+
 
 class Table(NamedTuple):
     """A header and its rows: what a CSV file and a terminal table have in common."""
@@ -68,6 +71,13 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
 def angle_text(angle: float) -> str:
     """An angle in degrees: 15 deg."""
     return f"{shown_value(angle, 'rad')} deg"
+
+
+def short_number(value: float, unit: str) -> str:
+    """A value in its `shown_unit` with four digits or more; what is only rounding is 0."""
+    shown = math.degrees(value) if unit.startswith("rad") else float(value)
+    shown = 0.0 if abs(shown) < ROUNDING else shown
+    return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 
 
 def eigenvalue_text(value: complex) -> str:

@@ -80,25 +80,17 @@ def test_the_command_learns_in_flight() -> None:
     assert "the baseline flies until the first stabilizing certificate, at 0." in result.out
 
 
-def test_the_command_flies_a_schedule() -> None:
-    result = hfa(
-        "fly", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact", "--step", "0.002"
-    )
-    assert (result.code, result.err) == (0, "")
-    assert "held: 40 s inside the envelope" in result.out
-    assert result.out.count("8 hold") == 3
-
-
-def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
-    picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
-    ranges = ("--speeds", "-1:1:1", "--dihedrals", "-10:10:10", "--commands", "-10,10")
-    result = hfa(*FLY, "--map", str(picture), *ranges, "-o", str(table))
-    assert (result.code, result.err) == (0, "")
-    assert "published dynamics" in result.out
-    assert "newton dynamics" in result.out
-    assert "pitch_rate at" in result.out
-    assert picture.read_text(encoding="utf-8").startswith("<?xml")
-    assert len(table.read_text(encoding="utf-8").splitlines()) == 2 + 2 * 2 * 9
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("--to 20 --over 5", "hfa schedule --dihedral 15 --to 20 "),
+        ("--over 60", "hfa schedule --dihedral 15 --over 60 "),
+        ("--map m.png --speeds 0:1:1", "hfa map --dihedral 15 --picture m.png "),
+        ("--commands 0", "hfa map --dihedral 15 --commands 0 "),
+    ],
+)
+def test_options_that_have_become_commands_name_the_line_to_type(words: str, line: str) -> None:
+    assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, "has become a command: " + line)
 
 
 @pytest.mark.parametrize(
@@ -112,9 +104,11 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
         ("--duration soon", "--duration is 'soon'"),
         ("--duration 1e8", "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s"),
         ("--step 0.003", "whole number"),
-        ("--initial roll=1", "--initial has no state 'roll'"),
+        ("--initial roll=1", "--initial roll is not among the states speed"),
+        ("--initial paper --initial speed=1", "--initial paper goes alone"),
+        ("--noise alpha=1 --noise paper", "--noise paper goes alone"),
         ("--initial speed", "'speed' is not NAME=VALUE"),
-        ("--reference altitude=1", "--reference has no state 'altitude'"),
+        ("--reference altitude=1", "--reference altitude is not among the states speed"),
         ("--noise alpha=1:2", "--noise alpha is '1:2'"),
         ("--disturbance alpha=x", "alpha is 'x'"),
         ("--error span=0.9", "unknown parameter 'span'"),
@@ -133,15 +127,6 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
         ("--envelope alpha=1", "alpha is '1'; give LOW:HIGH"),
         ("--envelope alpha=10:-10", "lower one"),
         ("--envelope dihedral=0:10", "outside the envelope"),
-        ("--over 60", "--over belongs to --to"),
-        ("--points 5", "--points belongs to --to"),
-        ("--speeds 0:1:1", "--speeds belongs to --map"),
-        ("--to 15", "two different ones"),
-        ("--to 20 --over 0", "takes 0"),
-        ("--to 20 --points 1", "--points is 1"),
-        ("--to 20 --speed 70", "--speed does not go with --to"),
-        ("--map map.png --gust 400:10", "--gust does not go with --map"),
-        ("--map map.xyz", "'.xyz'"),
         ("--picture flight.pdf", "'.pdf'"),
         ("--seed -1", "--seed is -1"),
         ("--delta 0", "delta is 0"),

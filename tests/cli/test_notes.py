@@ -20,7 +20,7 @@ COMMANDS = {
     "learn": ("learn", "--set", "predefined_time=2"),
     "verify": ("verify", "--set", "predefined_time=2"),
     "fly": ("fly", *SHORT),
-    "map": ("fly", "--law", "exact", "--map", "m.png", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
+    "map": ("map", "--law", "exact", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
     "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
 }
 LIMIT = np.radians(15.0)
@@ -51,7 +51,9 @@ def test_a_plant_of_the_user_has_no_range(tmp_path: Path) -> None:
 
 
 def test_a_schedule_says_so_when_it_ends_beyond() -> None:
-    result = hfa("fly", "--dihedral", "5", "--to", "16", "--over", "5", "--points", "3", "--law", "exact", "--json")
+    result = hfa(
+        "schedule", "--dihedral", "5", "--to", "16", "--over", "5", "--points", "3", "--law", "exact", "--json"
+    )
     assert result.err == f"hfa: note: {NOTE}\n"
     assert json.loads(result.out)["warnings"] == [NOTE]
 

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks import __main__ as bench, flight_case, jobs_no_compiler, report
 from benchmarks.documents import markdown
-from benchmarks.flight_case import Case, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
+from benchmarks.flight_case import FlightCase, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
 from benchmarks.jobs_size import growth
 from benchmarks.jobs_trim import peer_point, peer_system
 from benchmarks.members_case import critic_plan, gain_plan
@@ -38,8 +38,8 @@ NEEDS_COMPILER = pytest.mark.skipif(generated._compiler() is None, reason="no C 
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
-    return Case()
+def case() -> FlightCase:
+    return FlightCase()
 
 
 # Peers compute the same thing.
@@ -79,7 +79,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
     np.testing.assert_allclose(model.B, exact.B, atol=2e-3)
 
 
-def test_the_rate_in_numpy_is_that_of_the_compiled_loop(case: Case) -> None:
+def test_the_rate_in_numpy_is_that_of_the_compiled_loop(case: FlightCase) -> None:
     rate, ours = python_rate(np, case.data()), case.compiled.rate
     rng = np.random.default_rng(5)
     for _ in range(20):
@@ -98,7 +98,7 @@ PEERS = {
 
 
 @pytest.mark.parametrize("make", PEERS.values(), ids=PEERS)
-def test_a_peer_flies_our_flight(case: Case, make) -> None:
+def test_a_peer_flies_our_flight(case: FlightCase, make) -> None:
     try:
         peer = make(case, 300)
     except ImportError as error:
@@ -110,13 +110,15 @@ def test_a_peer_flies_our_flight(case: Case, make) -> None:
 
 
 @pytest.mark.parametrize(("name", "factor"), [("eta", 1.001), ("gamma", 1.001), ("alpha1", 1.001), ("B", 1.001)])
-def test_another_flight_would_be_noticed(case: Case, monkeypatch: pytest.MonkeyPatch, name: str, factor: float) -> None:
+def test_another_flight_would_be_noticed(
+    case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
+) -> None:
     data = case.data()
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
     assert difference(case.fly(False, 300), numpy_flight(case, 300)) > 5e-6
 
 
-def test_other_ways_to_write_the_stack_give_its_numbers(case: Case) -> None:
+def test_other_ways_to_write_the_stack_give_its_numbers(case: FlightCase) -> None:
     plain = flight_case.CriticPolicy(case.law, flight_case.zero(6))._stack
     weights = case.start[6:]
     expected = np.array(plain(weights)).ravel()
@@ -127,11 +129,11 @@ def test_other_ways_to_write_the_stack_give_its_numbers(case: Case) -> None:
         np.testing.assert_allclose(bound.results[0], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_members_fly_the_flight_of_the_benchmark(case: Case) -> None:
+def test_the_members_fly_the_flight_of_the_benchmark(case: FlightCase) -> None:
     plan = critic_plan(2, duration=0.02)
     assert plan.law.policy.law.basis.size == 25
     assert len(plan.law.policy.law.stack.states) == 50
-    assert (plan.course.step, critic_plan(1).course.duration, gain_plan(1).course.duration) == (1e-4, 20.0, 20.0)
+    assert (plan.scenario.step, critic_plan(1).scenario.duration, gain_plan(1).scenario.duration) == (1e-4, 20.0, 20.0)
     assert fly_member(plan, 1)[1].left == -1
     np.testing.assert_array_equal(plan.law.memory, case.start[6:])
 
@@ -225,7 +227,7 @@ def test_every_job_runs(capsys: pytest.CaptureFixture) -> None:
 def test_the_peers_stay_out_of_the_lock() -> None:
     def packages(path: str) -> dict[str, str]:
         lines = (ROOT / path).read_text("utf-8").splitlines()
-        return dict(line.split("==") for line in lines if line and not line.startswith("#"))
+        return dict(line.partition(";")[0].split("==") for line in lines if line and not line.startswith("#"))
 
     peers = packages("benchmarks/requirements.txt")
     assert {"numba", "jax"} <= set(peers)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants
 from controller.flight.gain_plan import GainPlan
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.flight.policies import GainPolicy
 from controller.flight.signals import zero
-from controller.flight.simulate import NonlinearFlight, Scenario, loop_of
+from controller.flight.simulate import NonlinearFlight
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.checks import Check, at_least, at_most
 from hfa_model.support.errors import NoSolutionError
@@ -98,7 +97,7 @@ def _released(plant: Plant) -> CompiledLoop:
 def adaptive_states(
     loop: CompiledLoop,
     initial: np.ndarray,
-    constants: Callable[[int], np.ndarray],
+    constants: Constants,
     *,
     tick: float,
     ticks: int,
@@ -111,15 +110,13 @@ def adaptive_states(
     """
     from scipy.integrate import solve_ivp
 
-    gust = loop.loop.gust
-    y = np.concatenate([initial, np.zeros(loop.loop.policy.memory_size), np.zeros(0) if gust is None else gust.start()])
-    n = len(initial)
+    y, every, n = loop.loop.start(initial), loop.loop.constants(constants), len(initial)
     rows = [y[:n]]
     begin = 0
     while begin < ticks:
-        p = _every(constants, loop, begin)
+        p = every(begin).copy()
         end = begin + 1
-        while end < ticks and np.array_equal(_every(constants, loop, end), p):
+        while end < ticks and np.array_equal(every(end), p):
             end += 1
         times = tick * np.arange(begin, end + 1)
         found = solve_ivp(
@@ -139,20 +136,15 @@ def adaptive_states(
     return np.array(rows)
 
 
-def agreement_checks(
-    aircraft: Aircraft, plan: GainPlan, scenario: Scenario, result: NonlinearFlight
-) -> tuple[Check, ...]:
+def agreement_checks(aircraft: Aircraft, plan: GainPlan, result: NonlinearFlight) -> tuple[Check, ...]:
     """Both figures for a flight: the slopes about its trim, with its last gain, and the same flight integrated anew."""
+    scenario = result.scenario
     study = deviation_study(aircraft, result.point, GainPlan(plan.law, plan.gains[-1:]))
     fixed = result.flight.states[:: scenario.steps_per_tick]
-    loop = loop_of(aircraft, result.point, scenario)
-    adaptive = adaptive_states(loop, scenario.initial, plan.constants, tick=scenario.tick, ticks=len(fixed) - 1)
+    adaptive = adaptive_states(
+        CompiledLoop(result.loop), scenario.initial, plan.constants, tick=scenario.tick, ticks=len(fixed) - 1
+    )
     return (*study.checks(), *integration_checks(fixed, adaptive))
-
-
-def _every(constants: Callable[[int], np.ndarray], loop: CompiledLoop, tick: int) -> np.ndarray:
-    gust = loop.loop.gust
-    return constants(tick) if gust is None else np.concatenate([constants(tick), gust.constants(tick)])
 
 
 def integration_checks(fixed: np.ndarray, adaptive: np.ndarray) -> tuple[Check, ...]:

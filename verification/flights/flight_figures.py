@@ -8,6 +8,7 @@ import numpy as np
 
 from controller.flight.simulate import NonlinearFlight
 from hfa_model.support.figure import new_figure
+from hfa_model.support.text import shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from verification.flights.recoverable import RecoverableMap
 
@@ -38,7 +39,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
             axes.plot(result.predicted.times, _shown(predicted, unit), "--", color="C1", label="linear")
         axes.plot(times, _shown(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
         _limit_lines(axes, result, index, unit)
-        _finish(axes, f"{name}, {_unit(unit)}")
+        _finish(axes, f"{name}, {shown_unit(unit)}")
     throttle, surfaces, air = panels[len(STATES) :]
     for index, name in enumerate(INPUTS):
         axes = throttle if name == "throttle" else surfaces
@@ -150,7 +151,3 @@ def _finish(axes: Axes, label: str) -> None:
 
 def _shown(values: Any, unit: str) -> np.ndarray:
     return np.asarray(np.degrees(values) if unit.startswith("rad") else values)
-
-
-def _unit(unit: str) -> str:
-    return unit.replace("rad", "deg")

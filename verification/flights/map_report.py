@@ -1,24 +1,56 @@
-"""What recoverable maps say: text for a person, data and tables for files."""
+"""What recoverable maps say."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from controller.flight.envelope import Envelope
-from hfa_model.support.text import Table, columns
+from controller.flight.flight_report import limits_text
+from hfa_model.support.report import Block, Report
+from hfa_model.support.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import STATE_UNITS, STATES
-from verification.flights.flight_report import envelope_data, limits_text, number_text, unit_text
 from verification.flights.recoverable import Edge, RecoverableMap
 
 MAP_SCHEMA = "hfa.recoverable-map/1"
 
 
-def map_data(maps: tuple[RecoverableMap, ...]) -> dict[str, Any]:
-    """Maps by dynamics: grids, outcomes and edges, ready for JSON."""
-    return {"schema": MAP_SCHEMA, "states": list(STATES), "maps": {each.dynamics: _one_map(each) for each in maps}}
+def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
+    """How far along each axis the policy holds, nonlinear beside linear; maps: about the same dihedral.
+
+    law: whose gain it is.
+    """
+    dihedral = in_degrees(maps[0].point.states.dihedral)
+    limits = [
+        (name, shown_unit(unit), limits_text(maps[0].envelope, index))
+        for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True))
+    ]
+    return Report(
+        title=f"How far u = -K z holds, dihedral {dihedral:g} deg" + (f", law {law}" if law else ""),
+        parts=(*map(_edges, maps), Block(("envelope", Table(("state", "unit", "limits"), limits)))),
+        data={
+            "schema": MAP_SCHEMA,
+            "states": list(STATES),
+            "maps": {each.dynamics: _one_map(each) for each in maps},
+        },
+        records=_records(maps),
+    )
 
 
-def map_table(maps: tuple[RecoverableMap, ...]) -> Table:
+def _edges(each: RecoverableMap) -> Block:
+    header = ("from trim", "unit", "held", "then leaves", "comes back", "held, linear model", "then leaves")
+    counts = ", ".join(
+        f"{plant} {int(each.held(plant).sum())} held and {int(each.returned(plant).sum())} came back"
+        for plant in ("nonlinear", "linear")
+    )
+    return Block(
+        (
+            f"{each.dynamics} dynamics",
+            Table(header, [_edge_row(edge, other) for edge, other in _pairs(each.edges)]),
+            f"of {each.speeds.size * each.dihedrals.size} starts: {counts}",
+        )
+    )
+
+
+def _records(maps: tuple[RecoverableMap, ...]) -> Table:
     """One row a start and plant."""
     rows: list[tuple[Any, ...]] = []
     for each in maps:
@@ -29,22 +61,6 @@ def map_table(maps: tuple[RecoverableMap, ...]) -> Table:
                     first = STATES[left[i, j]] if left[i, j] >= 0 else ""
                     rows.append((each.dynamics, plant, speed, dihedral, int(held[i, j]), int(returned[i, j]), first))
     return Table(("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first"), rows)
-
-
-def map_text(maps: tuple[RecoverableMap, ...], title: str) -> str:
-    """How far along each axis the policy holds, nonlinear beside linear."""
-    parts = [title]
-    for each in maps:
-        rows = [_edge_row(edge, other) for edge, other in _pairs(each.edges)]
-        header = ("from trim", "unit", "held", "then leaves", "comes back", "held, linear model", "then leaves")
-        counts = ", ".join(
-            f"{plant} {int(each.held(plant).sum())} held and {int(each.returned(plant).sum())} came back"
-            for plant in ("nonlinear", "linear")
-        )
-        grid = f"of {each.speeds.size * each.dihedrals.size} starts: {counts}"
-        parts.append(f"{each.dynamics} dynamics\n{columns(header, rows)}\n{grid}")
-    parts.append("envelope\n" + columns(("state", "unit", "limits"), _envelope_rows(maps[0].envelope)))
-    return "\n\n".join(parts)
 
 
 def _pairs(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
@@ -58,14 +74,14 @@ def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
     sign = "+" if edge.sign > 0 else "-"
 
     def reached(value: float, one: Edge) -> str:
-        return f"{sign}{number_text(value, unit)}" + (" (all)" if value == one.reach else "")
+        return f"{sign}{short_number(value, unit)}" + (" (all)" if value == one.reach else "")
 
     def leaving(one: Edge) -> str:
         return f"{one.state} at {one.time:.3g} s" if one.state else ""
 
     return (
         edge.axis,
-        unit_text(unit),
+        shown_unit(unit),
         reached(edge.held, edge),
         leaving(edge),
         reached(edge.returned, edge),
@@ -77,7 +93,7 @@ def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
 def _one_map(each: RecoverableMap) -> dict[str, Any]:
     data: dict[str, Any] = {
         "operating_point": each.point.to_dict(),
-        "envelope": envelope_data(each.envelope),
+        "envelope": each.envelope.to_dict(),
         "speeds": each.speeds,
         "dihedrals": each.dihedrals,
         "commands": each.commands,
@@ -95,9 +111,3 @@ def _one_map(each: RecoverableMap) -> dict[str, Any]:
             "commands_reached": commands.final[:, STATES.index("dihedral")],
         }
     return data
-
-
-def _envelope_rows(envelope: Envelope) -> list[tuple[str, ...]]:
-    return [
-        (name, unit_text(getattr(STATE_UNITS, name)), limits_text(envelope, index)) for index, name in enumerate(STATES)
-    ]

@@ -14,6 +14,7 @@ from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 from verification.riccati.spectrum import spectrum
@@ -47,8 +48,8 @@ class Edge(NamedTuple):
     reach: float
 
 
-@dataclass(frozen=True, eq=False)
-class RecoverableMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class RecoverableMap(Reported):
     """Trials from a grid of initial deviations and of a line of dihedral commands, by both plants.
 
     speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; nonlinear, linear: trials of all pairs, the
@@ -66,6 +67,12 @@ class RecoverableMap:
     nonlinear_commands: Trials
     linear_commands: Trials
     edges: tuple[Edge, ...]
+
+    def report(self) -> Report:
+        """See `map_report`."""
+        from verification.flights.map_report import map_report
+
+        return map_report((self,))
 
     def held(self, plant: str) -> np.ndarray:
         """Which starts stay in the envelope and come back, (D, S); plant: "nonlinear" or "linear"."""

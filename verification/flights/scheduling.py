@@ -16,6 +16,7 @@ from controller.flight.simulate import NonlinearFlight, Scenario, fly_policy, wi
 from controller.game.zero_sum import published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report, Reported
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint
@@ -40,14 +41,20 @@ class GridPoint:
     certificates: int
 
 
-@dataclass(frozen=True, eq=False)
-class CertifiedSchedule:
+@dataclass(frozen=True, eq=False, repr=False)
+class CertifiedSchedule(Reported):
     """A schedule, the certified points that it is made of, and the largest abscissa of A - B K halfway between them,
     with the interpolated K, 1/s."""
 
     schedule: Schedule
     grid: tuple[GridPoint, ...]
     between: float
+
+    def report(self) -> Report:
+        """See `schedule_report`."""
+        from verification.flights.schedule_report import grid_block
+
+        return Report("Schedule of certified gains", (grid_block(self),))
 
     def at(self, dihedral: float) -> GridPoint:
         """The grid point at a dihedral, rad; BadInputError when there is none."""

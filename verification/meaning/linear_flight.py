@@ -12,12 +12,12 @@ from controller.game.zero_sum import LARGEST, Game
 from hfa_model.support.errors import NoSolutionError
 
 #: A policy or a forcing: (t, z) -> vector.
-Policy = Callable[[float, np.ndarray], np.ndarray]
+Feedback = Callable[[float, np.ndarray], np.ndarray]
 
 RELATIVE_TOLERANCE = 1e-13
 
 
-class Flight(NamedTuple):
+class LinearFlight(NamedTuple):
     """What was flown: times (N,), states (N, n), controls (N, m), disturbances (N, k), running cost (N,)."""
 
     times: np.ndarray
@@ -29,12 +29,12 @@ class Flight(NamedTuple):
 
 def simulate(
     game: Game,
-    control: Policy,
-    disturbance: Policy,
+    control: Feedback,
+    disturbance: Feedback,
     initial: np.ndarray,
     times: np.ndarray,
     forcing: Callable[[float], np.ndarray] | None = None,
-) -> Flight:
+) -> LinearFlight:
     """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13.
 
     initial: (n,) at times[0]; times: (N,) increasing, s; forcing r: t -> (n,), none when absent.
@@ -75,4 +75,4 @@ def simulate(
     states, cost = result.y[:-1].T, result.y[-1]
     controls = np.array([control(t, z) for t, z in zip(times, states, strict=True)])
     disturbances = np.array([disturbance(t, z) for t, z in zip(times, states, strict=True)])
-    return Flight(times, states, controls, disturbances, cost)
+    return LinearFlight(times, states, controls, disturbances, cost)

@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from controller.flight.envelope import Envelope
+from controller.flight.simulate import Scenario
+from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
-from controller.monte_carlo.monte_carlo_plan import Course, MonteCarlo, Uncertainty, gain_law
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo, gain_law
 from controller.monte_carlo.stored_members import fly_members
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import default_parameters
+from hfa_model.vectors import State
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -52,7 +56,8 @@ def test_a_monte_carlo() -> None:
     point = find_operating_point(aircraft, level_flight(float(np.radians(15.0))))
     model = linearize(aircraft, point)
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
-    far = np.full(7, 1e9)
+    scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
     plan = MonteCarlo(
         40,
         0,
@@ -61,8 +66,8 @@ def test_a_monte_carlo() -> None:
         point,
         "nonlinear",
         law,
-        Course(-far, far, 0.2),
-        Uncertainty({"panel_mass": 0.1}),
+        scenario,
+        everywhere,
     )
     assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(10)) == []
 

@@ -1,4 +1,4 @@
-"""Flights at the edge of what can be checked: at rest, from outside the envelope, through a singularity."""
+"""The linear model to second order, and the fixed step against an adaptive integrator."""
 
 from __future__ import annotations
 
@@ -9,14 +9,112 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from cli import hfa
+from flight_cases import SMALL, FlownCase, case_at, flown, signal
 
+from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
+from controller.flight.gusts import Dryden, OneMinusCosine
+from controller.flight.plants import LinearizedAircraft
+from controller.flight.signals import Harmonic, Signal
+from controller.flight.simulate import Scenario
 from hfa_cli.main import BAD_INPUT, DONE
+from hfa_model.parameters import Parameters
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import STATE_SCALES, STATES
-from verification.flights.agreement import AT_REST, INTEGRATION, adaptive_states, integration_checks
+from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES, Input
+from trim.point.condition import CONTROL_LIMITS, level_flight
+from trim.point.solve import find_operating_point
+from verification.flights.agreement import (
+    AT_REST,
+    INTEGRATION,
+    adaptive_states,
+    agreement_checks,
+    deviation_study,
+    integration_checks,
+)
 
+N = len(LINEAR_STATES)
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
+
+
+@pytest.fixture(scope="module", params=["published", "newton"])
+def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
+    return case_at(parameters, request.param, 15.0)
+
+
+@pytest.fixture(scope="module")
+def newton(parameters: Parameters) -> FlownCase:
+    return case_at(parameters, "newton", 15.0)
+
+
+def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -> None:
+    study = deviation_study(at_15.aircraft, at_15.point, at_15.plan, duration=2.0)
+    assert np.all((study.slopes > 1.9) & (study.slopes < 2.1)), study.slopes
+    assert all(check.ok for check in study.checks())
+    assert study.errors[0].max() < 1e-4
+
+
+def test_a_prediction_for_another_dihedral_is_wrong_to_first_order(newton: FlownCase) -> None:
+    other = find_operating_point(newton.aircraft, level_flight(float(np.radians(15.5))))
+    wrong = LinearizedAircraft.at(newton.aircraft, other)
+    study = deviation_study(newton.aircraft, newton.point, newton.plan, model=wrong, duration=2.0)
+    failed = {check.name for check in study.checks() if not check.ok}
+    assert failed >= {f"slope_{name}_at_least" for name in ("alpha", "pitch", "pitch_rate", "dihedral")}
+    assert study.slopes[STATES.index("pitch_rate")] == pytest.approx(1.0, abs=0.15)
+
+
+def one_flight_of_everything(duration: float = 1.0, step: float = 0.001) -> Scenario:
+    """Every stage at once: reference, disturbance, noise, errors, actuators, turbulence."""
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    return Scenario(
+        duration=duration,
+        step=step,
+        initial=0.1 * SMALL,
+        reference=signal(dihedral=0.01),
+        disturbance=Signal(np.zeros(N), np.zeros(N), (Harmonic(3.0, np.full(N, 1e-3), np.zeros(N)),)),
+        noise=signal(alpha=1e-4),
+        errors={"lift_slope": 0.98},
+        actuators=Actuators(Input(*[0.02] * 5), lowest, highest, Input(*[np.inf] * 5)),
+        gust=Dryden(1.0, 1750.0, 68.0, 0.01, round(duration / 0.01), seed=3),
+    )
+
+
+SCENARIOS = {
+    "released": Scenario(duration=3.0, initial=SMALL),
+    "gust": Scenario(duration=5.0, gust=OneMinusCosine(200.0, 4.0, 68.0, 0.5)),
+    "wrong parameters": Scenario(duration=3.0, errors={"panel_mass": 1.05, "lift_slope": 0.95}),
+    "everything": one_flight_of_everything(),
+}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, scenario: Scenario) -> None:
+    result = flown(at_15, scenario)
+    assert result.departure is None
+    loop = CompiledLoop(result.loop)
+    adaptive = adaptive_states(loop, scenario.initial, at_15.plan.constants, tick=scenario.tick, ticks=scenario.ticks)
+    fixed = result.flight.states[:: scenario.steps_per_tick]
+    checks = integration_checks(fixed, adaptive)
+    assert [check.name for check in checks if not check.ok] == []
+    # The check can fail: the same flight with one state off by twice what is allowed.
+    off = adaptive + 2 * INTEGRATION * np.abs(adaptive).max(axis=0) * (np.arange(len(STATES)) == 3)
+    assert [check.name for check in integration_checks(off, adaptive) if not check.ok] == ["integration_pitch"]
+
+
+def test_a_step_that_is_too_long_fails_the_check(newton: FlownCase) -> None:
+    scenario = Scenario(duration=1.0, step=0.01, initial=SMALL)
+    checks = agreement_checks(newton.aircraft, newton.plan, flown(newton, scenario))
+    failed = {check.name for check in checks if not check.ok}
+    assert "integration_pitch_rate" in failed
+    assert not any(name.startswith("slope") for name in failed)
+
+
+def test_the_same_flight_twice_gives_the_same_bits(newton: FlownCase) -> None:
+    one, two = (flown(newton, one_flight_of_everything(0.5)) for _ in range(2))
+    for name in ("times", "states", "errors", "inputs", "memory", "updrafts"):
+        assert np.array_equal(getattr(one.flight, name), getattr(two.flight, name)), name
+    assert np.any(one.flight.updrafts != 0.0)
+    assert one.predicted is not None
+    assert np.any(one.flight.states != one.predicted.states)
 
 
 def test_a_flight_at_rest_passes_its_checks() -> None:
@@ -37,16 +135,16 @@ def test_what_counts_at_rest_is_small_and_not_more(index: int) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--initial", "speed=-70"), "begins with speed -2, beyond the limit of 34 ft/s"),
-        (("--initial", "pitch=-70", "--check"), "begins with pitch -67.2"),
+        (("fly", "--initial", "speed=-70"), "begins with speed -2, beyond the limit of 34 ft/s"),
+        (("fly", "--initial", "pitch=-70", "--check"), "begins with pitch -67.2"),
         (
-            ("--to", "16", "--over", "1", "--initial", "dihedral=-90"),
+            ("schedule", "--to", "16", "--over", "1", "--initial", "dihedral=-90"),
             "begins with dihedral -75, beyond the limit of -60 deg",
         ),
     ],
 )
 def test_a_start_outside_the_envelope_is_refused(words: tuple[str, ...], told: str) -> None:
-    said = hfa(*FLY, *words)
+    said = hfa(*words, *FLY[1:])
     assert (said.code, said.out) == (BAD_INPUT, "")
     assert told in said.err
     assert said.err.count("\n") == 1
@@ -58,7 +156,7 @@ def test_an_adaptive_integrator_that_stops_says_where() -> None:
     def rate(t: float, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         return y**2
 
-    loop: Any = SimpleNamespace(rate=rate, loop=SimpleNamespace(gust=None, policy=SimpleNamespace(memory_size=0)))
+    loop: Any = SimpleNamespace(rate=rate, loop=SimpleNamespace(start=np.copy, constants=lambda of_policy: of_policy))
     with (
         np.errstate(all="ignore"),
         pytest.raises(NoSolutionError, match=r"stopped after 1 s: Required step") as refusal,

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
-from verification.meaning.linear_flight import Flight, simulate
+from verification.meaning.linear_flight import LinearFlight, simulate
 from verification.riccati.feedforward import (
     Exosystem,
     exosystem,
@@ -191,7 +191,7 @@ class _Tracking:
         gust: Callable[[float], np.ndarray] = lambda t: ZERO,
         feedforward: float = 1.0,
         worst_case: float = 1.0,
-    ) -> Flight:
+    ) -> LinearFlight:
         game = self.game
         return simulate(
             game,
@@ -202,7 +202,7 @@ class _Tracking:
             lambda t: self.G @ self.w(t),
         )
 
-    def total(self, flight: Flight) -> float:
+    def total(self, flight: LinearFlight) -> float:
         """Cost to the end plus the value from there on, up to a constant that no policy changes."""
         z = flight.states[-1]
         return float(flight.cost[-1] + z @ self.P @ z + 2.0 * self.s(flight.times[-1]) @ z)

@@ -1,0 +1,116 @@
+"""A loop that sums up as it flies and watches the envelope: many flights in one compiled function, no history."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.flight.closed_loop import ClosedLoop, Constants
+from controller.flight.envelope import Envelope
+from controller.flight.integrator import runge_kutta_step
+from hfa_model.native.bound import BoundFunction
+from hfa_model.native.machine_code import machine_code
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from trim.point.operating_point import OperatingPoint
+
+_X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)
+#: Numbers that sum up a flight: ∫ z² dt, max |z|, ∫ u² dt.
+_SUMS = 2 * _Z + _U
+
+
+class Summary(NamedTuple):
+    """What is kept of a flight of T seconds.
+
+    left: index into `STATES` of the state that left the envelope first, -1 when none did. flown: T, s, up to the first
+    step outside. rms_error: sqrt(1/T ∫ z² dt), (6,), of the true error, without noise. peak_error: max |z|, (6,).
+    effort: sqrt(1/T ∫ u² dt), (5,), of each input's deviation from trim. final: x at the end, (7,), a deviation from
+    trim. memory: the policy's own states at the end.
+    """
+
+    left: int
+    flown: float
+    rms_error: np.ndarray
+    peak_error: np.ndarray
+    effort: np.ndarray
+    final: np.ndarray
+    memory: np.ndarray
+
+
+class WatchedLoop:
+    """A seven-state loop about a trim, flown tick by tick.
+
+    stops: whether a flight ends at the first step outside the envelope; else it goes on, and only its sums end there.
+    """
+
+    def __init__(
+        self,
+        loop: ClosedLoop,
+        point: OperatingPoint,
+        envelope: Envelope,
+        *,
+        step: float,
+        steps_per_tick: int,
+        stops: bool,
+        compile_code: bool,
+    ) -> None:
+        self._loop, self._envelope, self._stops = loop, envelope, stops
+        self._trim, self._tick_length = np.array(point.states), step * steps_per_tick
+        tick = _watched_step(loop, self._trim, envelope, step).fold(steps_per_tick)
+        self._tick = BoundFunction(machine_code(tick) if compile_code else tick)
+
+    def fly(
+        self,
+        start: np.ndarray,
+        constants: Constants,
+        seconds: float,
+        stop: Callable[[np.ndarray], bool] | None = None,
+    ) -> Summary:
+        """A flight of `seconds`, a whole number of ticks, from y(0) = `start` with p = constants(tick).
+
+        stop: asked after each tick with x, (7,); the flight ends when it says yes.
+        """
+        now, after = self._tick.inputs[0], self._tick.results[0]
+        n = 1 + len(start)
+        now[:] = 0.0
+        now[1:n] = now[n + 1 : 2 * n] = start
+        x, p = now[1 : 1 + _X], now[2 * n + _SUMS :]
+        for tick in range(round(seconds / self._tick_length)):
+            p[:] = constants(tick)
+            self._tick()
+            now[:] = after
+            if (self._stops and now[n] < now[0]) or (stop is not None and stop(x)):
+                break
+        return self._summary(now.copy(), n, seconds)
+
+    def _summary(self, now: np.ndarray, n: int, seconds: float) -> Summary:
+        last, kept, squares, peak, efforts, _ = np.split(now, np.cumsum([n, n, _Z, _Z, _U]))
+        x, memory = self._loop.parts(kept[1:] if self._stops else last[1:])
+        departure = self._envelope.departure(kept[:1], self._loop.parts(kept[1:])[0][None] + self._trim)
+        if departure is None:
+            left, flown = -1, seconds
+        else:  # the clock of the loop is a sum of steps
+            left, flown = STATES.index(departure.state), departure.time
+        return Summary(left, flown, np.sqrt(squares / flown), peak, np.sqrt(efforts / flown), x, memory)
+
+
+def _watched_step(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float) -> ca.Function:
+    """[t; y; what is kept; p] one Runge-Kutta step later, kept = [t; y; ∫ z² dt; max |z|; ∫ u² dt].
+
+    What is kept stays as it is from the first step outside the envelope on. The sums take z and u at the beginning of
+    each step, where the Runge-Kutta step has them anyway.
+    """
+    t, y, p = loop.symbols()
+    kept = ca.SX.sym("kept", 1 + y.numel() + _SUMS)
+    squares, peak, efforts = ca.vertsplit(kept[1 + y.numel() :], [0, _Z, 2 * _Z, _SUMS])
+    now = loop.at(t, y, p)
+    rate = ca.Function("rate", [t, y, p], [ca.densify(now.rate)])
+    moved = runge_kutta_step(rate)(ca.vertcat(t, y), p, step)
+    sums = squares + step * now.error**2, ca.fmax(peak, ca.fabs(now.error)), efforts + step * now.inputs**2
+    X = kept[1 : 1 + _X] + ca.DM(trim)
+    inside = ca.mmin(ca.logic_and(ca.DM(np.array(envelope.lowest)) <= X, ca.DM(np.array(envelope.highest)) >= X))
+    whole = ca.vertcat(t, y, kept, p)
+    result = ca.vertcat(moved, ca.if_else(inside, ca.vertcat(moved, *sums), kept), p)
+    return ca.Function("watched_step", [whole], [result], {"cse": True})

@@ -1,0 +1,80 @@
+"""How far from trim u = -K z holds: from many starts and to many commands, nonlinear and linear.
+
+Both sets of equations are flown. A trial lasts eight time constants of the slowest mode of the linear loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+
+from hfa_cli import options
+from hfa_cli.flights import (
+    add_envelope,
+    add_weights,
+    check_learning,
+    envelope_of,
+    gain_plan_of,
+    tell,
+)
+from hfa_cli.output import Progress
+from hfa_cli.parser import add_value
+from hfa_cli.ranges import array_of, value_range
+from trim.linear.linearize import linearize
+
+_MOST_POINTS = 1000
+#: Option -> the quantity that it is about, its unit on the command line, and the range unless given.
+_RANGES = {
+    "speeds": ("speed", "ft/s", "-4:8:0.25"),
+    "dihedrals": ("dihedral", "deg", "-40:40:2.5"),
+    "commands": ("dihedral", "deg", "-40:40:2.5"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa map`."""
+    options.add_condition(parser)
+    options.add_parameters(parser)
+    add_weights(parser)
+    for name, (about, unit, text) in _RANGES.items():
+        about_it = f"off trim, {unit}; default {text}"
+        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=text)
+    add_envelope(parser)
+    options.add_picture(parser, "the map")
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly and report."""
+    from hfa_model.aircraft import Aircraft
+    from hfa_model.variants import VARIANTS
+    from verification.flights.map_report import map_report
+    from verification.flights.recoverable import recoverable_map
+
+    check_learning(arguments)
+    speeds, dihedrals, commands = (array_of(name, getattr(arguments, name), _MOST_POINTS) for name in _RANGES)
+    found = []
+    for dynamics in VARIANTS:
+        aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)
+        point = options.operating_point_of(arguments, aircraft)
+        plan = gain_plan_of(arguments, linearize(aircraft, point))
+        envelope = envelope_of(arguments, aircraft, point)
+        result = recoverable_map(
+            aircraft,
+            point,
+            plan.gains[-1],
+            envelope,
+            speeds=speeds,
+            dihedrals=dihedrals,
+            commands=commands,
+            progress=Progress(f"map, {dynamics}"),
+        )
+        found.append(result)
+    report = map_report(tuple(found), arguments.law)
+    if arguments.picture is not None:
+        from hfa_model.support.figure import save
+        from verification.flights.flight_figures import map_figure
+
+        save(map_figure(tuple(found), report.title), arguments.picture)
+    tell(report, [each.point for each in found], arguments, arguments.output)
+    return 0

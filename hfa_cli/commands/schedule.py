@@ -1,0 +1,73 @@
+"""Fly the nonlinear aircraft through a slow change of dihedral under a schedule of certified gains.
+
+At every point of a grid of dihedrals there is a level trim and a gain with its certificate, linear in between. Exit
+code 0 when the flight stays in its envelope, 1 when it leaves it (the report says which state left first).
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa_cli import games, options
+from hfa_cli.argument_types import angle, number, whole
+from hfa_cli.flights import (
+    add_scenario,
+    add_weights,
+    check_learning,
+    draw_flight,
+    envelope_of,
+    scenario_of,
+    seed_of,
+    tell,
+)
+from hfa_cli.learning import law_settings
+from hfa_cli.output import Progress
+from hfa_cli.parser import add_value
+from hfa_model.support.errors import BadInputError
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa schedule`."""
+    add_value(parser, "--dihedral", angle, "DEG", "dihedral at the start, degrees", required=True)
+    add_value(parser, "--to", angle, "DEG", "dihedral at the end", required=True)
+    add_value(parser, "--over", number, "S", "time of the change, default 60", default=60.0)
+    add_value(parser, "--points", whole(2), "N", "grid points of the schedule, default 11", default=11)
+    options.add_aircraft(parser)
+    add_weights(parser)
+    add_scenario(parser, "20 more than the change takes")
+    options.add_picture(parser, "the flight")
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly and report; exit 1 when the envelope was left."""
+    from controller.flight.flight_report import history
+    from verification.flights.schedule_report import schedule_report
+    from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
+
+    check_learning(arguments)
+    aircraft = options.aircraft_of(arguments)
+    start, end, over = arguments.dihedral, arguments.to, arguments.over
+    change = change_over(start, end, over)
+    scenario = scenario_of(arguments, find_operating_point(aircraft, level_flight(start)), LEAD + over + REST)
+    if scenario.duration < LEAD + over:
+        raise BadInputError(
+            f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; fly longer"
+        )
+    certified = certified_schedule(
+        aircraft,
+        grid_of(change, arguments.points),
+        law=arguments.law,
+        seed=seed_of(arguments),
+        game=games.weights_of(arguments),
+        settings={} if arguments.law == "exact" else law_settings(arguments),
+        progress=Progress("certify"),
+    )
+    envelope = envelope_of(arguments, aircraft, certified.at(start).point)
+    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("fly"))
+    report = schedule_report(result, certified, change, arguments.law)
+    draw_flight(result, report, arguments.picture)
+    tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, history(result))
+    return 0 if result.departure is None else 1

@@ -1,0 +1,42 @@
+"""`hfa map`: the recoverable set of both sets of equations, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+
+MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "-10:10:10")
+
+
+def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
+    picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
+    result = hfa(*MAP, "--commands", "-10,10", "--picture", str(picture), "-o", str(table))
+    assert (result.code, result.err) == (0, "")
+    assert "published dynamics" in result.out
+    assert "newton dynamics" in result.out
+    assert "pitch_rate at" in result.out
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
+    assert len(table.read_text(encoding="utf-8").splitlines()) == 2 + 2 * 2 * 9
+
+
+def test_the_map_needs_no_picture() -> None:
+    said = json.loads(hfa(*MAP, "--commands", "0", "--json").out)
+    assert said["schema"] == "hfa.recoverable-map/1"
+    assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("--gust 400:10", "--gust"),
+        ("--dynamics newton", "--dynamics"),
+        ("--picture map.xyz", "'.xyz'"),
+        ("--speeds 1:0:1", "runs backwards"),
+        ("--law exact --seed 1", "here nothing is random"),
+    ],
+)
+def test_the_command_refuses_in_one_line(words: str, named: str) -> None:
+    assert_refused(hfa("map", "--dihedral", "15", *words.split()), 2, named)

@@ -1,0 +1,22 @@
+"""The Monte Carlo that several test files fly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from member_plans import a_critic, everything_plan
+
+from controller.flight.critic_policy import CriticPolicy
+from controller.game.zero_sum import Game
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from trim.point.operating_point import OperatingPoint
+
+
+@pytest.fixture
+def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
+    return everything_plan(point, gain)
+
+
+@pytest.fixture
+def critic(game: Game) -> CriticPolicy:
+    return a_critic(game)

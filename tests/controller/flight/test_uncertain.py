@@ -1,0 +1,96 @@
+"""What is drawn: the laws that were asked for, from the seed and the member alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from member_plans import EVERYTHING, PARAMETERS, with_scenario
+
+from controller.flight import uncertain
+from controller.flight.uncertain import Uncertainty
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from hfa_model.parameters import Parameters
+from hfa_model.vectors import LINEAR_STATES
+
+
+def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
+    return np.array([plan.scenario.uncertainty.factors(plan.seed, member) for member in range(members)])
+
+
+def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
+    """What is wrong with the drawn errors: members alike, or not the log-normal law with mean 1 that was asked for."""
+    from scipy.stats import kstest
+
+    factors = drawn(plan, members)
+    found = [] if len(np.unique(factors, axis=0)) == members else ["members are alike"]
+    sigmas = np.sqrt(np.log1p(np.square(list(plan.scenario.uncertainty.errors.values()))))
+    for name, column, sigma in zip(plan.scenario.uncertainty.errors, factors.T, sigmas, strict=True):
+        # One in a thousand of right laws would fail; the seed is fixed, so that none does later.
+        if kstest((np.log(column) + sigma**2 / 2) / sigma, "norm").pvalue < 1e-3:
+            found.append(f"{name} does not have its law")
+    correlation = np.corrcoef(factors.T) - np.eye(len(sigmas))
+    return found + ["errors are correlated"] * bool(np.abs(correlation).max() > 4.0 / np.sqrt(members))
+
+
+def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
+    assert complaints_about_draws(plan) == []
+    factors = drawn(plan, 2000)
+    asked = np.array(list(plan.scenario.uncertainty.errors.values()))
+    assert np.all(np.abs(factors.mean(axis=0) - 1.0) < 4 * asked / np.sqrt(2000))
+    assert np.all(np.abs(factors.std(axis=0) / asked - 1.0) < 4 / np.sqrt(2 * 2000))
+    member, nominal = plan.member(5), np.array(PARAMETERS, dtype=float)
+    parameters = plan.parameters_of(member)
+    changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
+    assert set(changed) == set(plan.scenario.uncertainty.errors)
+    index = Parameters._fields.index("lift_slope")
+    assert parameters[index] == nominal[index] * member.errors["lift_slope"]
+
+
+@pytest.mark.parametrize(
+    ("sequence", "complaint"),
+    [
+        (lambda seed, member, kind: np.random.SeedSequence(seed, spawn_key=(kind,)), "members are alike"),
+        (lambda seed, member, kind: np.random.SeedSequence(member // 2, spawn_key=(kind,)), "members are alike"),
+    ],
+    ids=["one seed for all", "two members share one"],
+)
+def test_a_seed_that_ignores_the_member_is_noticed(plan: MonteCarlo, monkeypatch, sequence, complaint: str) -> None:
+    monkeypatch.setattr(uncertain, "_sequence", sequence)
+    assert complaint in complaints_about_draws(plan, 300)
+
+
+def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = Uncertainty.factors
+    monkeypatch.setattr(Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2)
+    assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
+
+
+def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
+    one, again, next_one = plan.member(3), replace(plan, members=99).member(3), plan.member(4)
+    other_seed = replace(plan, seed=8).member(3)
+    for of in (lambda each: list(each.errors.values()), plan.parameters_of, lambda each: each.samples):
+        assert np.array_equal(of(one), of(again))
+        assert not np.array_equal(of(one), of(next_one))
+        assert not np.array_equal(of(one), of(other_seed))
+    assert one.gust == again.gust
+    assert len({one.gust.seed, next_one.gust.seed, other_seed.gust.seed}) == 3
+    # One kind of randomness less leaves the others alone.
+    calm = with_scenario(plan, uncertainty=replace(EVERYTHING, noise={}, turbulence=None)).member(3)
+    assert calm.errors == one.errors
+    assert calm.samples is None
+    assert calm.gust is None
+
+
+def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
+    members = [plan.member(number) for number in range(200)]
+    noise = np.stack([each.samples for each in members])
+    deviation = noise.std(axis=(0, 1))
+    assert deviation[LINEAR_STATES.index("alpha")] == pytest.approx(0.002, rel=0.03)
+    assert deviation[LINEAR_STATES.index("pitch_rate")] == pytest.approx(0.004, rel=0.03)
+    assert np.count_nonzero(deviation) == 2
+    assert abs(np.corrcoef(noise[0, :, 1], noise[1, :, 1])[0, 1]) < 0.5
+    updrafts = [float(each.gust.updraft(0.0, each.gust.start(), np.zeros(1))) for each in members]
+    assert np.std(updrafts) == pytest.approx(3.0, rel=0.15)
+    assert members[0].gust.speed == plan.point.states.speed

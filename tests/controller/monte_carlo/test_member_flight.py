@@ -1,0 +1,198 @@
+"""A member of a Monte Carlo is the flight that it claims to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from member_plans import PARAMETERS, with_scenario
+
+from controller.flight import watched_loop
+from controller.flight.actuators import Actuators
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.critic_policy import CriticPolicy
+from controller.flight.gain_plan import GainPlan
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.signals import zero
+from controller.flight.simulate import Scenario, fly
+from controller.flight.uncertain import Uncertainty
+from controller.monte_carlo import member_flight
+from controller.monte_carlo.member_flight import fly_member
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo, critic_law, gain_law
+from controller.monte_carlo.stored_members import fly_members
+from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import rates
+from hfa_model.native import machine_code as generated
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.variants import variant_named
+from hfa_model.vectors import LINEAR_STATES, STATES, Input, State
+from trim.point.condition import CONTROL_LIMITS
+
+SEEN = [STATES.index(name) for name in LINEAR_STATES]
+Rate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray]
+RateOf = Callable[[MonteCarlo, Scenario], Rate]
+
+
+def nonlinear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
+    """x' by the equations of motion in plain numbers, without any compiled function."""
+    X0, U0 = np.array(plan.point.states), np.array(plan.point.inputs)
+    p, variant = Parameters(*plan.parameters_of(member).tolist()), variant_named(plan.dynamics)
+
+    def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
+        value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, w)])
+        value[SEEN] += d
+        return value
+
+    return rate
+
+
+def linear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
+    """f0 + A x + B u + b w + d of the aircraft that is flown, about the trim of the nominal one."""
+    wrong = Aircraft(Parameters(*plan.parameters_of(member).tolist()), plan.dynamics)
+    model = LinearizedAircraft.at(wrong, plan.point)
+    offset = wrong.rates(np.array(plan.point.states), np.array(plan.point.inputs))
+
+    def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
+        value = offset + model.A @ x + model.B @ u + model.gust * w
+        value[SEEN] += d
+        return value
+
+    return rate
+
+
+def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mapping[str, object]:
+    """The summary of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every step."""
+    assert member.samples is not None
+    h, lowest, highest = member.step, np.array(plan.envelope.lowest), np.array(plan.envelope.highest)
+    K, rate, air = plan.law.constants.reshape(5, 6, order="F"), rate_of(plan, member), member.gust
+    x, filter_ = member.initial.copy(), np.zeros(0) if air is None else air.start()
+    errors, inputs, left, flown = [], [], -1, member.duration
+
+    def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
+        z = x[SEEN] - member.reference.at(t)
+        u = -K @ (z + member.samples[tick])
+        w, filter_rate = 0.0, np.zeros(0)
+        if air is not None:
+            held = air.constants(tick)
+            w = float(air.updraft(t, f, held))
+            filter_rate = np.array(air.memory_rate(t, f, held)).ravel()
+        return rate(x, u, member.disturbance.at(t), w), filter_rate
+
+    for step in range(member.ticks * member.steps_per_tick):
+        t, tick = step * h, step // member.steps_per_tick
+        z = x[SEEN] - member.reference.at(t)
+        errors.append(z)
+        inputs.append(-K @ (z + member.samples[tick]))
+        k1 = slope(t, x, filter_, tick)
+        k2 = slope(t + h / 2, x + h / 2 * k1[0], filter_ + h / 2 * k1[1], tick)
+        k3 = slope(t + h / 2, x + h / 2 * k2[0], filter_ + h / 2 * k2[1], tick)
+        k4 = slope(t + h, x + h * k3[0], filter_ + h * k3[1], tick)
+        x = x + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
+        filter_ = filter_ + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
+        X = x + np.array(plan.point.states)
+        outside = np.maximum(X - highest, lowest - X) / (highest - lowest)
+        if outside.max() > 0.0:
+            left, flown = int(np.argmax(outside)), t + h
+            break
+    return {
+        "left": left,
+        "flown": flown,
+        "rms_error": np.sqrt(np.mean(np.square(errors), axis=0)),
+        "peak_error": np.max(np.abs(errors), axis=0),
+        "effort": np.sqrt(np.mean(np.square(inputs), axis=0)),
+        "final": x + np.array(plan.point.states),
+    }
+
+
+def assert_same_flight(plan: MonteCarlo, member: int, rate_of: RateOf) -> None:
+    scenario, summary = fly_member(plan, member)
+    found = summary._asdict() | {"final": summary.final + np.array(plan.point.states)}
+    for name, value in flown_plainly(plan, scenario, rate_of).items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize(("plant", "rate_of"), [("nonlinear", nonlinear_rate), ("linear", linear_rate)])
+def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str, plant: str, rate_of) -> None:
+    assert_same_flight(with_scenario(replace(plan, dynamics=dynamics, plant=plant), duration=0.05), 3, rate_of)
+
+
+@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+def test_machine_code_flies_the_same(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    long = replace(plan, members=1000)
+    assert_same_flight(with_scenario(long, duration=0.5, tick=0.1, step=0.005), 3, nonlinear_rate)
+    assert len(list(tmp_path.rglob("*.so"))) == 1
+
+
+def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
+    away = replace(plan, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])), plant="linear")
+    member, summary = fly_member(away, 0)
+    assert 0.0 < summary.flown < away.scenario.duration
+    assert STATES[summary.left] in ("pitch_rate", "alpha")
+    assert_same_flight(away, 0, linear_rate)
+    assert member.samples.shape == (50, 6)
+
+
+def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
+    def forgetful(plan: MonteCarlo, member: Scenario) -> Rate:
+        return nonlinear_rate(plan, replace(member, errors={}))
+
+    with pytest.raises(AssertionError, match=r"rms_error|peak_error|effort"):
+        assert_same_flight(with_scenario(plan, duration=0.05), 3, forgetful)
+
+
+def test_a_member_is_a_scenario_that_flies_alone(plan: MonteCarlo) -> None:
+    """The draw of a member, simulated with its whole history, is the flight that the Monte Carlo summed up."""
+    member, summary = fly_member(plan, 3)
+    K = plan.law.constants.reshape(5, 6, order="F")
+    result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
+    np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.abs(result.flight.errors[:-1]).max(axis=0), summary.peak_error, rtol=1e-9)
+    assert np.any(result.flight.updrafts)
+    with pytest.raises(BadInputError, match="still to be drawn"):
+        fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), plan.scenario, plan.envelope)
+
+
+def test_a_member_has_the_actuators_of_its_scenario(plan: MonteCarlo) -> None:
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    slow = Actuators(Input(*[0.02] * 5), lowest, highest, Input(*[np.inf] * 5))
+    member, summary = fly_member(with_scenario(plan, actuators=slow), 3)
+    K = plan.law.constants.reshape(5, 6, order="F")
+    result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
+    np.testing.assert_allclose(result.flight.memory[-1], summary.memory, rtol=1e-9, atol=1e-12)
+    assert np.abs(summary.memory).max() > 1e-4
+
+
+def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: CriticPolicy) -> None:
+    learning = with_scenario(
+        replace(plan, law=critic_law("published", critic)), uncertainty=Uncertainty(), duration=0.05
+    )
+    _, summary = fly_member(learning, 0)
+    loop = ClosedLoop(
+        NonlinearPlant(Aircraft(PARAMETERS), plan.point),
+        critic,
+        plan.scenario.reference,
+        plan.scenario.disturbance,
+        zero(6),
+    )
+    start = critic.law.start()["weights"]
+    flight = CompiledLoop(loop).fly(
+        plan.scenario.initial, lambda tick: np.ones(1), step=0.001, steps_per_tick=10, ticks=5, memory=start
+    )
+    np.testing.assert_allclose(summary.memory, flight.memory[-1], rtol=1e-10)
+    np.testing.assert_allclose(summary.final, flight.states[-1], rtol=1e-9, atol=1e-12)
+    assert np.abs(summary.memory - start).max() > 1e-6
+
+
+def test_all_members_fly_one_compiled_function(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr(member_flight, "COMPILE_FROM_STEPS", 1)
+    monkeypatch.setattr(watched_loop, "machine_code", lambda function: made.append(function) or function)
+    result = fly_members(replace(plan, seed=99), 0, 4)  # no other test has this plan's loop made
+    assert len(made) == 1
+    assert len(np.unique(result["final"][:, 0])) == 4

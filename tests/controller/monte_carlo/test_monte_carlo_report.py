@@ -1,0 +1,23 @@
+"""What a Monte Carlo says in short."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo, gain_law
+from controller.monte_carlo.monte_carlo_report import Outcome
+from controller.monte_carlo.stored_members import stream_monte_carlo
+
+
+def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:
+    lost = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
+    report = Outcome.of(lost, stream_monte_carlo(lost, tmp_path / "a.zarr")).report()
+    data = report.data
+    assert "held their envelope: 0 of 1\nleft it, by the state that left first: pitch_rate 1" in report.text()
+    assert data["held"] == 0
+    assert set(data["effort"].values()) == {None}
+    assert data["errors"]["panel_mass"]["deviation"] is None
+    assert data["first_left"] < 0.5

@@ -1,0 +1,52 @@
+"""What tests of flights fly: one trim with its game, exact gain and envelope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.gain_plan import GainPlan
+from controller.flight.signals import Signal
+from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.game.zero_sum import Game, published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters
+from hfa_model.vectors import LINEAR_STATES
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from verification.riccati.gare import solve_game
+
+N = len(LINEAR_STATES)
+SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
+
+
+@dataclass(frozen=True, eq=False)
+class FlownCase:
+    """One trim with its game, exact gain and envelope."""
+
+    aircraft: Aircraft
+    point: OperatingPoint
+    game: Game
+    plan: GainPlan
+    envelope: Envelope
+
+
+def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
+    aircraft = Aircraft(parameters, dynamics)
+    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+    model = linearize(aircraft, point)
+    game = published_game(model.A, model.B)
+    plan = GainPlan("exact", solve_game(game).K[None])
+    return FlownCase(aircraft, point, game, plan, flight_envelope(parameters, point))
+
+
+def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:
+    return fly(on.aircraft, on.point, on.plan, scenario, on.envelope)
+
+
+def signal(**values: float) -> Signal:
+    return Signal(np.array([values.get(name, 0.0) for name in LINEAR_STATES]), np.zeros(N))

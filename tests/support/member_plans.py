@@ -1,0 +1,51 @@
+"""Monte Carlo plans that tests fly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from controller.flight.critic_policy import CriticPolicy, forcing
+from controller.flight.envelope import flight_envelope
+from controller.flight.signals import Harmonic, Signal, zero
+from controller.flight.simulate import Scenario
+from controller.flight.uncertain import Uncertainty
+from controller.game.zero_sum import Game
+from controller.laws.published_law import PublishedSettings, published_law
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo, gain_law
+from hfa_model.parameters import default_parameters
+from trim.point.operating_point import OperatingPoint
+
+PARAMETERS = default_parameters().values
+EVERYTHING = Uncertainty(
+    errors={"panel_mass": 0.05, "lift_slope": 0.03, "hinge_stiffness": 0.1},
+    noise={"alpha": 0.002, "pitch_rate": 0.004},
+    turbulence=(3.0, 1750.0),
+)
+
+
+def everything_plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
+    """Twelve short flights of everything."""
+    wave = Harmonic(3.0, np.full(6, 1e-3), np.zeros(6))
+    scenario = Scenario(
+        duration=0.5,
+        initial=0.1 * np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02]),
+        reference=Signal(np.array([0.1, 0, 0, 0, 0.01, 0]), np.zeros(6)),
+        disturbance=Signal(np.zeros(6), np.zeros(6), (wave,)),
+        uncertainty=EVERYTHING,
+    )
+    law, envelope = gain_law("exact", gain), flight_envelope(PARAMETERS, point)
+    return MonteCarlo(12, 7, PARAMETERS, "published", point, "nonlinear", law, scenario, envelope)
+
+
+def with_scenario(plan: MonteCarlo, **changes: Any) -> MonteCarlo:
+    return replace(plan, scenario=replace(plan.scenario, **changes))
+
+
+def a_critic(game: Game) -> CriticPolicy:
+    settings = PublishedSettings(
+        samples=30, basis="quadratic", coordinates="scaled", gains=(10.0, 10.0), initial_weights=1.0
+    )
+    return CriticPolicy(published_law(game, settings, seed=0), forcing(game.A, zero(6)))
