@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from verification.flights.scheduling import certified_schedule as certified_schedule
     from verification.meaning.linear_flight import simulate as simulate
     from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
-    from verification.meaning.solution_report import solution_report as solution_report
+    from verification.meaning.solution_report import analyse_game as analyse_game
     from verification.physics.lagrangian import mechanical_energy as mechanical_energy
     from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
     from verification.published.regeneration import (
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         Regeneration as Regeneration,
         regenerate_all as regenerate_all,
     )
-    from verification.riccati.delta_min import minimum_delta as minimum_delta
+    from verification.riccati.existence import minimum_delta as minimum_delta
     from verification.riccati.feedforward import (
         exosystem_feedforward as exosystem_feedforward,
         paper_reference as paper_reference,

@@ -67,6 +67,6 @@ def stabilizing_step(equations: StackEquations, here: Point, step: np.ndarray, f
             return Point(trial, here.problem, here.solves + 1)
         fraction *= 0.5
     raise NoSolutionError(
-        "no step of the learning law keeps the recorded plant stable: the recorded drifts do not belong to one"
-        " linear plant; record F = A z without the reference forcing and with less noise"
+        "no step of the learning law keeps the recorded plant stable; check that the recorded drifts are F = A z"
+        " of one linear plant, without the reference forcing and with little noise"
     )

@@ -30,18 +30,18 @@ def lower_discount(equations: StackEquations, here: Point, target: float, normal
         discount = here.problem.discount
         lower = max(target, discount - 0.5 * equations.margin(here.weights, here.problem))
         if lower > target and discount - lower <= SMALLEST_STEP * min(discount, 1.0):
-            raise _not_stabilizable(discount)
+            raise _not_brought_to_rest(discount)
         there = here._replace(problem=here.problem._replace(discount=lower))
         here, converged = iterate(equations, there, normaliser, to_the_floor=False)
         if not converged:
-            raise _not_stabilizable(lower)
+            raise _not_brought_to_rest(lower)
     return here
 
 
-def _not_stabilizable(discount: float) -> NoSolutionError:
+def _not_brought_to_rest(discount: float) -> NoSolutionError:
     return NoSolutionError(
-        f"the discount cannot be lowered below {discount:.6g} 1/s: the inputs do not reach a mode that does not decay;"
-        " make (A, B) stabilizable"
+        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not bring a mode to"
+        " rest; check that (A, B) is stabilizable and that Q sees the mode"
     )
 
 
@@ -54,7 +54,7 @@ def raise_disturbance(
     H-infinity Riccati equation in δ; Basar & Bernhard 1995). A step is taken only when the iteration converged
     to P >= 0 with A - S_s P Hurwitz, of which there is one, and is halved otherwise.
 
-    Raises NoSolutionError with the δ at which the solution ends.
+    Raises NoSolutionError with the δ at which the solution is lost.
     """
     step = target - here.problem.share
     while here.problem.share < target:
@@ -68,8 +68,8 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is too small: followed down from infinity, the game solution ends at"
-                f" delta = {end:.6g}; raise delta above that"
+                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution is lost at"
+                f" delta = {end:.6g}; raise delta above that, unless the smallest possible one (hfa solve) lies below"
             )
     return here
 

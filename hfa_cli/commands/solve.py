@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.output import say_notes, show
-from hfa_model.support.report import Report
-from verification.meaning.solution_report import solution_data, solution_report, solution_table, solution_text
+from verification.meaning.solution_report import analyse_game, solution_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,13 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
-    report = solution_report(named.game)
-    shown = Report(
-        title="",
-        parts=(solution_text(report, named.states, named.inputs, named.origin),),
-        data=solution_data(report, named.states, named.inputs) | named.labels(),
-        records=solution_table(report, named.states, named.inputs),
-    )
-    show(shown, as_json=arguments.json, target=arguments.output)
+    report = solution_report(analyse_game(named.game), named.states, named.inputs, named.origin)
+    show(replace(report, data=dict(report.data) | named.labels()), as_json=arguments.json, target=arguments.output)
     say_notes(named.warnings)
     return 0

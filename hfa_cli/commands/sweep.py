@@ -16,6 +16,7 @@ import numpy as np
 
 from hfa_cli import options
 from hfa_cli.argument_types import whole
+from hfa_cli.games import add_weights, weights_of
 from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
@@ -24,8 +25,9 @@ from hfa_model.support.report import Report
 from trim.sweeps.sweep import MOST_POINTS, SWEPT, sweep
 from trim.sweeps.sweep_report import sweep_report
 
-#: Suffix of a store, and the options that only a store has.
+#: Suffix of a store, and the options that only a store and only a game has.
 STORE = ".zarr"
+OF_A_GAME = ("delta", "Q", "R")
 OF_A_STORE = ("vary", "samples", "seed", "workers", "scheduler", "resume")
 
 
@@ -37,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--full", action="store_true", help="seven states, with altitude")
     options.add_picture(parser, "the root locus")
     options.add_aircraft(parser)
+    parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
+    add_weights(parser)
     options.add_output(parser, STORE)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
     add_named(store, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
@@ -52,6 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and arguments.output.suffix.lower() == STORE:
         return _to_store(arguments, ranges)
     options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
+    if arguments.game:
+        options.refuse(arguments, ("full",), "does not go with --game, which is played on six states")
+    else:
+        options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
     axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
     axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))  # what stays fixed first: it is not drawn
     varied = [name for name, values in axes.items() if values.size > 1]
@@ -62,7 +70,12 @@ def run(arguments: argparse.Namespace) -> int:
         from trim.sweeps.root_locus import root_locus
 
         root_locus(result, arguments.picture)
-    _show(sweep_report(result), arguments.json, arguments.output)
+    report = sweep_report(result)
+    if arguments.game:
+        from verification.meaning.game_sweep import sweep_games, with_games
+
+        report = with_games(report, result, sweep_games(result, Progress("games"), **weights_of(arguments)))
+    _show(report, arguments.json, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
 
@@ -86,6 +99,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
     options.refuse(
         arguments, ("full", "picture"), "does not go with a store, which holds all seven states and no picture"
     )
+    options.refuse(arguments, ("game", *OF_A_GAME), "does not go with a store, which holds no games")
     if arguments.seed is not None and arguments.samples is None:
         raise BadInputError("--seed belongs to --samples; a grid has nothing random")
     options.one_place(arguments)

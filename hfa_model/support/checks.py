@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Block, Report
+from hfa_model.support.report import Block
 from hfa_model.support.text import Table
 
 #: What a number may be asked to be of its limit; a value that is not a number is none of them.
@@ -54,11 +54,6 @@ def checks_block(checks: Iterable[Check]) -> Block:
     rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok)) for check in found]
     reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
     return Block((Table(("check", "value", "limit", "verdict"), rows), *reasons))
-
-
-def checks_text(checks: Iterable[Check]) -> str:
-    """`checks_block` as text."""
-    return Report("", (checks_block(checks),)).text()
 
 
 def verdict_text(ok: bool) -> str:

@@ -38,11 +38,6 @@ def matrix_table(name: str, rows: tuple[str, ...], column_names: tuple[str, ...]
     return Table((name, *column_names), body)
 
 
-def matrix_text(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> str:
-    """`matrix_table` as text."""
-    return columns(*matrix_table(name, rows, column_names, matrix))
-
-
 def numbered(letter: str, count: int) -> tuple[str, ...]:
     """x1, x2, ...: names of what has none."""
     return tuple(f"{letter}{i + 1}" for i in range(count))

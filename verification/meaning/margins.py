@@ -70,38 +70,33 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """
     grid = _grid(game, K)
     responses = _balanced_sensitivity(game, K, grid)
-    bounds = _scaled_norm(responses, _osborne_scaling(responses))
+    bounds = scaled_norm(responses, _osborne_scaling(responses))
     minimised = np.zeros(len(grid), dtype=bool)
     for _ in range(MAX_PEAKS):
         peak = int(np.argmax(bounds))
         if minimised[peak]:
             break
         # The scaling found at a peak serves its neighbours too: a flat top is done at once.
-        bounds = np.minimum(bounds, _scaled_norm(responses, _best_scaling(responses[peak])))
+        bounds = np.minimum(bounds, scaled_norm(responses, best_scaling(responses[peak])))
         minimised[peak] = True
     peak = int(np.argmax(bounds))
     alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
     return DiskMargin(alpha, _disk_gain(alpha), _disk_phase(alpha), float(grid[peak]))
 
 
-def structured_bound(M: np.ndarray) -> float:
-    """min over diagonal D > 0 of σ_max(D M D⁻¹), the upper bound of μ(M) for independent complex factors.
+def best_scaling(M: np.ndarray) -> np.ndarray:
+    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m, m) complex.
 
-    M: (m, m) complex. Exact for m <= 3.  Source: Packard and Doyle, Automatica 29 (1993), 71-109.
+    Exact for m <= 3.  Source: Packard and Doyle, Automatica 29 (1993), 71-109.
     """
-    return float(_scaled_norm(M, _best_scaling(M)))
-
-
-def _best_scaling(M: np.ndarray) -> np.ndarray:
-    """log D of `structured_bound`, (m,)."""
     from scipy.optimize import minimize
 
     start = _osborne_scaling(M)
     if len(M) == 1:
         return start
-    size = float(_scaled_norm(M, start))
+    size = float(scaled_norm(M, start))
     found = minimize(
-        lambda free: float(_scaled_norm(M, np.append(free, 0.0))),
+        lambda free: float(scaled_norm(M, np.append(free, 0.0))),
         start[:-1] - start[-1],
         method="Nelder-Mead",
         options={"xatol": 1e-7, "fatol": 1e-10 * max(size, 1e-300), "maxiter": 4000},
@@ -146,7 +141,7 @@ def _balanced_sensitivity(game: Game, K: np.ndarray, frequencies: np.ndarray) ->
     return 0.5 * np.eye(m) - K @ np.linalg.solve(resolvent, np.broadcast_to(game.B, (len(frequencies), *game.B.shape)))
 
 
-def _scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
+def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
     """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
     scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
     return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))

@@ -13,7 +13,10 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.checks import Check, at_least, at_most, below
-from verification.riccati.spectrum import spectrum
+from hfa_model.support.errors import NoSolutionError
+from verification.riccati.gare_iteration import iterated_solution
+from verification.riccati.gare_schur import schur_solution
+from verification.riccati.spectrum import is_hurwitz, spectrum
 from verification.riccati.units import balanced_units, in_units
 
 #: Four orders above rounding: closer to the axis, the spectrum of the Hamiltonian cannot be told to split.
@@ -49,14 +52,23 @@ class Certificate:
         return {"ok": self.ok, "checks": [check.to_dict() for check in self.checks]}
 
 
-def certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
-    """Judge P as the stabilizing, positive semidefinite solution of A'P + P A + Q - P S P = 0.
+def certified_solution(game: Game) -> tuple[np.ndarray, Certificate]:
+    """P of A'P + P A + Q - P S P = 0 and its certificate, all of whose tests hold.
 
-    P, second_P: (n, n); second_P is the answer of a derivation that shares nothing with the one of P.
-    Everything is measured in balanced units of state, so that the verdict does not depend on the user's units.
+    P: (n, n) symmetric, read-only. Everything is measured in balanced units of state, so that the verdict does not
+    depend on the user's units.  Raises NoSolutionError with the reason of the first test that failed; a failure of
+    the first derivation is told before the second one is asked.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and Glover, Chapter 13.
     """
-    return Certificate((*hamiltonian_checks(game), *solution_checks(game, P), agreement_check(game, P, second_P)))
+    checks = hamiltonian_checks(game)
+    _refuse_failures(checks)
+    P = first_derivation(game)
+    checks += solution_checks(game, P)
+    _refuse_failures(checks)
+    checks += (agreement_check(game, P, iterated_solution(game)),)
+    _refuse_failures(checks)
+    P.setflags(write=False)
+    return P, Certificate(checks)
 
 
 def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
@@ -137,10 +149,32 @@ def relative_residual(game: Game, P: np.ndarray) -> float:
 
     |S| stands for |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players does not count as smallness.
     """
-    size = np.abs(P)
-    size_S = np.abs(game.S_control) + np.abs(game.S_disturbance) / game.delta**2
-    terms = np.abs(game.A).T @ size + size @ np.abs(game.A) + np.abs(game.Q) + size @ size_S @ size
-    return float(np.abs(game.residual(P)).max()) / _size(terms)
+    return float(relative_residuals(game.A, game.S_control, game.S_disturbance / game.delta**2, game.Q, P))
+
+
+def relative_residuals(
+    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> np.ndarray:
+    """`relative_residual` of one or of many plants: (..., n, n) each, the result (...,)."""
+    size, transposed = np.abs(P), np.swapaxes(A, -1, -2)
+    residual = transposed @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
+    quadratic = size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
+    terms = np.abs(transposed) @ size + size @ np.abs(A) + np.abs(Q) + quadratic
+    largest = np.abs(terms).max(axis=(-1, -2))
+    return np.asarray(np.abs(residual).max(axis=(-1, -2)) / np.where(largest == 0.0, 1.0, largest))
+
+
+def first_derivation(game: Game) -> np.ndarray:
+    """P = 0 where nothing is paid for and A is Hurwitz: there `schur_solution`, asked otherwise, finds rounding."""
+    if not game.Q.any() and is_hurwitz(game.A):
+        return np.zeros(game.A.shape)
+    return schur_solution(game)
+
+
+def _refuse_failures(checks: tuple[Check, ...]) -> None:
+    for check in checks:
+        if not check.ok:
+            raise NoSolutionError(check.reason)
 
 
 def _size(matrix: np.ndarray) -> float:

@@ -1,35 +1,179 @@
-"""Does the game have a value? A test that stays sharp where P itself grows without bound."""
+"""For which disturbance weights the game has a value: the smallest delta, and why there may be none at all."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from verification.riccati.certificate import hamiltonian_checks
-from verification.riccati.units import balanced_units, in_units
+from hfa_model.support.errors import NoSolutionError
+from verification.riccati.certificate import certified_solution, first_derivation, hamiltonian_checks, solution_checks
+from verification.riccati.l2_gain import bounded_real_gain
+from verification.riccati.units import normal_form
 
-#: Rounding of the test, three orders above it: X1 and X2 come from one orthonormal basis.
-SEMIDEFINITE = 1e-12
+#: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur form,
+SIGNLESS = 1e-13
+#: and in proportion more where the condition of the Hamiltonian exceeds this.
+WELL_CONDITIONED = 1e4
+#: At this distance a Hamiltonian has an eigenvalue on the imaginary axis, or next to it.
+ON_THE_AXIS = 1e-14
+#: Of delta_min, relative.
+TOLERANCE = 1e-6
+#: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
+CLOSE = 0.01
+#: What a rank test may leave of a matrix without full rank, relative to A; more names no mode.
+RANK = 1e-13
 
 
-def has_value(game: Game) -> bool:
-    """The Hamiltonian splits, and X1'X2 >= 0 for the basis [X1; X2] of its stable subspace.
+def has_value(game: Game) -> bool | None:
+    """The Hamiltonian splits, and X1'X2 >= 0 for the basis [X1; X2] of its stable subspace; None: rounding hides it.
 
     Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has its signs. As delta
     falls to its minimum P grows without bound while X1 and X2 stay within one: an eigenvalue of X1'X2 passes
-    through zero. That makes the minimum visible to rounding, where the residual or the sign of P, which are
-    lost some 1e-4 above it, would not do.
+    through zero. That makes the minimum visible where P itself is lost. Where P is singular an eigenvalue is zero
+    at every delta; there the tests of P itself can say yes, though not no.
     Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
     """
     from scipy.linalg import schur
 
-    if not all(check.ok for check in hamiltonian_checks(game)):
+    distance, split = hamiltonian_checks(game)
+    if distance.value <= ON_THE_AXIS or not split.ok:
         return False
-    balanced = in_units(game, balanced_units(game))
-    n = len(balanced.A)
-    H = np.block([[balanced.A, -balanced.S], [-balanced.Q, -balanced.A.T]])
-    _, basis, stable = schur(H, sort="lhp")
-    if stable != n:
-        return False
+    form = normal_form(game)
+    n = len(form.A)
+    _, basis, stable = schur(form.hamiltonian, sort="lhp")
+    if stable != n or not distance.ok:
+        return None
     product = basis[:n, :n].T @ basis[n:, :n]
-    return bool(np.linalg.eigvalsh((product + product.T) / 2.0)[0] >= -SEMIDEFINITE)
+    smallest = float(np.linalg.eigvalsh((product + product.T) / 2.0)[0])
+    signless = SIGNLESS * max(1.0, float(np.linalg.cond(form.hamiltonian)) / WELL_CONDITIONED)
+    return smallest > 0.0 if abs(smallest) > signless else _solution_holds(game) or None
+
+
+def _solution_holds(game: Game) -> bool:
+    try:
+        return all(check.ok for check in solution_checks(game, first_derivation(game)))
+    except NoSolutionError:
+        return False
+
+
+class DeltaMin(NamedTuple):
+    """delta_min = inf{δ : the game has a value}, bracketed: refused < delta_min <= value.
+
+    value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0 when the
+    disturbance does not reach what is paid for.
+    """
+
+    value: float
+    refused: float
+
+    def margin(self, delta: float) -> float:
+        """delta / delta_min: above 1 the game has a value."""
+        return delta / self.value if self.value > 0.0 else math.inf
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether rounding leaves delta_min open by more than the tolerance of the search."""
+        return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
+
+    def advice(self, delta: float) -> str:
+        """Where delta stands and what to change when a solution at this delta fails a test."""
+        if self.refused < delta < self.value and self.uncertain:
+            known = f"which rounding leaves between {self.refused:.7g} and {self.value:.7g}"
+            return f"delta = {delta:.9g} is too close to delta_min, {known}; ask for a larger delta"
+        if delta < self.value:
+            return f"delta = {delta:.9g} is below delta_min = {self.value:.7g}; ask for a larger delta"
+        excess = self.margin(delta) - 1.0
+        if excess < CLOSE:
+            above = f"{100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
+            return f"delta = {delta:.9g} is only {above}; ask for a larger delta"
+        return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
+
+
+def minimum_delta(game: Game) -> DeltaMin:
+    """Bisection of log δ on `has_value`, to 1e-6 relative. The game's own delta plays no part.
+
+    The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The search
+    starts above the L2 gain of the LQR policy, which is never below delta_min because that policy attains it.
+    Where that policy cannot be certified the policy of the game itself serves as well.
+    Raises NoSolutionError when neither can, naming the mode if one is found that rules out every solution.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    """
+    gain = bounded_real_gain(game, game.gain(_some_solution(game)))
+    if gain == 0.0:
+        return DeltaMin(0.0, 0.0)
+    upper = 2.0 * gain
+    if not has_value(game.with_delta(upper)):
+        raise NoSolutionError(
+            f"delta = {upper:.4g} is twice the gain of a certified policy and still without a value; "
+            "check the scaling of A, B, Q and R"
+        )
+    lower = upper / 4.0
+    while has_value(game.with_delta(lower)):
+        lower, upper = lower / 4.0, lower
+    while upper > lower * (1.0 + TOLERANCE):
+        middle = math.sqrt(lower * upper)
+        lower, upper = (lower, middle) if has_value(game.with_delta(middle)) else (middle, upper)
+    share = TOLERANCE
+    while has_value(game.with_delta(lower)) is not False:  # among rounding yes and no come in any order
+        if share > 1.0:
+            return DeltaMin(upper, 0.0)
+        lower, share = lower / (1.0 + share), 2.0 * share
+    return DeltaMin(upper, lower)
+
+
+def _some_solution(game: Game) -> np.ndarray:
+    """P of the problem without disturbance, or else of the game itself."""
+    try:
+        return certified_solution(game.with_delta(math.inf))[0]
+    except NoSolutionError as error:
+        try:
+            return certified_solution(game)[0]
+        except NoSolutionError:
+            raise NoSolutionError(lqr_obstacle(game)) from error
+
+
+def lqr_obstacle(game: Game) -> str:
+    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
+
+    It has one exactly when [A - λI, B] has full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable)
+    and [A - λI; Q] for every λ with Re λ = 0. An unstable mode outside Q is no obstacle: P is then the least
+    cost among the policies that bring the state to rest. Source: Zhou, Doyle and Glover, Theorem 13.7.
+    """
+    form = normal_form(game.with_delta(math.inf))
+    A = form.A
+    size = float(np.linalg.norm(A, 2)) or 1.0
+    B, Q = _of_size(form.B, size), _of_size(form.Q, size)
+    eigenvalues = np.linalg.eigvals(A)
+    not_stable = eigenvalues[eigenvalues.real >= -RANK * size]
+    undamped = not_stable[not_stable.real <= RANK * size]
+    for value in not_stable:
+        if _rank_distance(A, value, B.T) <= RANK * size:
+            return (
+                f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
+                "change B or leave that mode out of A"
+            )
+    for value in undamped:
+        if _rank_distance(A.T, value, Q) <= RANK * size:
+            return (
+                f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(value)} costs nothing; "
+                "give Q weight on it"
+            )
+    return "the problem without disturbance (delta = inf) could not be certified; check the scaling of A, B, Q, R"
+
+
+def _rank_distance(A: np.ndarray, value: complex, rows: np.ndarray) -> float:
+    """Smallest singular value of [A' - λI; rows]."""
+    stacked = np.vstack([A.T - value * np.eye(len(A)), rows])
+    return float(np.linalg.svd(stacked, compute_uv=False)[-1])
+
+
+def _of_size(matrix: np.ndarray, size: float) -> np.ndarray:
+    norm = float(np.linalg.norm(matrix, 2))
+    return matrix * (size / norm) if norm > 0.0 else matrix
+
+
+def _text(value: complex) -> str:
+    return f"{value.real:+.4g}" if abs(value.imag) <= 1e-12 * abs(value) else f"{value.real:+.4g}{value.imag:+.4g}j"

@@ -89,64 +89,9 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
     return solve_sylvester(loop.T, reference.omega, -P @ reference.forcing(game.A))
 
 
-@dataclass(frozen=True, eq=False)
-class SampledFeedforward:
-    """s at the times of the samples, (N,) and (N, n); between them s is interpolated linearly."""
-
-    times: np.ndarray
-    s: np.ndarray
-
-    def __call__(self, t: float) -> np.ndarray:
-        """s(t), (n,); constant outside the samples."""
-        return np.array([np.interp(t, self.times, column) for column in self.s.T])
-
-
-def sampled_feedforward(game: Game, P: np.ndarray, times: np.ndarray, samples: np.ndarray) -> SampledFeedforward:
-    """s of a reference given by samples: x_d linear between them, and held at the last one for ever after.
-
-    times: (N,) increasing, s; samples x_d: (N, n); P: (n, n) with A - S P Hurwitz. The equation of s is
-    integrated backward (where it is stable) from its constant solution at the end, exactly over each interval:
-    r is linear there. A jump of x_d' makes r jump, which is how a corner of the reference is felt.
-    Raises BadInputError when times or samples have the wrong shape, order or numbers.
-    """
-    from scipy.linalg import expm
-
-    times, samples = _checked_samples(game, times, samples)
-    n, loop = len(game.A), game.A - game.S @ P
-    _decay(loop)
-    s = np.empty_like(samples)
-    s[-1] = -np.linalg.solve(loop.T, P @ game.A @ samples[-1])
-    # Backward in τ = t_{k+1} - t:  ds/dτ = F's + P r,  dr/dτ = -ρ,  dρ/dτ = 0.
-    rate = np.zeros((3 * n, 3 * n))
-    rate[:n, :n], rate[:n, n : 2 * n], rate[n : 2 * n, 2 * n :] = loop.T, P, -np.eye(n)
-    steps = np.diff(times)
-    propagators = {step: expm(rate * step)[:n] for step in np.unique(steps)}
-    for k in range(len(steps) - 1, -1, -1):
-        slope = (samples[k + 1] - samples[k]) / steps[k]
-        end = np.concatenate([s[k + 1], game.A @ samples[k + 1] - slope, game.A @ slope])
-        s[k] = propagators[steps[k]] @ end
-    return SampledFeedforward(times, s)
-
-
 def _decay(loop: np.ndarray) -> float:
     """-abscissa of A - S P, positive or the feedforward is not defined."""
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - S P has abscissa {abscissa:+.4g} rad/s; give the stabilizing P of the game")
     return -abscissa
-
-
-def _checked_samples(game: Game, times: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    times, samples = np.array(times, dtype=float), np.array(samples, dtype=float)
-    n = len(game.A)
-    if times.ndim != 1 or len(times) < 2 or samples.shape != (len(times), n):
-        raise BadInputError(
-            f"the reference has times of shape {times.shape} and samples of shape {samples.shape}; "
-            f"give (N,) and (N, {n}) with N at least 2"
-        )
-    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(samples))):
-        raise BadInputError("the reference has entries that are not finite")
-    if np.any(np.diff(times) <= 0.0):
-        row = int(np.argmax(np.diff(times) <= 0.0)) + 1
-        raise BadInputError(f"the times of the reference do not increase at sample {row} (t = {times[row]:g} s)")
-    return times, samples

@@ -13,9 +13,8 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report, Reported
 from hfa_model.support.text import Table, eigenvalue_text, matrix_table, numbered
-from verification.riccati.certificate import Certificate
-from verification.riccati.delta_min import minimum_delta
-from verification.riccati.derivations import certified_solution
+from verification.riccati.certificate import Certificate, certified_solution
+from verification.riccati.existence import minimum_delta
 from verification.riccati.spectrum import spectrum
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
-from verification.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL
+from verification.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL, relative_residuals
 from verification.riccati.units import balanced_units
 
 _NEWTON_STEPS = 2
@@ -98,10 +98,7 @@ def _tests(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Relative residual, smallest eigenvalue of P, abscissas of A - S P and A - B K; nan, which fails every limit,
     where P is not finite."""
-    size = np.abs(P)
-    size_S = np.abs(S_control) + np.abs(S - S_control)
-    terms = np.abs(np.swapaxes(A, 1, 2)) @ size + size @ np.abs(A) + np.abs(Q) + size @ size_S @ size
-    residual = _largest(_riccati(A, S, Q, P)) / _largest(terms)
+    residual = relative_residuals(A, S_control, S_control - S, Q, P)
     bad = ~np.isfinite(P).all(axis=(1, 2))
     safe_P, safe_K = (np.where(bad[:, None, None], 0.0, matrix) for matrix in (P, K))
     smallest = np.linalg.eigvalsh(safe_P)[:, 0] / _largest(P)

@@ -19,7 +19,7 @@ TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the output.
 ZERO = 1e-12
 #: Closer to the axis than this, an eigenvalue of the bounded-real Hamiltonian counts as lying on it.
-AXIS_DISTANCE = 1e-13
+AXIS_DISTANCE = 1e-14
 #: The sweep can only miss a peak, never exceed it; this is how much it may miss.
 SWEEP_TOLERANCE = 1e-6
 GRID_PER_DECADE = 60

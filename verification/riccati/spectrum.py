@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from verification.riccati.balance import balanced
-
 
 class Spectrum(NamedTuple):
     """Eigenvalues of M and the relative distance of M to the nearest matrix with one on the imaginary axis.
@@ -42,3 +40,15 @@ def spectrum(matrix: np.ndarray) -> Spectrum:
 def is_hurwitz(matrix: np.ndarray) -> bool:
     """True when every eigenvalue has a negative real part."""
     return spectrum(matrix).abscissa < 0.0
+
+
+def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """D⁻¹ M D, its rows and columns of similar size, and the diagonal of D, powers of two (LAPACK gebal).
+
+    SciPy casts the scaling to integers in passing; where a scale exceeds 2^63 that cast warns, to no effect.
+    """
+    from scipy.linalg import matrix_balance
+
+    with np.errstate(invalid="ignore"):
+        scaled, (scaling, _) = matrix_balance(matrix, permute=False, separate=True)
+    return scaled, scaling

@@ -1,13 +1,17 @@
-"""Units of state in which the numbers of a game are of similar size."""
+"""The game in units in which its numbers are of similar size, and its equation without rounding."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from verification.riccati.balance import balanced
+from verification.riccati.spectrum import balanced
+
+#: Digits of `NormalForm.residual`: three times those of its data.
+DIGITS = 50
 
 
 def balanced_units(game: Game) -> np.ndarray:
@@ -32,3 +36,60 @@ def in_units(game: Game, units: np.ndarray) -> Game:
         E=game.E / units[:, None],
         Q=game.Q * np.outer(units, units),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class NormalForm:
+    """A'X + X A + Q - X S X = 0 with S = B B' - E E': the game in balanced units, its inputs scaled to R = I, δ = 1.
+
+    units: (n,). The P of the game is X_ij / (u_i u_j).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: np.ndarray
+    Q: np.ndarray
+    units: np.ndarray
+
+    @cached_property
+    def hamiltonian(self) -> np.ndarray:
+        """[[A, -S], [-Q, -A']], (2n, 2n)."""
+        return np.block([[self.A, -self.S], [-self.Q, -self.A.T]])
+
+    @cached_property
+    def S(self) -> np.ndarray:
+        """B B' - E E', (n, n)."""
+        return self.B @ self.B.T - self.E @ self.E.T
+
+    def residual(self, X: np.ndarray) -> np.ndarray:
+        """A'X + X A + Q - X S X, (n, n), in decimal arithmetic: what cancels in it leaves no rounding.
+
+        Corrections of X by such residuals end at the rounding of X itself, however badly conditioned the equation
+        (Wilkinson's iterative refinement). In double precision they end at a relative error of 1e-16 times the
+        condition, which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states.
+        """
+        from decimal import Decimal, localcontext
+
+        with localcontext() as context:
+            context.prec = DIGITS
+            decimal = np.vectorize(Decimal, otypes=[object])
+            exact = decimal(X)
+            half = decimal(self.A).T @ exact
+            control, disturbance = (exact @ decimal(matrix) for matrix in (self.B, self.E))
+            result = half + half.T + decimal(self.Q) - control @ control.T + disturbance @ disturbance.T
+            return result.astype(float)
+
+    def value(self, X: np.ndarray) -> np.ndarray:
+        """P of the game in the user's units, symmetric."""
+        return (X + X.T) / 2.0 / np.outer(self.units, self.units)
+
+
+def normal_form(game: Game) -> NormalForm:
+    """Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
+    from scipy.linalg import cholesky, solve_triangular
+
+    units = balanced_units(game)
+    alike = in_units(game, units)
+    root = cholesky(alike.R, lower=True)
+    B = solve_triangular(root, alike.B.T, lower=True).T
+    return NormalForm(alike.A, B, alike.E / alike.delta, (alike.Q + alike.Q.T) / 2.0, units)

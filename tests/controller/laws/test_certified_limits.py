@@ -107,18 +107,18 @@ def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(monkeypat
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_too_small_a_delta_is_refused_with_the_smallest_one(name: str) -> None:
     game, _ = published(name)
-    with pytest.raises(NoSolutionError, match=r"delta = 50 is too small.*raise delta") as refusal:
+    with pytest.raises(NoSolutionError, match=r"delta = 50 is out of reach.*raise delta") as refusal:
         learn(game.with_delta(50.0), tick=0.1)
-    least = float(str(refusal.value).split("ends at delta = ")[1].split(";")[0])
+    least = float(str(refusal.value).split("lost at delta = ")[1].split(";")[0])
     assert reference_solution(game.with_delta(1.001 * least)).exists
     assert not reference_solution(game.with_delta(0.999 * least)).exists
     assert learn(game.with_delta(1.001 * least), tick=0.1).converged
-    with pytest.raises(NoSolutionError, match="too small"):
+    with pytest.raises(NoSolutionError, match="out of reach"):
         learn(game.with_delta(0.999 * least), tick=0.1)
 
 
 def test_tiny_delta_is_refused_at_once() -> None:
-    with pytest.raises(NoSolutionError, match=r"delta = 1e-20 is too small"):
+    with pytest.raises(NoSolutionError, match=r"delta = 1e-20 is out of reach"):
         learn(stable_game(delta=1e-20), tick=0.1)
 
 
@@ -166,7 +166,7 @@ def test_a_singular_stack_stops_the_ramp() -> None:
     equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
     with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
         ramp.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
-    with pytest.raises(NoSolutionError, match="ends at delta = inf"):
+    with pytest.raises(NoSolutionError, match="lost at delta = inf"):
         ramp.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
 
 

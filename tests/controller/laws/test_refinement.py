@@ -12,7 +12,7 @@ from reference_riccati import reference_solution, relative_error
 from controller.game.zero_sum import Game
 from controller.laws.learn import learn
 from controller.laws.refinement import newton_correction, refine, riccati_residual
-from verification.riccati.delta_min import minimum_delta
+from verification.riccati.existence import minimum_delta
 
 
 def one_input(seed: int, states: int) -> Game:

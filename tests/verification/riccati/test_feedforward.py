@@ -13,13 +13,7 @@ from scipy.integrate import quad
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 from verification.meaning.linear_flight import LinearFlight, simulate
-from verification.riccati.feedforward import (
-    Exosystem,
-    exosystem,
-    exosystem_feedforward,
-    paper_reference,
-    sampled_feedforward,
-)
+from verification.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward, paper_reference
 from verification.riccati.gare import solve_game
 
 MODELS = sorted(game_models())
@@ -89,68 +83,6 @@ def test_reference_that_the_aircraft_follows_by_itself_needs_none(game: Game) ->
     assert not exosystem_feedforward(game, solve_game(game).P, free).any()
 
 
-# Sampled references ---------------------------------------------------------------------------------------------
-
-
-def test_samples_give_what_the_exosystem_gives_with_order_two(game: Game) -> None:
-    P, reference = solve_game(game).P, paper_reference()
-    P_s = exosystem_feedforward(game, P, reference)
-    errors = []
-    for step in (0.0625, 0.03125):  # exact in binary: one matrix exponential serves every step
-        times = np.arange(0.0, 80.0, step)
-        samples = np.array([reference.reference(t) for t in times])
-        sampled = sampled_feedforward(game, P, times, samples)
-        early = times[times <= 16.0]  # the end, where the reference is held, is forgotten by then
-        exact = np.array([P_s @ reference.state(t) for t in early])
-        errors.append(np.abs(sampled.s[: len(early)] - exact).max() / np.abs(exact).max())
-    assert errors[1] < 2e-4
-    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
-
-
-def test_samples_of_a_constant_are_exact_on_uneven_times(game: Game) -> None:
-    P, level = solve_game(game).P, np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
-    sampled = sampled_feedforward(game, P, np.array([0.0, 0.3, 5.0, 5.001]), np.tile(level, (4, 1)))
-    exact = -np.linalg.solve((game.A - game.S @ P).T, P @ game.A @ level)
-    np.testing.assert_allclose(sampled.s, np.tile(exact, (4, 1)), rtol=1e-9)
-    np.testing.assert_allclose(sampled(2.0), exact, rtol=1e-9)
-    np.testing.assert_allclose(sampled(99.0), exact, rtol=1e-9)
-
-
-def test_sampled_feedforward_satisfies_its_equation_between_the_samples() -> None:
-    game = game_models()[MODELS[0]]
-    P = solve_game(game).P
-    rng = np.random.default_rng(0)
-    corners, fine = rng.standard_normal((4, 6)), np.linspace(0.0, 1.5, 3001)
-    times = np.array([0.0, 0.5, 0.9, 1.5])
-    straight = np.array([np.interp(fine, times, column) for column in corners.T]).T
-    coarse, dense = (sampled_feedforward(game, P, t, x) for t, x in ((times, corners), (fine, straight)))
-    for t, s in zip(times, coarse.s, strict=True):  # the same polygon, sampled 1000 times as densely
-        np.testing.assert_allclose(dense(t), s, rtol=1e-8, atol=1e-8 * np.abs(s).max())
-    k = 700  # and the dense one obeys -s' = F's + P r inside an interval
-    rate = (dense.s[k + 1] - dense.s[k - 1]) / (fine[k + 1] - fine[k - 1])
-    slope = (corners[1] - corners[0]) / 0.5 if fine[k] < 0.5 else (corners[2] - corners[1]) / 0.4
-    r = game.A @ straight[k] - slope
-    residual = rate + (game.A - game.S @ P).T @ dense.s[k] + P @ r
-    assert np.abs(residual).max() < 1e-4 * np.abs(P @ r).max()
-
-
-@pytest.mark.parametrize(
-    ("times", "samples", "message"),
-    [
-        ([0.0], np.zeros((1, 6)), "with N at least 2"),
-        ([0.0, 1.0], np.zeros((2, 5)), r"samples of shape \(2, 5\); give \(N,\) and \(N, 6\)"),
-        ([0.0, 1.0, 2.0], np.zeros((2, 6)), r"times of shape \(3,\)"),
-        ([0.0, 1.0, 1.0], np.zeros((3, 6)), r"do not increase at sample 2 \(t = 1 s\)"),
-        ([0.0, math.nan], np.zeros((2, 6)), "not finite"),
-        ([0.0, 1.0], np.full((2, 6), math.inf), "not finite"),
-    ],
-)
-def test_bad_samples_are_refused(times: list[float], samples: np.ndarray, message: str) -> None:
-    game = game_models()[MODELS[0]]
-    with pytest.raises(BadInputError, match=message):
-        sampled_feedforward(game, solve_game(game).P, np.array(times), samples)
-
-
 def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
     P = solve_game(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
@@ -158,12 +90,8 @@ def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
         exosystem_feedforward(game, P, exploding)
     with pytest.raises(BadInputError, match=r"the reference has 2 states; the game has 6"):
         exosystem_feedforward(game, P, exosystem(*np.zeros((4, 2)), frequency=1.0))
-    for feedforward in (
-        lambda: exosystem_feedforward(game, -P, paper_reference()),
-        lambda: sampled_feedforward(game, -P, np.array([0.0, 1.0]), np.zeros((2, 6))),
-    ):
-        with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
-            feedforward()
+    with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
+        exosystem_feedforward(game, -P, paper_reference())
 
 
 # Optimality -----------------------------------------------------------------------------------------------------

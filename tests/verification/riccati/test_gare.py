@@ -10,19 +10,17 @@ import control
 import mpmath
 import numpy as np
 import pytest
-from game_samples import game_models, random_game, regenerated_models
+from game_samples import game_models, regenerated_models
 from reference_riccati import reference_solution, relative_error
-from scipy.linalg import schur, solve_continuous_lyapunov
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.riccati.balance import balanced
-from verification.riccati.certificate import Certificate, certify, hamiltonian_checks, relative_residual
-from verification.riccati.delta_min import DeltaMin, minimum_delta
-from verification.riccati.derivations import certified_solution
+from verification.riccati.certificate import (
+    certified_solution,
+)
+from verification.riccati.existence import DeltaMin, minimum_delta
 from verification.riccati.gare import solve_game
-from verification.riccati.gare_iteration import iterated_solution
-from verification.riccati.gare_schur import schur_solution
+from verification.riccati.spectrum import balanced
 from verification.riccati.units import balanced_units, in_units
 
 MODELS = sorted(game_models())
@@ -35,11 +33,7 @@ def game(request: pytest.FixtureRequest) -> Game:
     return game_models()[request.param]
 
 
-def _failed(certificate: Certificate) -> set[str]:
-    return {check.name for check in certificate.failures}
-
-
-# Accuracy -------------------------------------------------------------------------------------------------------
+# Accuracy ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [*MODELS, *OURS])
@@ -51,10 +45,6 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     assert relative_error(solution.K, reference.K) < 1e-12
     units = 1.0 / np.sqrt(np.diag(reference.P))  # and so is every entry, in units that make them alike
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
-
-
-def test_second_derivation_is_exact_to_1e12(game: Game) -> None:
-    assert relative_error(iterated_solution(game), reference_solution(game).P) < 1e-12
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
@@ -108,7 +98,7 @@ def test_scalar_game_in_closed_form() -> None:
         assert solve_game(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
 
 
-# Invariance -----------------------------------------------------------------------------------------------------
+# Invariance ----------------------------------------------------------------------------------------------------------
 
 
 def test_units_of_state_change_nothing(game: Game) -> None:
@@ -134,7 +124,7 @@ def test_balanced_units_make_numbers_alike(game: Game) -> None:
     assert np.abs(np.log10(np.diag(solve_game(alike).P))).max() < 4.0
 
 
-# Degenerate games -----------------------------------------------------------------------------------------------
+# Degenerate games ----------------------------------------------------------------------------------------------------
 
 
 def test_state_that_costs_nothing_is_no_obstacle() -> None:
@@ -196,137 +186,7 @@ def test_balancing_says_nothing_about_large_scales() -> None:
     assert np.abs(scaled).max() < 1e3
 
 
-# Planted errors -------------------------------------------------------------------------------------------------
-
-
-def _root_with_an_unstable_mode(game: Game) -> np.ndarray:
-    """A symmetric root of the equation from an invariant subspace that takes one real mode from the wrong side."""
-    n = len(game.A)
-    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    values = np.linalg.eigvals(H)
-    fastest = values[np.abs(values.imag) == 0.0].real.max()
-
-    def wanted(real: float, imaginary: float) -> bool:
-        mirrored = imaginary == 0.0 and abs(abs(real) - fastest) < 1e-6 * fastest
-        return (real > 0.0) if mirrored else (real < 0.0)
-
-    _, vectors, size = schur(H, sort=wanted)
-    assert size == n
-    P = vectors[n:, :n] @ np.linalg.inv(vectors[:n, :n])
-    P = (P + P.T) / 2.0
-    for _ in range(3):
-        correction = solve_continuous_lyapunov((game.A - game.S @ P).T, -game.residual(P))
-        P = P + (correction + correction.T) / 2.0
-    return P
-
-
-def test_non_stabilizing_root_is_refused(game: Game) -> None:
-    P = _root_with_an_unstable_mode(game)
-    assert relative_residual(game, P) < 1e-13
-    certificate = certify(game, P, P)
-    assert not certificate.ok
-    assert "game_loop_abscissa" in _failed(certificate)
-    assert "residual" not in _failed(certificate)
-    assert "is not Hurwitz" in certificate["game_loop_abscissa"].reason
-
-
-def test_indefinite_root_is_refused(game: Game) -> None:
-    below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
-    P = schur_solution(below)
-    certificate = certify(below, P, P)
-    assert _failed(certificate) == {"positive_semidefinite", "control_loop_abscissa"}
-    assert certificate["game_loop_abscissa"].ok
-    assert certificate["residual"].value < 1e-14
-    assert "P is indefinite" in certificate["positive_semidefinite"].reason
-
-
-def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
-    rng = np.random.default_rng(8)
-    refused = 0
-    while refused < 5:
-        game = random_game(rng, scaled=False)
-        if not all(check.ok for check in hamiltonian_checks(game)):
-            continue
-        P = schur_solution(game)
-        if np.linalg.eigvalsh(P)[0] > -1e-6 * np.abs(P).max():
-            continue
-        certificate = certify(game, P, P)
-        assert {"positive_semidefinite", "control_loop_abscissa"} <= _failed(certificate)
-        assert certificate["residual"].ok
-        with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
-            iterated_solution(game)
-        refused += 1
-
-
-def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
-    P = solve_game(game.with_delta(math.inf)).P
-    assert _failed(certify(game, P, solve_game(game).P)) == {"residual", "second_derivation"}
-
-
-def test_solution_of_another_game_is_refused(game: Game) -> None:
-    P = solve_game(game).P
-    other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
-    assert "residual" in _failed(certify(other, P, P))
-
-
-@pytest.mark.parametrize(
-    ("change", "failed"),
-    [
-        (lambda P: P * (1.0 + 1e-8), "residual"),
-        (lambda P: P + 1e-9 * np.triu(np.abs(P).max() * np.ones_like(P), 1), "symmetry"),
-        (lambda P: -P, "positive_semidefinite"),
-        (lambda P: 0.0 * P, "residual"),
-    ],
-)
-def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
-    P = solve_game(game).P
-    assert failed in _failed(certify(game, change(P), P))  # type: ignore[operator]
-
-
-def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
-    P = solve_game(game).P
-    assert _failed(certify(game, P, P * (1.0 + 1e-7))) == {"second_derivation"}
-    assert not certify(game, P, np.full_like(P, np.nan)).ok
-    nowhere = certify(game, np.full_like(P, np.nan), P)
-    assert not nowhere.ok
-    assert nowhere["residual"].reason == "P has entries that are not finite"
-
-
-def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
-    """At this delta the double eigenvalue 0 of H is computed some 1e-8 off the axis: |Re| would mislead."""
-    critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
-    rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
-    A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
-    Q = rotation @ np.diag([1.0, 1.0, 1.0]) @ rotation.T
-    hidden = Game(A, np.zeros((3, 1)), np.eye(3), (Q + Q.T) / 2.0, [[1.0]], 1.0)
-    for game in (critical, hidden):
-        assert "hamiltonian_axis_distance" in {check.name for check in hamiltonian_checks(game) if not check.ok}
-        with pytest.raises(NoSolutionError, match="delta_min"):
-            solve_game(game)
-        assert solve_game(game.with_delta(1.01)).certificate.ok
-
-
-def test_schur_method_refuses_a_hamiltonian_on_the_axis(game: Game) -> None:
-    rotor = Game([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [0.0]], I2, 0.0 * I2, [[1.0]], math.inf)
-    with pytest.raises(NoSolutionError, match=r"stable subspace|multiple root"):
-        schur_solution(rotor)
-
-
-# The second derivation ------------------------------------------------------------------------------------------
-
-
-def test_iteration_refuses_where_there_is_no_value(game: Game) -> None:
-    for delta in (1.0, 50.0, 100.0, minimum_delta(game).value * 0.999):
-        with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
-            iterated_solution(game.with_delta(delta))
-
-
-def test_iteration_refuses_what_no_input_can_stabilize() -> None:
-    with pytest.raises(NoSolutionError, match="step 1 of the Lanzon-Feng-Anderson"):
-        iterated_solution(Game(np.diag([0.5, -1.0]), [[0.0], [1.0]], I2, I2, [[1.0]], 10.0))
-
-
-# Results --------------------------------------------------------------------------------------------------------
+# Results -------------------------------------------------------------------------------------------------------------
 
 
 def test_results_are_plain_json(game: Game) -> None:

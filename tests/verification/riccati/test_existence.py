@@ -11,8 +11,7 @@ from reference_riccati import reference_solution
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.riccati.delta_min import TOLERANCE, minimum_delta
-from verification.riccati.existence import has_value
+from verification.riccati.existence import TOLERANCE, has_value, minimum_delta
 from verification.riccati.gare import solve_game
 
 
@@ -37,8 +36,8 @@ def test_minimum_delta_of_a_scalar_game(a: float) -> None:
 
 
 def test_a_search_that_starts_without_a_value_says_so(game: Game, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("verification.riccati.delta_min.has_value", lambda game: False)
-    with pytest.raises(NoSolutionError, match="twice the gain of the LQR policy"):
+    monkeypatch.setattr("verification.riccati.existence.has_value", lambda game: False)
+    with pytest.raises(NoSolutionError, match="twice the gain of a certified policy"):
         minimum_delta(game)
 
 

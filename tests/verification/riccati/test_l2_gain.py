@@ -1,0 +1,104 @@
+"""The L2 gain by two methods, against formulas, python-control and delta_min."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+from game_samples import game_models, random_game
+
+from controller.game.zero_sum import Game
+from hfa_model.support.checks import Check
+from verification.riccati.existence import has_value, minimum_delta
+from verification.riccati.gare import solve_game
+from verification.riccati.l2_gain import SweptGain, bounded_real_gain, gain_checks, gain_is_below, swept_gain
+
+MODELS = sorted(game_models())
+
+
+@pytest.fixture(params=MODELS)
+def game(request: pytest.FixtureRequest) -> Game:
+    return game_models()[request.param]
+
+
+@pytest.fixture(scope="module")
+def first() -> tuple[Game, np.ndarray]:
+    game = game_models()[MODELS[0]]
+    return game, solve_game(game).P
+
+
+def _failed(checks: tuple[Check, ...]) -> set[str]:
+    return {check.name for check in checks if not check.ok}
+
+
+def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
+    K = solve_game(game).K
+    gain, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    assert gain < game.delta
+    assert swept.gain == pytest.approx(gain, rel=1e-8)
+    assert swept.gain <= gain * (1.0 + 1e-12)
+    assert gain_is_below(game, K, game.delta)
+    assert not gain_is_below(game, K, gain * (1.0 - 1e-8))
+
+
+def test_gain_agrees_with_python_control(game: Game) -> None:
+    K = solve_game(game).K
+    output = np.vstack([np.sqrt(game.Q), np.sqrt(game.R) @ K])  # Q and R are diagonal
+    inputs = np.hstack([game.E, np.zeros((6, 5))])  # python-control 0.10 takes square systems only
+    system = control.ss(game.A - game.B @ K, inputs, output, 0.0)
+    assert bounded_real_gain(game, K) == pytest.approx(control.system_norm(system, "inf", tol=1e-9), rel=1e-7)
+
+
+def test_gain_of_a_first_order_loop_in_closed_form() -> None:
+    game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
+    exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
+    K = np.array([[0.5]])
+    assert bounded_real_gain(game, K) == pytest.approx(exact, rel=2e-9)
+    assert swept_gain(game, K) == SweptGain(pytest.approx(exact, rel=1e-12), 0.0)
+
+
+def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    K = -game.gain(P)
+    assert bounded_real_gain(game, K) == swept_gain(game, K).gain == math.inf
+    assert not gain_is_below(game, K, 1e12)
+    (check,) = gain_checks(game, K)
+    assert not check.ok
+    assert "not Hurwitz" in check.reason
+
+
+def test_gain_without_disturbance_or_cost_is_zero() -> None:
+    still = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
+    hidden = Game(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0)
+    for game, K in ((still, np.zeros((1, 1))), (hidden, np.zeros((1, 2)))):
+        assert bounded_real_gain(game, K) == 0.0
+        assert not _failed(gain_checks(game, K))
+
+
+def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    checks = gain_checks(game, 0.01 * game.gain(P))
+    assert _failed(checks) == {"l2_gain"}
+    assert "is not below delta = 200" in checks[0].reason
+
+
+def test_a_sweep_that_misses_the_peak_is_noticed(
+    first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    game, P = first
+    monkeypatch.setattr("verification.riccati.l2_gain.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
+    assert _failed(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
+
+
+def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
+    """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its delta."""
+    rng, tried = np.random.default_rng(6), 0
+    while tried < 15:
+        game = random_game(rng, scaled=False)
+        if not has_value(game):
+            continue
+        gain = bounded_real_gain(game, solve_game(game).K)
+        assert minimum_delta(game).refused < gain < game.delta
+        tried += 1
