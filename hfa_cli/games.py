@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from controller.game.model_file import load_game, parse_diagonal
+from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
 from hfa_cli.argument_types import disturbance_weight, input_file, parsed
@@ -72,10 +72,10 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-        game = load_game(arguments.model, **changes)
+        game, notes = stored_game(arguments.model, **changes)
         n, m = game.B.shape
         states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
-        return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model))
+        return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model), notes)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point)

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
         from_value as from_value,
         from_weights as from_weights,
     )
+    from verification.critic.check_report import check_report as check_report
     from verification.critic.critic_check import CriticCheck as CriticCheck, check_critic as check_critic
-    from verification.critic.diagnosis import relative_error as relative_error
+    from verification.critic.critic_errors import relative_error as relative_error
     from verification.experiments.configuration import section5_configuration as section5_configuration
     from verification.experiments.experiment_flights import FlightPlan as FlightPlan, fly as fly
     from verification.experiments.setting import make_setting as make_setting

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,13 +27,28 @@ class StoredCritic(NamedTuple):
     K: np.ndarray | None
 
 
-def load_game(
+class StoredGame(NamedTuple):
+    """The game of a file, and what to know of it: entries that were not used, defaults that were taken."""
+
+    game: Game
+    notes: tuple[str, ...]
+
+
+def load_game(path: str | Path, **changes: Any) -> Game:
+    """The game of `stored_game`, whose notes become warnings."""
+    game, notes = stored_game(path, **changes)
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    return game
+
+
+def stored_game(
     path: str | Path,
     *,
     Q: np.ndarray | None = None,
     R: np.ndarray | None = None,
     delta: float | None = None,
-) -> Game:
+) -> StoredGame:
     """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
 
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
@@ -45,7 +61,13 @@ def load_game(
     for key in ("A", "B"):
         if key not in given:
             raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{_present(stored)}")
+    notes = _notes(path, stored, given)
     shape_A, shape_B = _shape(path, "A", given["A"]), _shape(path, "B", given["B"])
+    if shape_B[0] == 1 != shape_A[0]:
+        raise BadInputError(
+            f"{path}: B is one row, 1 x {shape_B[1]}; with {shape_A[0]} states it must have {shape_A[0]} rows: give "
+            "one input as a column"
+        )
     settings = published_data()["game"]
     given.setdefault("E", np.eye(shape_A[0]))
     for key, size, of in (("Q", shape_A[0], "states"), ("R", shape_B[1], "inputs")):
@@ -58,9 +80,22 @@ def load_game(
         given.setdefault(key, np.diag(diagonal).astype(float))
     given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
     try:
-        return Game(**given)
+        return StoredGame(Game(**given), notes)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
+
+
+def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> tuple[str, ...]:
+    """Which entries were not used, unless this project wrote them, and which defaults were taken."""
+    notes = []
+    unused = sorted(set(stored) - set(MODEL_KEYS))
+    if unused and not str(np.array(stored.get("schema", "")).reshape(-1)[0]).startswith("hfa."):
+        notes.append(f"{path}: {', '.join(unused)} not used; a model file holds {', '.join(MODEL_KEYS)}")
+    missing = [key for key in MODEL_KEYS if key not in given]
+    if missing:
+        defaults = [f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing]
+        notes.append(f"{path}: there is no {', '.join(missing)}; taken: {', '.join(defaults)}")
+    return tuple(notes)
 
 
 def load_critic(path: str | Path) -> StoredCritic:

@@ -98,7 +98,8 @@ def test_the_judge_shares_values_and_files_with_the_learner(room: str) -> None:
 
 
 def test_the_judge_asks_a_run_for_its_weights_and_the_rank_of_its_data_alone() -> None:
-    tree = ast.parse(project_sources()["verification.critic.critic_check"])
+    sources = project_sources()
+    tree = ast.parse(sources["verification.critic.critic_check"] + sources["verification.critic.run_checks"])
     asked = {
         node.attr
         for node in ast.walk(tree)

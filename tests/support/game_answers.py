@@ -18,11 +18,13 @@ HISTORY = {"times", "weights", "residual_norm", "law_residual_norm"}
 
 
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
-    """What `hfa words... --json` prints: one JSON object, nothing else."""
+    """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings, nothing else."""
     result = hfa(*words, "--json")
-    assert (result.code, result.err) == (code, "")
+    assert result.code == code, result.err
     data = json.loads(result.out, parse_constant=pytest.fail)
     assert isinstance(data, dict)
+    notes = data.get("warnings", []) if "--model" in words else []
+    assert result.err == "".join(f"hfa: note: {note}\n" for note in notes)
     return data
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.game.basis import Basis
+from controller.game.basis import Basis, basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
@@ -18,58 +17,60 @@ TOGETHER = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """K: (m, n), gain near the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), None
-    when it did not come as weights. policy: states (N, n) -> inputs (N, m), the policy as it would be flown."""
+    """K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
+    in `functions`, None when it did not come as weights."""
 
     K: np.ndarray
     P: np.ndarray | None
-    weights: np.ndarray | None
-    policy: Callable[[np.ndarray], np.ndarray]
+    functions: Basis
+    weights: np.ndarray | None = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether K and P consist of numbers."""
+        return bool(np.all(np.isfinite(self.K))) and (self.P is None or bool(np.all(np.isfinite(self.P))))
 
 
-def from_weights(game: Game, weights: np.ndarray, basis: Basis) -> Candidate:
-    """u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis."""
-    if weights.shape != (basis.size,):
+def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quadratic") -> Candidate:
+    """V = W'ψ(z), u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis."""
+    psi = basis(functions, len(game.A)) if isinstance(functions, str) else functions
+    weights = np.asarray(weights, dtype=float)
+    if weights.shape != (psi.size,):
         raise BadInputError(
-            f"there are {weights.size} weights; basis {basis.name!r} on {basis.states} states has {basis.size}: "
+            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has {psi.size}: "
             "name the basis of the weights"
         )
-    P = basis.matrix(weights)
-
-    def policy(z: np.ndarray) -> np.ndarray:
-        gradient = np.swapaxes(basis.gradient(z), -1, -2) @ weights
-        return np.asarray(-0.5 * gradient @ game.R_inverse_B_transposed.T)
-
-    return Candidate(game.gain(P), P, weights, policy)
+    P = psi.matrix(weights)
+    return Candidate(game.gain(P), P, psi, weights)
 
 
 def from_value(game: Game, P: np.ndarray) -> Candidate:
-    """u = -R⁻¹B'P z. BadInputError when P has another shape than A."""
+    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A."""
+    P = np.asarray(P, dtype=float)
     if P.shape != game.A.shape:
         n = len(game.A)
-        raise BadInputError(f"P is {P.shape[0]} x {P.shape[1]}; on a plant with {n} states it must be {n} x {n}")
-    K = game.gain(P)
-    return Candidate(K, P, None, lambda z: -z @ K.T)
+        raise BadInputError(f"P is {_shape(P)}; on a plant with {n} states it must be {n} x {n}")
+    return Candidate(game.gain(P), P, basis("quadratic", len(P)))
 
 
 def from_gain(game: Game, K: np.ndarray) -> Candidate:
     """u = -K z. BadInputError when K has another shape than B'."""
-    if K.shape != game.B.T.shape:
-        n, m = game.B.shape
-        raise BadInputError(
-            f"K is {K.shape[0]} x {K.shape[1]}; on a plant with {n} states and {m} inputs it must be {m} x {n}"
-        )
-    return Candidate(K, None, None, lambda z: -z @ K.T)
+    K = np.asarray(K, dtype=float)
+    n, m = game.B.shape
+    if K.shape != (m, n):
+        hint = ": give its transpose" if K.shape == (n, m) else ""
+        raise BadInputError(f"K is {_shape(K)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}")
+    return Candidate(K, None, basis("quadratic", n))
 
 
-def from_stored(game: Game, stored: StoredCritic, basis: Basis) -> Candidate:
+def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate:
     """The candidate of a file, each matrix as it is stored: W gives what is missing of P and K, or else P does.
 
-    The policy is that of W, or else of K. BadInputError for a wrong shape, and when W and P are not of one value.
+    BadInputError for a wrong shape, and when W and P are not of one value.
     """
     of_P = None if stored.P is None else from_value(game, stored.P)
     if stored.W is not None:
-        found = from_weights(game, stored.W, basis)
+        found = from_weights(game, stored.W, functions)
         if of_P is not None and not _are_one_value(of_P.P, found.P):
             raise BadInputError("W and P are of different values; leave one of them out")
     elif of_P is not None:
@@ -77,10 +78,7 @@ def from_stored(game: Game, stored: StoredCritic, basis: Basis) -> Candidate:
     else:
         assert stored.K is not None
         return from_gain(game, stored.K)
-    if stored.K is None:
-        return found
-    alone = from_gain(game, stored.K)
-    return replace(found, K=alone.K, policy=found.policy if stored.W is not None else alone.policy)
+    return found if stored.K is None else replace(found, K=from_gain(game, stored.K).K)
 
 
 def _are_one_value(P: np.ndarray | None, other: np.ndarray | None) -> bool:
@@ -89,3 +87,7 @@ def _are_one_value(P: np.ndarray | None, other: np.ndarray | None) -> bool:
     assert other is not None
     sizes = np.sqrt(np.abs(np.diag(P)))
     return bool(np.all(np.abs(P - other) <= TOGETHER * np.outer(sizes, sizes)))
+
+
+def _shape(matrix: np.ndarray) -> str:
+    return " x ".join(str(size) for size in matrix.shape)

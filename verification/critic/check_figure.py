@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from hfa_model.support.figure import new_figure
-from verification.critic.check_report import error_over_time
 from verification.critic.critic_check import CriticCheck
+from verification.critic.critic_errors import relative_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +25,6 @@ def check_figure(
     check: CriticCheck,
     states: tuple[str, ...],
     inputs: tuple[str, ...],
-    basis: Basis,
     run: LearningResult | None,
     predefined_time: float | None,
 ) -> Figure:
@@ -45,16 +43,15 @@ def check_figure(
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
     if run is not None:
-        _over_time(figure.add_subplot(grid[1, :]), check, basis, run, predefined_time)
+        _over_time(figure.add_subplot(grid[1, :]), check, run, predefined_time)
     return figure
 
 
-def _over_time(
-    axes: Axes, check: CriticCheck, basis: Basis, run: LearningResult, predefined_time: float | None
-) -> None:
+def _over_time(axes: Axes, check: CriticCheck, run: LearningResult, predefined_time: float | None) -> None:
     axes.semilogy(run.times, np.maximum(run.residual_norm, _FLOOR), color="C0", label="residual |e| / |z'Qz|")
-    errors = np.maximum(error_over_time(check, run, basis), _FLOOR)
-    axes.semilogy(run.times, errors, "--", color="C1", label="error |P - P exact| / |P exact|")
+    matrix = check.candidate.functions.matrix
+    errors = [relative_error(matrix(weights), check.exact.P) for weights in run.weights]
+    axes.semilogy(run.times, np.maximum(errors, _FLOOR), "--", color="C1", label="error |P - P exact| / |P exact|")
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
     axes.set_ylim(bottom=_FLOOR)

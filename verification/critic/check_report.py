@@ -4,45 +4,47 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from controller.game.basis import Basis
-from controller.game.learning_result import LearningResult
 from hfa_model.support.checks import checks_block
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, numbered
-from verification.critic.diagnosis import relative_error
 
 if TYPE_CHECKING:
     from verification.critic.critic_check import CriticCheck
 
 
 def check_report(
-    check: CriticCheck, states: tuple[str, ...] = (), inputs: tuple[str, ...] = (), origin: str = "the plant"
+    check: CriticCheck,
+    states: tuple[str, ...] = (),
+    inputs: tuple[str, ...] = (),
+    origin: str = "the plant",
+    limit_cost: float | None = None,
 ) -> Report:
-    """The verdict, every check, the margins beside the exact ones, and P and K entry by entry."""
+    """The verdict, every check, margins and cost beside the exact ones, and P and K entry by entry.
+
+    states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, says whether the cost is kept.
+    """
     m, n = check.exact.K.shape
     states, inputs = states or numbered("x", n), inputs or numbered("u", m)
     records = _entries(check, states, inputs)
-    rows = [
+    shown = [
         (f"{name}({row}, {column})", f"{learned:.8g}", f"{exact:.8g}", f"{learned - exact:+.2e}")
         for name, row, column, learned, exact in records.rows
         if name == "K" or states.index(row) <= states.index(column)
     ]
-    learned, exact = check.learned_margin, check.exact_margin
-    margins = [
-        (said, "-" if learned is None else f"{getattr(learned, name):.4g}", f"{getattr(exact, name):.4g}")
-        for said, name in (("disk", "disk"), ("gain", "gain"), ("phase, deg", "phase"))
-    ]
+    said = [f"Reason: {check.diagnosis}"] if check.diagnosis else []
+    if limit_cost is not None:
+        kept = "PASS" if check.flight.within(limit_cost) else "FAIL"
+        said.append(f"Cost in flight, at most {limit_cost:g} percent above the optimum: {kept}")
     return Report(
-        title=f"Critic on {origin}, against the exact game solution: {'agrees' if check.ok else 'REFUSED'}",
+        title=f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}",
         parts=(
-            *([f"Reason: {check.diagnosis}"] if check.diagnosis else []),
+            *said,
             checks_block(check.checks),
-            Table(("margins, all inputs", "learned", "exact"), margins),
-            Table(("entry", "learned", "exact", "difference"), rows),
+            _margins(check),
+            _cost(check),
+            Table(("entry", "learned", "exact", "difference"), shown),
         ),
-        data=check.to_dict(),
+        data=check.to_dict() if limit_cost is None else _with_limit(check, limit_cost),
         records=records,
     )
 
@@ -61,6 +63,27 @@ def _entries(check: CriticCheck, states: tuple[str, ...], inputs: tuple[str, ...
     return Table(("matrix", "row", "column", "learned", "exact"), rows)
 
 
-def error_over_time(check: CriticCheck, run: LearningResult, basis: Basis) -> np.ndarray:
-    """|P(t) - P*| / |P*| of every recorded time, (N,)."""
-    return np.array([relative_error(basis.matrix(weights), check.exact.P) for weights in run.weights])
+def _margins(check: CriticCheck) -> Table:
+    learned, exact = check.learned_margin, check.exact_margin
+    rows = [
+        (said, "-" if learned is None else f"{getattr(learned, name):.4g}", f"{getattr(exact, name):.4g}")
+        for said, name in (("disk", "disk"), ("gain", "gain"), ("phase, deg", "phase"))
+    ]
+    return Table(("margins, all inputs", "learned", "exact"), rows)
+
+
+def _cost(check: CriticCheck) -> Table:
+    flight = check.flight
+    rows = [
+        ("cost lost, worst start, percent", f"{flight.worst:.3g}", "0"),
+        ("cost lost, mean over starts, percent", f"{flight.mean:.3g}", "0"),
+        ("L2 gain", f"{flight.gain:.4g}", f"{flight.exact_gain:.4g}"),
+        ("distance to instability", f"{flight.distance:.3g}", f"{flight.exact_distance:.3g}"),
+    ]
+    return Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
+
+
+def _with_limit(check: CriticCheck, limit_cost: float) -> dict[str, Any]:
+    data = check.to_dict()
+    limited = {"limit_cost_percent": limit_cost, "ok": check.flight.within(limit_cost)}
+    return data | {"graded": data["graded"] | limited}

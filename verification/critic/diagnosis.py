@@ -3,114 +3,142 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
+from itertools import chain
 
 import numpy as np
 
-from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
 from verification.critic.candidate import Candidate
+from verification.critic.critic_errors import input_weights, relative_error, value_errors
+from verification.critic.other_games import REDUNDANT, game_at_another_angle, games_of_gain, games_of_value
+from verification.critic.repairs import Repair, repaired_gain, repaired_value, repaired_weights
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.spectrum import spectrum
 from verification.riccati.units import balanced_units, in_units
 
+#: A cause must explain the error down to this part of it. Noise in tens of entries cannot be explained by one number.
+EXPLAINED = 1e-3
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
-#: An eigenvalue below this share of the largest has no sign.
-SIGNLESS = 1e-12
 
 
-def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone is 0."""
-    if not np.all(np.isfinite(value)):
-        return math.inf
-    difference, size = float(np.linalg.norm(value - exact)), float(np.linalg.norm(exact))
-    if size == 0.0:
-        return 0.0 if difference == 0.0 else math.inf
-    return difference / size
+def diagnose(
+    game: Game,
+    exact: GameSolution,
+    candidate: Candidate,
+    limit: float,
+    at_dihedral: Callable[[float], Game] | None = None,
+) -> str:
+    """One sentence that names the mistake which this critic makes, or "" when none is recognized.
 
-
-def diagnose(game: Game, exact: GameSolution, candidate: Candidate, basis: Basis, limit: float) -> str:
-    """One sentence that names the known mistake which this critic makes, or "" when none is recognized.
-
-    Recognized: a gain of the wrong sign, two weights in each other's place, a P that is not symmetric, the LQR solution
-    in place of the game's, a K and a P that do not belong together, another root of the Riccati equation, the value of
-    another policy than its own.
+    A mistake is named when the critic without it (`repairs`), or the answer of the game that it implies
+    (`other_games`), is the same but for `EXPLAINED` of the error.
     """
-    units = balanced_units(game)
-    squared, balanced = np.outer(units, units), in_units(game, units)
-    K = candidate.K * units
-    if relative_error(-K, exact.K * units) <= limit:
-        return "the gain has the wrong sign: the policy is u = -K z"
+    P, K = candidate.P, candidate.K
+    if P is None:
+        return _of_gain(game, exact, K) or _of_another_game(game, exact, None, K, at_dihedral)
+    symmetric = (P + P.T) / 2.0
+    if all(check.ok for check in value_errors(game, P, exact.P, limit)):
+        return _beyond(candidate) or _of_gain(game, exact, K) or _not_together(game, P, K, limit)
+    return (
+        ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz knows (P + P')/2 alone")
+        or _of_value(game, exact, candidate, symmetric)
+        or _not_together(game, P, K, limit)
+        or _of_another_game(game, exact, symmetric, K, at_dihedral)
+        or _another_root(game, symmetric)
+    )
+
+
+def _value_error(game: Game, P: np.ndarray, exact: np.ndarray) -> float:
+    squared = np.outer(units := balanced_units(game), units)
+    return relative_error(P * squared, exact * squared)
+
+
+def _gain_error(game: Game, K: np.ndarray, exact: np.ndarray) -> float:
+    units, weights = balanced_units(game), input_weights(game)
+    return relative_error(weights @ K * units, weights @ exact * units)
+
+
+def _first(repairs: Iterable[Repair], error: Callable[[np.ndarray], float], before: float) -> str:
+    """The mistake of the first repair that leaves `EXPLAINED` of the error."""
+    allowed = EXPLAINED * min(before, 1.0)
+    return next((repair.mistake for repair in repairs if error(repair.matrix) <= allowed), "")
+
+
+def _of_value(game: Game, exact: GameSolution, candidate: Candidate, P: np.ndarray) -> str:
+    """P: (n, n) symmetric."""
+    repairs: Iterable[Repair] = repaired_value(P, exact.P, balanced_units(game))
     if candidate.weights is not None:
-        swapped = _swapped(candidate.weights, basis.weights(exact.P), basis.scaling(units), limit)
-        if swapped:
-            return swapped
-    if candidate.P is None:
-        return _gain_of_lqr(balanced, K, limit)
-    P = candidate.P * squared
-    if relative_error(K, balanced.gain(P)) > limit:
-        return "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
-    if relative_error(P, P.T) > limit:
-        return "P is not symmetric: the value z'Pz knows (P + P')/2 alone"
-    if relative_error(P, _lqr(balanced)) <= limit:
-        return f"this is the LQR solution (delta = inf), not the game's at delta = {game.delta:.6g}"
-    return _residual_of_another(balanced, P)
+        functions = candidate.functions
+        repairs = chain(repaired_weights(candidate.weights, functions.weights(exact.P), functions), repairs)
+    return _first(repairs, lambda repaired: _value_error(game, repaired, exact.P), _value_error(game, P, exact.P))
 
 
-def _residual_of_another(game: Game, P: np.ndarray) -> str:
-    """game, P: in balanced units."""
-    residual, abscissa = relative_residual(game, P), spectrum(game.A - game.S @ P).abscissa
-    if residual > _ROOT:
-        return _policy_evaluation(game, P, abscissa)
-    if abscissa < 0.0:
-        return ""  # the root of the game: what is left of its residual is rounding, whose signs say nothing
+def _of_gain(game: Game, exact: GameSolution, K: np.ndarray) -> str:
+    scales = np.sqrt(np.diag(game.R))[:, None] * balanced_units(game)
+    repairs = repaired_gain(K, exact.K, scales)
+    return _first(repairs, lambda repaired: _gain_error(game, repaired, exact.K), _gain_error(game, K, exact.K))
+
+
+def _not_together(game: Game, P: np.ndarray, K: np.ndarray, limit: float) -> str:
+    if _gain_error(game, K, game.gain(P)) <= limit:
+        return ""
+    return "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
+
+
+def _beyond(candidate: Candidate) -> str:
+    """What is said of weights beyond the quadratic ones, where those are right."""
+    beyond = candidate.functions.quadratic_size
+    if candidate.weights is None or not candidate.weights[beyond:].any():
+        return ""
+    place = beyond + int(np.argmax(np.abs(candidate.weights[beyond:])))
+    return (
+        f"weight {place + 1} is {candidate.weights[place]:.6g}: on a linear plant the value is quadratic, and every "
+        "weight beyond the quadratic ones must be 0"
+    )
+
+
+def _of_another_game(
+    game: Game,
+    exact: GameSolution,
+    P: np.ndarray | None,
+    K: np.ndarray,
+    at_dihedral: Callable[[float], Game] | None,
+) -> str:
+    """Whose answer this is, if not the game's."""
+
+    def error(solution: GameSolution) -> float:
+        return _gain_error(game, K, solution.K) if P is None else _value_error(game, P, solution.P)
+
+    def is_answer_of(other: Game) -> bool:
+        try:
+            return error(solve_game(other)) <= EXPLAINED * min(error(exact), 1.0)
+        except NoSolutionError:
+            return False
+
+    what = "gain" if P is None else "solution"
+    if math.isfinite(game.delta) and is_answer_of(game.with_delta(math.inf)):
+        return f"this is the LQR {what} (delta = inf), not the game's at delta = {game.delta:.6g}"
+    told = np.count_nonzero(exact.K if P is None else np.triu(exact.P))
+    if told < 1 + REDUNDANT:  # a few numbers fit many games
+        return ""
+    others = games_of_gain(game, K) if P is None else games_of_value(game, P)
+    if at_dihedral is not None:
+        others = chain(others, game_at_another_angle(at_dihedral, P, K))
+    names = (other.difference for other in others if is_answer_of(other.game))
+    return next((f"this is the {what} of another game, {difference}" for difference in names), "")
+
+
+def _another_root(game: Game, P: np.ndarray) -> str:
+    units = balanced_units(game)
+    residual = relative_residual(in_units(game, units), P * np.outer(units, units))
+    abscissa = spectrum(game.A - game.S @ P).abscissa
+    if residual > _ROOT or abscissa < 0.0:
+        return ""
     return (
         f"this is another root of the Riccati equation: its residual is {residual:.2g}, but A - S P is not Hurwitz "
         f"(abscissa {abscissa:+.3g} 1/s)"
     )
-
-
-def _swapped(weights: np.ndarray, exact: np.ndarray, scaling: np.ndarray, limit: float) -> str:
-    """scaling: of the weights to balanced units, in which it is told which two are wrong."""
-    scaled = scaling * exact
-    wrong = np.flatnonzero(np.abs(scaling * weights - scaled) > limit * np.abs(scaled).max())
-    if len(wrong) == 2:
-        crossed = np.abs(weights[wrong] - exact[wrong[::-1]])
-        if crossed.max() <= limit * np.abs(exact[wrong]).max():
-            return f"weights {wrong[0] + 1} and {wrong[1] + 1} stand in each other's place"
-    return ""
-
-
-def _lqr(game: Game) -> np.ndarray:
-    try:
-        return solve_game(game.with_delta(math.inf)).P
-    except NoSolutionError:
-        return np.full(game.A.shape, np.nan)
-
-
-def _gain_of_lqr(game: Game, K: np.ndarray, limit: float) -> str:
-    P = _lqr(game)
-    if np.all(np.isfinite(P)) and relative_error(K, game.gain(P)) <= limit:
-        return f"this is the LQR gain (delta = inf), not the game's at delta = {game.delta:.6g}"
-    return ""
-
-
-def _policy_evaluation(game: Game, P: np.ndarray, abscissa: float) -> str:
-    """The value P of a policy with gain R⁻¹B'P0 leaves the residual -(P - P0) S (P - P0), which has the signs of -S
-    (Sylvester's law of inertia), or one less where P and P0 agree."""
-    missing = np.subtract(_signs(-game.S), _signs(game.residual(P)))
-    if abscissa < 0.0 and missing.min() >= 0 and missing.sum() <= 1:
-        return (
-            "the Riccati residual has the signs that policy evaluation leaves: this may be the value of a recorded "
-            "policy instead of its own, or belong to another plant, Q or R"
-        )
-    return ""
-
-
-def _signs(matrix: np.ndarray) -> tuple[int, int]:
-    """Numbers of positive and of negative eigenvalues."""
-    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    floor = SIGNLESS * float(np.abs(eigenvalues).max())
-    return int(np.count_nonzero(eigenvalues > floor)), int(np.count_nonzero(eigenvalues < -floor))

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from game_files import small, stored
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
-from controller.game.model_file import load_critic, load_game, parse_diagonal
+from controller.game.model_file import load_critic, load_game, parse_diagonal, stored_game
 from controller.game.zero_sum import Game
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
@@ -51,7 +52,8 @@ def test_every_format_gives_the_same_game(tmp_path: Path, model: dict[str, np.nd
 
 def test_what_is_missing_comes_from_the_paper(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
     np.savez(tmp_path / "plant.npz", **model)
-    game = load_game(str(tmp_path / "plant.npz"))
+    with pytest.warns(UserWarning, match="there is no E, Q, R, delta; taken: E the identity, Q as in the paper, "):
+        game = load_game(str(tmp_path / "plant.npz"))
     assert np.array_equal(game.E, np.eye(6))
     assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
     assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
@@ -60,8 +62,8 @@ def test_what_is_missing_comes_from_the_paper(tmp_path: Path, model: dict[str, n
 
 def test_an_argument_counts_before_the_file(tmp_path: Path) -> None:
     path = _json(tmp_path / "plant.json", {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 5.0})
-    assert load_game(path).delta == 5.0
-    game = load_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
+    assert stored_game(path).game.delta == 5.0
+    game, _ = stored_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
     assert np.array_equal(game.Q, np.eye(2))
     assert game.R[0, 0] == 9.0
     assert game.delta == math.inf
@@ -73,7 +75,27 @@ def test_another_size_needs_its_own_weights(tmp_path: Path) -> None:
         load_game(path)
     with pytest.raises(BadInputError, match="the model has 1 inputs and the R of the paper is for 5; give R"):
         load_game(path, Q=np.eye(2))
-    assert load_game(path, Q=np.eye(2), R=np.eye(1)).delta == 200.0
+    assert stored_game(path, Q=np.eye(2), R=np.eye(1)).game.delta == 200.0
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
+def test_misnamed_entries_and_defaults_are_told(tmp_path: Path, suffix: str) -> None:
+    path = stored(tmp_path / f"plant{suffix}", A=A2, B=B2, Q=Q2, R=R1, D=[[1.0], [0.0]], gamma=7.0)
+    game, notes = stored_game(path)
+    assert game.delta == 200.0
+    assert notes == (
+        f"{path}: D, gamma not used; a model file holds A, B, E, Q, R, delta",
+        f"{path}: there is no E, delta; taken: E the identity, delta as in the paper",
+    )
+    assert stored_game(small(tmp_path / f"whole{suffix}")).notes == ()
+    ours = small(tmp_path / f"ours{suffix}", schema="hfa.linear-model/1", modes=[1.0])
+    assert stored_game(ours).notes == ()
+
+
+def test_one_input_as_a_row_is_told_to_be_a_column(tmp_path: Path) -> None:
+    savemat(tmp_path / "plant.mat", {"A": A2, "B": np.array([0.0, 1.0]), "Q": Q2, "R": R1})
+    with pytest.raises(BadInputError, match=r"B is one row, 1 x 2; with 2 states .* give one input as a column"):
+        load_game(tmp_path / "plant.mat")
 
 
 @pytest.mark.parametrize(

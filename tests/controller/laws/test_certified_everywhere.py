@@ -17,7 +17,7 @@ from hfa_model.variants import VARIANTS
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from verification.critic.diagnosis import relative_error
+from verification.critic.critic_errors import relative_error
 from verification.riccati.gare import GameSolution, solve_game
 
 LIMIT = 1e-9

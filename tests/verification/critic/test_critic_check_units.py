@@ -30,7 +30,7 @@ def game_in(state: float, of_input: float = 1.0) -> Game:
 
 
 def judged(game: Game, candidate: Candidate) -> CriticCheck:
-    return check_critic(game, candidate, QUADRATIC)
+    return check_critic(game, candidate)
 
 
 def failed(check: CriticCheck) -> set[str]:
@@ -65,8 +65,8 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
     exact = solve_game(game)
     assert "LQR" in judged(game, from_value(game, solve_game(game.with_delta(np.inf)).P)).diagnosis
     assert "wrong sign" in judged(game, from_gain(game, -exact.K)).diagnosis
-    assert judged(game, from_gain(game, exact.K * [1.0, -1.0])).diagnosis == ""
-    assert judged(game, from_gain(game, exact.K * [-1.0, 1.0])).diagnosis == ""
+    assert judged(game, from_gain(game, exact.K * [1.0, -1.0])).diagnosis == "state 2 has the wrong sign"
+    assert judged(game, from_gain(game, exact.K * [-1.0, 1.0])).diagnosis == "state 1 has the wrong sign"
     swapped = QUADRATIC.weights(exact.P)[[1, 0, 2]]
     assert "weights 1 and 2 stand" in judged(game, from_weights(game, swapped, QUADRATIC)).diagnosis
 

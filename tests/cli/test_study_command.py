@@ -1,0 +1,81 @@
+"""The study of the paper's law through the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import Terminal, hfa
+
+from controller.study.published_study import STUDY
+from hfa_cli.main import DONE, INTERRUPTED
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(_: object, fraction: float, row: str) -> None:
+        if row.startswith("learning alone"):
+            raise KeyboardInterrupt
+
+    words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "rows")
+    names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_cli.output.Progress.say", stop)
+        assert hfa(*words, err=Terminal()).code == INTERRUPTED
+    assert [path.name for path in Path("rows").iterdir()] == ["theorem-gains-explicit.json"]
+    kept = json.loads(
+        Path("rows", "theorem-gains-explicit.json").read_text(encoding="utf-8"), parse_constant=pytest.fail
+    )
+    whole = hfa(*words, "--resume", "-o", "study.json", err=Terminal())
+    assert whole.code == DONE
+    assert "study: 100 %" in whole.err
+    assert names[0] not in whole.err
+    data = json.loads(Path("study.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert data["rows"][0] == kept["rows"][0]
+    counts = [(row["name"], row["count"], row["overflow"], row["certified"]) for row in data["rows"]]
+    assert counts == [(names[0], 48, 48, 0), (names[1], 4, 0, 0)]
+    for name in names:
+        assert f"\n{name}: {STUDY[name].cause}" in whole.out
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a finished row is run again")
+
+    monkeypatch.setattr("controller.study.published_study._run", refuse)
+    for suffix in ("json", "npz", "mat", "csv"):
+        again = hfa(*words, "--resume", "-o", f"again.{suffix}")
+        assert (again.code, again.out, again.err) == (DONE, whole.out, "")
+    assert Path("again.json").read_bytes() == Path("study.json").read_bytes()
+    assert len(Path("again.csv").read_text(encoding="utf-8").splitlines()) == 2 + 48 + 4
+    with pytest.raises(AssertionError, match="is run again"):
+        hfa(*words)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text.replace('"eta": 0.8', '"eta": 0.7') + "{",
+        lambda text: text.replace('"identity": "', '"identity": "0'),
+        lambda text: text.replace('"toolchain": "', '"toolchain": "0'),
+        lambda text: text.replace("hfa.published-study/1", "hfa.published-study/0"),
+        lambda text: "[1]",
+    ],
+)
+def test_a_row_that_is_not_todays_is_run_again(damage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("study", "--only", "theorem gains, explicit", "--folder", "rows", "--resume")
+    whole, file = hfa(*words), Path("rows", "theorem-gains-explicit.json")
+    assert whole.code == DONE
+    text = file.read_text(encoding="utf-8")
+    file.write_text(damage(text), encoding="utf-8")
+    assert file.read_text(encoding="utf-8") != text
+    assert hfa(*words) == whole
+    assert file.read_text(encoding="utf-8") == text
+    with monkeypatch.context() as patched:
+        patched.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
+        assert hfa(*words) == whole
+    assert '"toolchain": "0.0.9"' in file.read_text(encoding="utf-8")

@@ -1,0 +1,174 @@
+"""Critics with one mistake planted in each, and the words by which the judge names it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
+from verification.riccati.gare import solve_game
+
+#: Radians in a degree.
+DEGREE = math.pi / 180.0
+Plant = Callable[[Game], np.ndarray]
+
+
+def weights_of(P: np.ndarray) -> np.ndarray:
+    return basis("quadratic", len(P)).weights(P)
+
+
+def value(game: Game) -> np.ndarray:
+    return solve_game(game).P
+
+
+def gain(game: Game) -> np.ndarray:
+    return solve_game(game).K
+
+
+def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.ndarray:
+    wrong = matrix.copy()
+    for place in places:
+        wrong[place] *= factor
+    return wrong
+
+
+def in_order(game: Game, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+    """The exact weights, sorted by order(row, column) of their products."""
+    row, column = np.triu_indices(len(game.A))
+    return weights_of(value(game))[order(row, column)]
+
+
+def swapped(game: Game) -> np.ndarray:
+    weights = weights_of(value(game))
+    weights[[3, 7]] = weights[[7, 3]]
+    return weights
+
+
+def without_the_factor(game: Game) -> np.ndarray:
+    return value(game)[np.triu_indices(len(game.A))]
+
+
+def other_root(game: Game) -> np.ndarray:
+    """The root of the Riccati equation with one real eigenvalue of the closed loop reflected: not stabilizing."""
+    n = len(game.A)
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    values, vectors = np.linalg.eig(H)
+    stable = [i for i in range(len(values)) if values[i].real < 0]
+    real = min((i for i in stable if abs(values[i].imag) < 1e-9), key=lambda i: values[i].real)
+    chosen = [int(np.argmin(np.abs(values + values[real]))) if i == real else i for i in stable]
+    P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
+    return (P + P.T) / 2
+
+
+def recorded_policy(game: Game) -> np.ndarray:
+    """The value of the policies of another P, as a stack with frozen policies teaches it."""
+    from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+    P0 = solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
+    return solve_continuous_lyapunov((game.A - game.S @ P0).T, -(game.Q + P0 @ game.S @ P0))
+
+
+def lqr(game: Game) -> np.ndarray:
+    return value(game.with_delta(math.inf))
+
+
+def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
+    """P of states of which some are in degrees."""
+    units = np.where(degrees, DEGREE, 1.0)
+    return value(game) * np.outer(units, units)
+
+
+ANGLES = np.array([False, True, True, True, True, True])
+FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+ORDER = [0, 2, 1, 3, 5, 4]
+HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
+
+#: Name -> (what comes, how it is made from the game, the words).
+NAMED: dict[str, tuple[str, Plant, str]] = {
+    "LQR value": ("P", lqr, "this is the LQR solution (delta = inf), not the game's at delta = 200"),
+    "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
+    "another root": ("P", other_root, "this is another root of the Riccati equation"),
+    "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
+    "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
+    "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
+    "sign of K": ("K", lambda game: -gain(game), "the gain has the wrong sign: the policy is u = -K z"),
+    "swapped weights": ("W", swapped, "weights 4 and 8 stand in each other's place"),
+    "no factor 2": ("W", without_the_factor, "the weights of products z_i z_j lack their factor 2"),
+    "half cost, P": ("P", lambda game: value(game) / 2, "the value is half the exact one"),
+    "half cost, W": ("W", lambda game: weights_of(value(game)) / 2, "the value is half the exact one"),
+    "twice, W": ("W", lambda game: weights_of(value(game)) * 2, "the value is twice the exact one"),
+    "half cost, K": ("K", lambda game: gain(game) / 2, "the gain is half the exact one"),
+    "twice, K": ("K", lambda game: gain(game) * 2, "the gain is twice the exact one"),
+    "thousandfold": ("P", lambda game: 1000.0 * value(game), "every entry is 1000 times the exact one"),
+    "weights as P": (
+        "P",
+        lambda game: value(game) * (2.0 - np.eye(len(game.A))),
+        "of twice their size",
+    ),
+    "column order": (
+        "W",
+        lambda game: in_order(game, lambda row, column: np.lexsort((row, column))),
+        "the weights stand column by column",
+    ),
+    "squares first": (
+        "W",
+        lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable")),
+        "the weights stand with the squares first",
+    ),
+    "states, P": ("P", lambda game: value(game)[ORDER][:, ORDER], "the states are in the order 1, 3, 2, 4, 6, 5"),
+    "states, W": ("W", lambda game: weights_of(value(game)[ORDER][:, ORDER]), "the order 1, 3, 2, 4, 6, 5"),
+    "states, K": ("K", lambda game: gain(game)[:, ORDER], "the states are in the order 1, 3, 2, 4, 6, 5"),
+    "inputs, K": ("K", lambda game: gain(game)[[0, 2, 1, 4, 3]], "the inputs are in the order 1, 3, 2, 5, 4"),
+    "degrees, P": ("P", lambda game: turned(game, ANGLES), "states 2, 3, 4, 5 and 6 are in degrees"),
+    "degrees, W": ("W", lambda game: weights_of(turned(game, ANGLES)), "states 2, 3, 4, 5 and 6 are in degrees"),
+    "one angle in degrees": ("P", lambda game: turned(game, np.arange(6) == 4), "state 5 is in degrees"),
+    "gain per degree": ("K", lambda game: gain(game) * np.where(ANGLES, DEGREE, 1.0), "states 2, 3, 4, 5 and 6 are in"),
+    "inputs in degrees": (
+        "K",
+        lambda game: np.array([[1.0], [1.0], [1.0], [1 / DEGREE], [1 / DEGREE]]) * gain(game),
+        "inputs 4 and 5 are in degrees",
+    ),
+    "sign of a state, P": (
+        "P",
+        lambda game: value(game) * np.outer(FLIPPED, FLIPPED),
+        "states 5 and 6 are of",
+    ),
+    "sign of a state, K": ("K", lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1), "state 3 has the wrong"),
+    "sign of an input, K": ("K", lambda game: (gain(game).T * [1, 1, 1, -1, 1]).T, "input 4 has the wrong sign"),
+    "sign of an entry, P": ("P", lambda game: changed(value(game), -1, (1, 4), (4, 1)), "P(2, 5) has the wrong sign"),
+    "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0)), "K(4, 1) has the wrong sign"),
+    "decimal slip, P": ("P", lambda game: changed(value(game), 10, (2, 5), (5, 2)), "P(3, 6) is 10 times"),
+    "decimal slip, K": ("K", lambda game: changed(gain(game), 0.01, (4, 4)), "K(5, 5) is 0.01 times"),
+    "another delta, P": ("P", lambda game: value(game.with_delta(160.0)), "of another game, at delta = 160"),
+    "another delta, K": ("K", lambda game: gain(game.with_delta(450.0)), "of another game, at delta = 450"),
+    "Q scaled, P": ("P", lambda game: value(replace(game, Q=2.5 * game.Q)), "with Q 2.5 times as large"),
+    "Q scaled, K": ("K", lambda game: gain(replace(game, Q=0.5 * game.Q)), "with Q 0.5 times as large"),
+    "R scaled, P": ("P", lambda game: value(replace(game, R=0.5 * game.R)), "with R 0.5 times as large"),
+    "R scaled, K": ("K", lambda game: gain(replace(game, R=0.25 * game.R)), "with R 0.25 times as large"),
+    "another Q": (
+        "P",
+        lambda game: value(replace(game, Q=HEAVY @ game.Q)),
+        "with Q = diag(3000, 1000, 0.01, 0.01, 200, 0.01)",
+    ),
+    "another R": (
+        "P",
+        lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0]))),
+        "with R = diag(100, 400, 300, 400, 50)",
+    ),
+}
+#: Wrong, and without a reason that could be told.
+UNNAMED: dict[str, tuple[str, Plant]] = {
+    "recorded policy": ("P", recorded_policy),
+    "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
+    "no value": ("P", lambda game: np.zeros_like(game.A)),
+}
+_KINDS = {"W": from_weights, "P": from_value, "K": from_gain}
+
+
+def candidate_of(game: Game, kind: str, plant: Plant) -> Candidate:
+    return _KINDS[kind](game, plant(game))

@@ -1,0 +1,131 @@
+"""No error hides: beyond the quadratic weights, in directions without inputs, or behind larger entries."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from game_samples import game_models
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
+from verification.critic.critic_check import LIMIT, check_critic
+from verification.critic.critic_errors import (
+    ORDINARY_DEVIATIONS,
+    box_errors,
+    entry_error,
+    gain_errors,
+    ordinary_box,
+    value_errors,
+)
+from verification.riccati.gare import solve_game
+from verification.riccati.units import balanced_units
+
+GAME = game_models()["published-15"]
+EXACT = solve_game(GAME)
+BOX = np.array(ORDINARY_DEVIATIONS)
+
+
+def failed(candidate: Candidate, game: Game = GAME) -> set[str]:
+    return {check.name for check in check_critic(game, candidate).checks if not check.ok}
+
+
+def over_the_box(candidate: Candidate) -> dict[str, float]:
+    return {check.name: check.value for check in box_errors(GAME, candidate, EXACT, BOX, LIMIT)}
+
+
+@pytest.mark.parametrize(
+    ("name", "weight", "size"),
+    [
+        ("paper", 24, 1e12),
+        ("quadratic+quartic", 23, -1e12),
+        ("quadratic+linear", 23, -1e12),
+        ("paper", 24, 1e-2),
+        ("quadratic+quartic", 25, 1e-2),
+        ("quadratic+linear", 25, 1e-2),
+    ],
+)
+def test_a_weight_that_no_input_sees_is_refused(name: str, weight: int, size: float) -> None:
+    """B has zero rows for pitch and dihedral: such a weight changes neither P, nor K, nor the policy."""
+    functions = basis(name, 6)
+    weights = functions.weights(EXACT.P)
+    weights[weight] = size
+    candidate = from_weights(GAME, weights, functions)
+    assert over_the_box(candidate)["policy_rel_error"] <= 1e-12
+    assert failed(candidate) >= {"gradient_rel_error", "disturbance_rel_error"}
+
+
+@pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
+def test_every_weight_beyond_the_quadratic_ones_is_seen(name: str) -> None:
+    functions = basis(name, 6)
+    for place in range(21, functions.size):
+        weights = functions.weights(EXACT.P)
+        at_corner = functions.scaling(BOX)
+        weights[place] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[place]
+        found = over_the_box(from_weights(GAME, weights, functions))
+        assert found["value_rel_error"] > LIMIT, place
+
+
+def test_an_entry_that_hides_in_the_norms_is_refused() -> None:
+    P = EXACT.P.copy()
+    P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
+    assert failed(from_value(GAME, P)) >= {"P_entry_error"}
+    assert not {"P_rel_error", "P_balanced_error", "riccati_residual"} & failed(from_value(GAME, P))
+
+
+@pytest.mark.parametrize("change", [1e-5, -1e-5])
+def test_every_entry_of_the_value_is_seen(change: float) -> None:
+    for i, j in zip(*np.triu_indices(6), strict=True):
+        P = EXACT.P.copy()
+        P[i, j] = P[j, i] = P[i, j] * (1.0 + change)
+        found = {check.name: check for check in value_errors(GAME, P, EXACT.P, LIMIT)}
+        assert found["P_entry_error"].value == pytest.approx(1e-5, rel=1e-6), (i, j)
+        assert not found["P_entry_error"].ok
+
+
+def test_every_entry_of_the_gain_is_seen() -> None:
+    for i, j in np.ndindex(5, 6):
+        K = EXACT.K.copy()
+        K[i, j] *= 1.0 + 1e-5
+        assert not all(check.ok for check in gain_errors(GAME, K, EXACT.K, LIMIT)), (i, j)
+
+
+@pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
+def test_the_bounds_hold_at_every_state_of_the_box(name: str) -> None:
+    """V, its slopes and both policies, sampled in the box: no error exceeds its bound."""
+    functions, rng = basis(name, 6), np.random.default_rng(0)
+    exact = functions.weights(EXACT.P)
+    weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(exact.shape)
+    found = over_the_box(from_weights(GAME, weights, functions))
+    z = rng.choice([-1.0, 1.0, 0.3], size=(2000, 6)) * BOX
+    change = weights - exact
+    V, slopes = functions.psi(z) @ change, np.swapaxes(functions.gradient(z), -1, -2) @ change
+    sizes = np.abs(exact) * functions.scaling(BOX)
+    assert np.abs(V).max() <= found["value_rel_error"] * sizes.sum()
+    assert np.all(np.abs(slopes * BOX).max(axis=0) <= found["gradient_rel_error"] * (sizes @ functions.exponents))
+    u = -0.5 * slopes @ GAME.R_inverse_B_transposed.T
+    d = 0.5 * slopes @ GAME.E / GAME.delta**2
+    assert np.all(np.abs(u).max(axis=0) <= found["policy_rel_error"] * (np.abs(EXACT.K) @ BOX))
+    largest = np.abs(EXACT.disturbance_gain) @ BOX
+    assert np.all(np.abs(d).max(axis=0) <= found["disturbance_rel_error"] * largest)
+
+
+def test_a_gain_alone_has_no_value_to_judge() -> None:
+    assert set(over_the_box(from_gain(GAME, EXACT.K))) == {"policy_rel_error"}
+
+
+def test_the_box_is_that_of_the_aircraft_or_of_balanced_units() -> None:
+    small = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 1e6]), np.eye(2), 5.0)
+    assert ordinary_box(GAME).tolist() == list(ORDINARY_DEVIATIONS)
+    assert ordinary_box(small).tolist() == balanced_units(small).tolist()
+
+
+def test_an_entry_is_held_against_its_own_size() -> None:
+    exact = np.array([1.0, 1e-3, 0.0])
+    assert entry_error(np.array([0.0, 1e-6, 0.0]), exact) == pytest.approx(1e-3)
+    assert entry_error(np.array([0.0, 0.0, 1e-11]), exact) == pytest.approx(1e-6)
+    assert entry_error(np.array([0.0, np.nan, 0.0]), exact) == math.inf
+    assert entry_error(np.zeros(3), np.zeros(3)) == 0.0
+    assert entry_error(np.ones(3), np.zeros(3)) == math.inf

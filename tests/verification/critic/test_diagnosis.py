@@ -1,0 +1,111 @@
+"""Each planted mistake is named, and random errors are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from game_samples import game_models
+from planted_critics import NAMED, UNNAMED, candidate_of, gain, value, weights_of
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game, published_game
+from hfa_model.aircraft import Aircraft
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
+from verification.critic.critic_check import LIMIT, check_critic
+from verification.critic.diagnosis import diagnose
+from verification.riccati.gare import solve_game
+
+#: Random errors of each kind of critic, and how many of a hundred may get a cause.
+DRAWS, FALSE_CAUSES = 100, 1
+
+
+def named(game: Game, candidate: Candidate) -> str:
+    return diagnose(game, solve_game(game), candidate, LIMIT)
+
+
+@pytest.mark.parametrize("mistake", NAMED)
+def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> None:
+    kind, plant, words = NAMED[mistake]
+    check = check_critic(game, candidate_of(game, kind, plant))
+    assert not check.ok
+    assert words in check.diagnosis
+
+
+@pytest.mark.parametrize("mistake", UNNAMED)
+def test_what_cannot_be_told_is_refused_without_a_cause(game: Game, mistake: str) -> None:
+    kind, plant = UNNAMED[mistake]
+    check = check_critic(game, candidate_of(game, kind, plant))
+    assert not check.ok
+    assert check.diagnosis == ""
+
+
+@pytest.mark.parametrize("mistake", ["degrees, P", "column order", "another delta, K", "decimal slip, P"])
+def test_a_critic_of_four_digits_is_named_too(game: Game, mistake: str) -> None:
+    kind, plant, words = NAMED[mistake]
+    rng = np.random.default_rng(1)
+    wrong = candidate_of(game, kind, lambda game: plant(game) * (1.0 + 1e-6 * rng.standard_normal(plant(game).shape)))
+    assert words in named(game, wrong)
+
+
+@pytest.mark.parametrize("kind", ["W", "P", "K"])
+def test_random_errors_get_no_cause(game: Game, kind: str) -> None:
+    exact = solve_game(game)
+    right = {"W": weights_of(exact.P), "P": exact.P, "K": exact.K}[kind]
+    rng, found = np.random.default_rng(0), []
+    for size in 10.0 ** rng.uniform(-4.0, -1.0, DRAWS):
+        noise = rng.standard_normal(right.shape)
+        noise = (noise + noise.T) / np.sqrt(2.0) if kind == "P" else noise
+        wrong = candidate_of(game, kind, lambda _, noise=noise, size=size: right * (1.0 + size * noise))
+        found.append(diagnose(game, exact, wrong, LIMIT))
+    assert sum(cause != "" for cause in found) <= FALSE_CAUSES, set(found)
+
+
+@pytest.mark.parametrize("kind", ["P", "K"])
+@pytest.mark.parametrize("degrees", [5.0, 12.3])
+def test_a_critic_of_another_angle_is_named_with_its_angle(
+    game: Game, published_aircraft: Aircraft, kind: str, degrees: float
+) -> None:
+    def at_dihedral(degrees: float) -> Game:
+        point = find_operating_point(published_aircraft, level_flight(np.radians(degrees)))
+        model = linearize(published_aircraft, point)
+        return published_game(model.A, model.B)
+
+    other = at_dihedral(degrees)
+    wrong = from_value(game, value(other)) if kind == "P" else from_gain(game, gain(other))
+    check = check_critic(game, wrong, at_dihedral=at_dihedral)
+    assert check.diagnosis.endswith(f"of another game, at dihedral {degrees:.4f} deg")
+    assert check_critic(game, wrong).diagnosis == ""  # the plants cannot be told without the aircraft
+    noise = np.random.default_rng(2).standard_normal(gain(game).shape)
+    assert (
+        check_critic(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), at_dihedral=at_dihedral).diagnosis == ""
+    )
+
+
+def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
+    functions = basis("paper", 6)
+    weights = functions.weights(value(game))
+    weights[24] = 3.0
+    check = check_critic(game, from_weights(game, weights, functions))
+    assert check.diagnosis.startswith("weight 25 is 3: on a linear plant the value is quadratic")
+
+
+def test_a_transposed_gain_of_a_square_plant_is_named() -> None:
+    game = Game([[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0)
+    assert named(game, from_gain(game, gain(game).T)) == "K is transposed"
+
+
+def test_one_number_is_not_taken_for_another_game() -> None:
+    game = Game([[1.0]], [[1.0]], [[1.0]], [[1e-8]], [[1.0]], delta=2.0)
+    assert named(game, from_value(game, value(game) * 1.2)) == ""
+    assert named(game, from_value(game, value(game) / 2.0)).startswith("the value is half")
+
+
+@pytest.mark.parametrize("name", ["published-5", "published-15"])
+def test_the_right_critics_of_the_printed_models_pass(name: str) -> None:
+    game = game_models()[name]
+    exact = solve_game(game)
+    for right in (from_value(game, exact.P), from_gain(game, exact.K)):
+        assert check_critic(game, right).ok

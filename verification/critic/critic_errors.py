@@ -1,0 +1,134 @@
+"""How far a critic is from the exact one: in norms, entry by entry, and over a whole box of states.
+
+V - V* = Σ_m c_m ψ_m(z), c = W - W*. In y_i = z_i / b_i, b the half widths of the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with
+|ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at every state of the box, and so for the derivatives. No
+polynomial hides between samples. The scale of a linear problem is arbitrary, so each bound holds for every box λb with
+1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much beside the quadratic V*.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.support.checks import Check, at_most
+from verification.critic.candidate import Candidate
+from verification.riccati.gare import GameSolution
+from verification.riccati.units import balanced_units
+
+#: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and rad/s, in the order of
+#: `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
+ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
+#: States and inputs of the aircraft's linear model.
+AIRCRAFT_SHAPE = (6, 5)
+REACH = 10.0
+#: An entry below this part of the largest is held against that part.
+SMALL = 1e-5
+
+
+def ordinary_box(game: Game) -> np.ndarray:
+    """(n,): `ORDINARY_DEVIATIONS` for a plant of the aircraft's six states and five inputs, else balanced units."""
+    return np.array(ORDINARY_DEVIATIONS) if game.B.shape == AIRCRAFT_SHAPE else balanced_units(game)
+
+
+def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
+    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone is 0."""
+    if not np.all(np.isfinite(value)):
+        return math.inf
+    difference, size = float(np.linalg.norm(value - exact)), float(np.linalg.norm(exact))
+    if size == 0.0:
+        return 0.0 if difference == 0.0 else math.inf
+    return difference / size
+
+
+def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
+    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|); inf when a number is not finite."""
+    largest = float(np.abs(exact).max(initial=0.0))
+    if not np.all(np.isfinite(difference)):
+        return math.inf
+    if largest == 0.0:
+        return math.inf if np.any(difference) else 0.0
+    return float((np.abs(difference) / np.maximum(np.abs(exact), SMALL * largest)).max())
+
+
+def input_weights(game: Game) -> np.ndarray:
+    """R^(1/2), (m, m): |R^(1/2) u|² = u'Ru, whatever the units of the inputs."""
+    eigenvalues, vectors = np.linalg.eigh(game.R)
+    return np.asarray(np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T)
+
+
+def gain_errors(game: Game, K: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
+    """Errors of K (m, n): as it is, as R^(1/2) K U, and entry by entry as diag(R)^(1/2) K U, U = `balanced_units`."""
+    units, weights = balanced_units(game), input_weights(game)
+    scales = np.sqrt(np.diag(game.R))[:, None] * units
+    K_error = relative_error(K, exact)
+    balanced = relative_error(weights @ K * units, weights @ exact * units)
+    worst = entry_error((K - exact) * scales, exact * scales)
+    return (
+        at_most("K_rel_error", K_error, limit, f"K is off by {K_error:.2g}"),
+        at_most("K_balanced_error", balanced, limit, f"K is off by {balanced:.2g} in balanced units"),
+        at_most("K_entry_error", worst, limit, f"an entry of K is off by {worst:.2g}"),
+    )
+
+
+def value_errors(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
+    """Errors of P (n, n): as it is, as U P U, and entry by entry in these units, U = `balanced_units`."""
+    units = balanced_units(game)
+    squared = np.outer(units, units)
+    P_error, balanced = relative_error(P, exact), relative_error(P * squared, exact * squared)
+    worst = entry_error((P - exact) * squared, exact * squared)
+    return (
+        at_most("P_rel_error", P_error, limit, f"P is off by {P_error:.2g}"),
+        at_most("P_balanced_error", balanced, limit, f"P is off by {balanced:.2g} in balanced units"),
+        at_most("P_entry_error", worst, limit, f"an entry of P is off by {worst:.2g}"),
+    )
+
+
+def box_errors(
+    game: Game, candidate: Candidate, exact: GameSolution, box: np.ndarray, limit: float
+) -> tuple[Check, ...]:
+    """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u and d.
+
+    V relative to the sum of its own terms at the corner of the box, the others to their largest value in the box.
+    u = -½ R⁻¹B'∂V/∂z as it would be flown, or -K z of a gain; d = ½ δ⁻²E'∂V/∂z, the worst disturbance.
+    """
+    psi, beyond = candidate.functions, candidate.functions.quadratic_size
+    exact_weights = psi.weights(exact.P)
+    with np.errstate(all="ignore"):  # what is not finite fails
+        given = exact_weights if candidate.P is None else _weights_of(candidate, candidate.P)
+        reach = REACH ** np.abs(psi.exponents.sum(axis=1) - 2)
+        errors = np.abs(given - exact_weights) * psi.scaling(box) * reach
+        sizes = np.abs(exact_weights) * psi.scaling(box)
+        higher = 0.5 * errors[beyond:] @ psi.exponents[beyond:] / box
+        P = psi.matrix(given)
+        K = candidate.K if candidate.weights is None else game.gain(P)
+        u_errors = np.abs(K - exact.K) @ box + np.abs(game.R_inverse_B_transposed) @ higher
+        d_errors = np.abs(game.disturbance_gain(P - exact.P)) @ box + np.abs(game.E.T) @ higher / game.delta**2
+    u_scale = np.sqrt(np.diag(game.R))
+    policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
+    checks = [
+        at_most(
+            "policy_rel_error", policy, limit, f"the policy is off by {policy:.2g} of an input's largest in the box"
+        )
+    ]
+    if candidate.P is None:
+        return tuple(checks)
+    value = entry_error(errors.sum(keepdims=True), sizes.sum(keepdims=True))
+    gradient = entry_error(errors @ psi.exponents, sizes @ psi.exponents)
+    checks += [
+        at_most("value_rel_error", value, limit, f"V is off by {value:.2g} in the box"),
+        at_most("gradient_rel_error", gradient, limit, f"a slope of V is off by {gradient:.2g} in the box"),
+    ]
+    if math.isfinite(game.delta) and game.E.size:
+        worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
+        checks.append(
+            at_most("disturbance_rel_error", worst, limit, f"the worst disturbance is off by {worst:.2g} in the box")
+        )
+    return tuple(checks)
+
+
+def _weights_of(candidate: Candidate, P: np.ndarray) -> np.ndarray:
+    """W of V = W'ψ(z), (M,); z'Pz knows (P + P')/2 alone."""
+    return candidate.functions.weights((P + P.T) / 2.0) if candidate.weights is None else candidate.weights

@@ -1,0 +1,166 @@
+"""Of which other game a critic is the answer: another delta, Q, R or dihedral angle, solved for.
+
+A value P belongs to A, B, E with weights that its Riccati equation gives linearly:
+A'P + P A + Σ q_i e_i e_i' - P (Σ r_j⁻¹ b_j b_j' - δ⁻² E E') P = 0. A gain, and a dihedral angle, are searched for along
+one parameter. Either guess is then solved as a game of its own, and only its answer counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from verification.critic.critic_errors import input_weights
+from verification.riccati.gare_schur import schur_solution
+from verification.riccati.units import balanced_units, in_units
+
+#: Where a search along one parameter begins: factors of its value in the game, and angles in degrees.
+FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
+ANGLES = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
+_STEPS = 30
+REACHED = 0.1
+#: Numbers of a critic beyond those that are solved for; one alone would fit by chance.
+REDUNDANT = 2
+
+
+class OtherGame(NamedTuple):
+    """In words what differs, and the game."""
+
+    difference: str
+    game: Game
+
+
+def games_of_value(game: Game, P: np.ndarray) -> Iterator[OtherGame]:
+    """Games with another delta, Q or R whose value may be P, (n, n)."""
+    units = balanced_units(game)
+    there, P = in_units(game, units), P * np.outer(units, units)
+    linear = there.A.T @ P + P @ there.A
+    control, disturbance = P @ there.S_control @ P, P @ there.S_disturbance @ P / game.delta**2
+    if disturbance.any():
+        found = _fitted([disturbance], linear + there.Q - control)
+        if found is not None and found[0] > 0.0:
+            delta = game.delta / math.sqrt(found[0])
+            yield from _other(f"at delta = {delta:.4g}", game, delta=delta)
+    found = _fitted([there.Q], linear - control + disturbance)
+    if found is not None:
+        yield from _other(f"with Q {found[0]:.4g} times as large", game, Q=found[0] * game.Q)
+    found = _fitted([-control], linear + there.Q + disturbance)
+    if found is not None and found[0] > 0.0:
+        yield from _other(f"with R {1.0 / found[0]:.4g} times as large", game, R=game.R / found[0])
+    if _diagonal(game.Q):
+        found = _fitted([np.diag(row) for row in np.eye(len(P))], linear - control + disturbance)
+        if found is not None:
+            Q = np.diag(found / units**2)
+            yield from _other(f"with Q = diag({_entries(np.diag(Q))})", game, Q=Q)
+    if _diagonal(game.R) and len(game.R) > 1:
+        columns = (P @ there.B).T
+        found = _fitted([-np.outer(column, column) for column in columns], linear + there.Q + disturbance)
+        if found is not None and np.all(found > 0.0):
+            yield from _other(f"with R = diag({_entries(1.0 / found)})", game, R=np.diag(1.0 / found))
+
+
+def games_of_gain(game: Game, K: np.ndarray) -> Iterator[OtherGame]:
+    """Games with another delta, or with Q or R scaled, whose gain may be K, (m, n)."""
+    logs = [math.log(factor) for factor in FACTORS]
+    families: list[tuple[str, Callable[[float], float], Callable[[float], Game], list[float]]] = [
+        ("with Q {:.4g} times as large", math.exp, lambda x: replace(game, Q=math.exp(x) * game.Q), logs),
+        ("with R {:.4g} times as large", math.exp, lambda x: replace(game, R=math.exp(x) * game.R), logs),
+    ]
+    if math.isfinite(game.delta):
+
+        def delta(x: float) -> float:  # K is smooth in x = 1/δ², relative
+            return game.delta / math.sqrt(x)
+
+        families.insert(0, ("at delta = {:.4g}", delta, lambda x: game.with_delta(delta(x)), list(FACTORS)))
+    for said, value, game_at, starts in families:
+        found = _searched(game_at, starts, lambda other: _gain_difference(other, K))
+        if found is not None:
+            yield OtherGame(said.format(value(found)), game_at(found))
+
+
+def game_at_another_angle(
+    at_dihedral: Callable[[float], Game], P: np.ndarray | None, K: np.ndarray
+) -> Iterator[OtherGame]:
+    """The game at the dihedral angle whose value may be P, (n, n), or whose gain K, (m, n)."""
+    angle = _searched(
+        at_dihedral,
+        list(ANGLES),
+        lambda other: _gain_difference(other, K) if P is None else _value_difference(other, P),
+    )
+    if angle is not None:
+        yield OtherGame(f"at dihedral {angle:.4f} deg", at_dihedral(angle))
+
+
+def _searched(
+    game_at: Callable[[float], Game], starts: list[float], difference: Callable[[Game], np.ndarray]
+) -> float | None:
+    """The parameter at which the difference is least, by Gauss-Newton steps from the best start, as long as each halves
+    it; None when they do not bring it to `REACHED` of what it was."""
+
+    def at(value: float) -> np.ndarray | None:
+        try:
+            with np.errstate(divide="raise", invalid="raise"):
+                return difference(game_at(value))
+        except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
+            return None
+
+    tried = [(float(np.linalg.norm(found)), start) for start in starts if (found := at(start)) is not None]
+    if not tried:
+        return None
+    first, value = min(tried)
+    here = at(value)
+    for _ in range(_STEPS):
+        step = 1e-5 * max(1.0, abs(value))
+        there = at(value + step)
+        if here is None or there is None or not np.any(there - here):
+            return None
+        slope = (there - here) / step
+        moved = value - float(np.sum(slope * here) / np.sum(slope * slope))
+        found = at(moved)
+        if found is None or np.linalg.norm(found) > 0.5 * np.linalg.norm(here):
+            break
+        value, here = moved, found
+    return value if here is not None and np.linalg.norm(here) <= REACHED * first else None
+
+
+def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
+    squared = np.outer(units := balanced_units(game), units)
+    exact = schur_solution(game)
+    return np.asarray((exact - P) * squared / np.linalg.norm(exact * squared))
+
+
+def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:
+    units, weights = balanced_units(game), input_weights(game)
+    exact = game.gain(schur_solution(game))
+    return np.asarray(weights @ (exact - K) * units / np.linalg.norm(weights @ exact * units))
+
+
+def _fitted(columns: list[np.ndarray], rest: np.ndarray) -> np.ndarray | None:
+    """x of the least squares Σ x_i column_i + rest = 0; None when fewer than `REDUNDANT` equations would test them."""
+    entries = np.triu_indices(len(rest))
+    matrix = np.array([column[entries] for column in columns]).T
+    equations = np.count_nonzero(matrix.any(axis=1) | (rest[entries] != 0.0))
+    if equations < matrix.shape[1] + REDUNDANT:
+        return None
+    return np.linalg.lstsq(matrix, -rest[entries], rcond=None)[0]
+
+
+def _other(difference: str, game: Game, **changes: object) -> Iterator[OtherGame]:
+    try:
+        yield OtherGame(difference, replace(game, **changes))  # type: ignore[arg-type]
+    except BadInputError:
+        return  # such weights make no game
+
+
+def _diagonal(matrix: np.ndarray) -> bool:
+    return bool(np.array_equal(matrix, np.diag(np.diag(matrix))))
+
+
+def _entries(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
