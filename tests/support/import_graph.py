@@ -35,6 +35,7 @@ ROOMS = (
     "verification.published",
     "verification.validation",
     "verification.flights",
+    "verification.proof",
     "verification.experiments",
     "hfa_cli",
     "hfa_cli.commands",

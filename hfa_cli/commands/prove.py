@@ -1,0 +1,126 @@
+"""Statements with a proof in ball arithmetic, for every angle of an interval and not for the points of a grid.
+
+schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop Hurwitz.
+--check FILE verifies a certificate that `hfa prove schedule -o FILE` wrote, by other means than it was made with.
+Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint (`pip install .[proof]`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfa_cli import options
+from hfa_cli.output import Progress, check_target, show
+from hfa_cli.values import number, quantity
+from hfa_model.support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from verification.proof.gain_table import GainTable
+    from verification.proof.trim_branch import Family
+
+STATEMENTS = ("schedule",)
+#: Angle between two gains of our own table, deg.
+_STEP = 2.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa prove`."""
+    parser.add_argument("statement", nargs="?", choices=STATEMENTS, help="what to prove")
+    parser.add_argument("--check", metavar="FILE", help="verify a certificate instead of proving")
+    parser.add_argument(
+        "--table", metavar="FILE", help="gains K over dihedral_deg (.npz, .json); default: the exact game's"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
+    options.add_condition(parser, dihedral_required=False)
+    options.add_aircraft(parser)
+    options.add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prove or check, and report."""
+    from verification.proof.balls import flint_or_refusal
+
+    flint_or_refusal()
+    if arguments.check is not None:
+        return _check(arguments)
+    if arguments.statement is None:
+        raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
+    return _schedule(arguments)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from verification.proof.checker import check_certificate
+    from verification.proof.proof_report import checked_report
+
+    if arguments.statement is not None:
+        raise BadInputError("--check verifies a certificate as it is; leave the statement out")
+    found = check_certificate(Path(arguments.check), Progress("check"))
+    show(checked_report(found), as_json=arguments.json, target=check_target(arguments.output))
+    return 0 if found.proved else 1
+
+
+def _schedule(arguments: argparse.Namespace) -> int:
+    from verification.proof.certificate_file import Certificate
+    from verification.proof.proof_report import schedule_report
+    from verification.proof.schedule_proof import prove_schedule
+
+    target = check_target(arguments.output, (".json",))
+    if arguments.resume and target is None:
+        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+    low, high = _interval(arguments.dihedral)
+    family = _family(arguments)
+    for end in (low, high):
+        family.condition(end).check_pitch()
+    file = Certificate(family, _table(arguments, family, low, high), low, high, target)
+    result = prove_schedule(
+        family,
+        file.table,
+        low,
+        high,
+        known=file.known() if arguments.resume else None,
+        save=file.save,
+        progress=Progress("prove"),
+    )
+    file.save(result.loop, result.modes, finished=True)
+    show(schedule_report(result), as_json=arguments.json, target=None)
+    return 0 if result.proved else 1
+
+
+def _interval(text: str | None) -> tuple[float, float]:
+    """LOW:HIGH in degrees, as they were written: the statement is about them."""
+    low, colon, high = (text or "").partition(":")
+    if not colon or ":" in high:
+        raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
+    ends = number(low, "dihedral"), number(high, "dihedral")
+    if not ends[0] < ends[1]:
+        raise BadInputError(f"dihedral is {text!r}; the first end must be the lower one")
+    return ends
+
+
+def _family(arguments: argparse.Namespace) -> Family:
+    from verification.proof.trim_branch import Family
+
+    if arguments.limit is not None:
+        raise BadInputError("--limit does not go with a proof, which is about the limits of the aircraft")
+    names = ("speed", "altitude", "alpha", "gamma")
+    words = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
+    return Family(options.aircraft_of(arguments), {name: quantity(name, text) for name, text in words.items()})
+
+
+def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
+    from verification.flights.scheduling import certified_schedule
+    from verification.proof.gain_table import GainTable, load_table
+
+    if arguments.table is not None:
+        return load_table(Path(arguments.table))
+    angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
+    family.condition(low), family.condition(high)
+    made = certified_schedule(
+        family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))
+    )
+    return GainTable(angles, made.schedule.gains)

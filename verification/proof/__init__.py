@@ -1,0 +1,1 @@
+"""Statements about every angle of an interval, proved with ball arithmetic."""

@@ -1,0 +1,147 @@
+"""A CasADi function, instruction by instruction, on balls or on power series of balls."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from hfa_model.support.errors import BadInputError, NoSolutionError
+
+
+class Undecided(NoSolutionError):
+    """The balls are too wide to say which branch of the equations holds; narrower ones may do."""
+
+
+class BallFunction:
+    """The same function as a CasADi `SX` function, for `flint.arb` and `flint.arb_series`.
+
+    A series stands for its Taylor polynomial in one variable, so that running the instructions on series
+    differentiates automatically. Numbers in the function are the doubles that CasADi holds.
+    BadInputError names an operation that is not known here.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        from flint import arb
+
+        self._name, self._size = function.name(), function.sz_w()
+        self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
+        self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
+        self._steps: list[tuple[int, Any, list[int], list[int]]] = []
+        for index in range(function.n_instructions()):
+            code = function.instruction_id(index)
+            operation: Any = None
+            if code == ca.OP_CONST:
+                operation = arb(function.instruction_constant(index))
+            elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
+                operation = _operation(code, self._name)
+            self._steps.append((code, operation, function.instruction_output(index), function.instruction_input(index)))
+
+    def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
+        """The outputs, each as a list of its nonzeros in CasADi's order (column by column)."""
+        if [len(argument) for argument in arguments] != self._inputs:
+            raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")
+        work: list[Any] = [None] * self._size
+        results: list[list[Any]] = [[None] * size for size in self._sizes]
+        for code, operation, out, source in self._steps:
+            if code == ca.OP_CONST:
+                work[out[0]] = operation
+            elif code == ca.OP_INPUT:
+                work[out[0]] = arguments[source[0]][source[1]]
+            elif code == ca.OP_OUTPUT:
+                results[out[0]][out[1]] = work[source[0]]
+            elif len(source) == 1:
+                work[out[0]] = operation(work[source[0]])
+            else:
+                work[out[0]] = operation(work[source[0]], work[source[1]])
+        return results
+
+
+def _operation(code: int, name: str) -> Callable[..., Any]:
+    if code not in _OPERATIONS:
+        words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
+        raise BadInputError(f"{name}: the operation {words[0] if words else code} is not known to ball arithmetic")
+    return _OPERATIONS[code]
+
+
+def constant_part(value: Any) -> Any:
+    """The ball that a power series takes at 0; a ball is its own."""
+    from flint import arb
+
+    return value if isinstance(value, arb) else value[0]
+
+
+def _at_most(x: Any, y: Any) -> Any:
+    """1 where x <= y, 0 where x > y; both must be certain."""
+    from flint import arb
+
+    first, second = constant_part(x), constant_part(y)
+    if first <= second:
+        return arb(1)
+    if first > second:
+        return arb(0)
+    raise Undecided("a comparison in the equations is not decided on this box")
+
+
+def _below(x: Any, y: Any) -> Any:
+    from flint import arb
+
+    return arb(1) - _at_most(y, x)
+
+
+def _smaller(x: Any, y: Any) -> Any:
+    return x if _at_most(x, y) == 1 else y
+
+
+def _larger(x: Any, y: Any) -> Any:
+    return y if _at_most(x, y) == 1 else x
+
+
+def _arctangent(y: Any, x: Any) -> Any:
+    """atan2(y, x) = atan(y / x), which holds for x > 0 only."""
+    if not constant_part(x) > 0:
+        raise Undecided("atan2 with a second argument that may not be positive")
+    return (y / x).atan()
+
+
+def _power(x: Any, y: Any) -> Any:
+    """x^y = exp(y log x), x > 0."""
+    if not constant_part(x) > 0:
+        raise Undecided("a power of a base that may not be positive")
+    return (y * x.log()).exp()
+
+
+def _magnitude(x: Any) -> Any:
+    return x if _at_most(0 * x, x) == 1 else -x
+
+
+_OPERATIONS: dict[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: lambda x: x,
+    ca.OP_ADD: operator.add,
+    ca.OP_SUB: operator.sub,
+    ca.OP_MUL: operator.mul,
+    ca.OP_DIV: operator.truediv,
+    ca.OP_NEG: operator.neg,
+    ca.OP_TWICE: lambda x: x + x,
+    ca.OP_SQ: lambda x: x * x,
+    ca.OP_INV: lambda x: 1 / x,
+    ca.OP_SQRT: lambda x: x.sqrt(),
+    ca.OP_EXP: lambda x: x.exp(),
+    ca.OP_LOG: lambda x: x.log(),
+    ca.OP_SIN: lambda x: x.sin(),
+    ca.OP_COS: lambda x: x.cos(),
+    ca.OP_TAN: lambda x: x.tan(),
+    ca.OP_ASIN: lambda x: x.asin(),
+    ca.OP_ACOS: lambda x: x.acos(),
+    ca.OP_ATAN: lambda x: x.atan(),
+    ca.OP_ATAN2: _arctangent,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FABS: _magnitude,
+    ca.OP_FMIN: _smaller,
+    ca.OP_FMAX: _larger,
+    ca.OP_LE: _at_most,
+    ca.OP_LT: _below,
+}

@@ -1,0 +1,126 @@
+"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that holds every rounding on the way.
+
+Every value is an enclosure: what is computed with balls contains what exact arithmetic would give for any numbers in
+the arguments. A comparison of balls is true only when it holds for all of their numbers.
+Source: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. Computers 66 (2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from flint import arb, arb_mat
+
+#: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand operations.
+PRECISION = 128
+#: Relative radius that holds the decimal from which a double was read, also by way of degrees: four units of 2^-53.
+READING = 2.0**-51
+
+
+def flint_or_refusal() -> Any:
+    """The module `flint` with its precision set; BadInputError, one line, when it is not installed."""
+    try:
+        import flint
+    except ImportError as error:
+        raise BadInputError("proofs need python-flint; install it with `pip install .[proof]`") from error
+    flint.ctx.prec = PRECISION
+    return flint
+
+
+def exact(value: float) -> arb:
+    """The ball of radius 0 at a double."""
+    from flint import arb
+
+    return arb(float(value))
+
+
+def as_read(value: float) -> arb:
+    """A ball about a double that also holds the decimal, or the degrees, that it was read from."""
+    from flint import arb
+
+    return arb(float(value), abs(float(value)) * READING)
+
+
+def interval(low: Any, high: Any) -> arb:
+    """The ball that holds everything between two numbers or balls."""
+    from flint import arb
+
+    return arb(low).union(arb(high))
+
+
+def symmetric(radius: Any) -> arb:
+    """[-r, r] with r the largest absolute value of a number or ball."""
+    from flint import arb
+
+    bound = abs(arb(radius)).upper()
+    return interval(-bound, bound)
+
+
+def matrix(values: np.ndarray) -> arb_mat:
+    """A matrix of doubles as exact balls."""
+    from flint import arb_mat
+
+    return arb_mat([[exact(entry) for entry in row] for row in np.asarray(values, dtype=float).tolist()])
+
+
+def doubles(values: arb_mat) -> np.ndarray:
+    """Midpoints rounded to doubles: for searching, never for proving."""
+    return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
+
+
+def filled(rows: int, columns: int, value: Any) -> arb_mat:
+    """A matrix with the same entry everywhere."""
+    from flint import arb_mat
+
+    return arb_mat([[value] * columns for _ in range(rows)])
+
+
+def map_entries(function: Any, values: arb_mat) -> arb_mat:
+    """The matrix of f(entry)."""
+    from flint import arb_mat
+
+    return arb_mat([[function(entry) for entry in row] for row in values.tolist()])
+
+
+def inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
+    """Each ball lies in the interior of its partner, for certain."""
+    return all(one.is_finite() and other.contains_interior(one) for one, other in zip(inner, outer, strict=True))
+
+
+def norm(entries: Iterable[arb]) -> arb:
+    """sqrt(Σ entry²): of a matrix the Frobenius norm."""
+    from flint import arb
+
+    return sum((entry**2 for entry in entries), arb(0)).nonnegative_part().sqrt()
+
+
+def pivots(values: arb_mat) -> list[arb] | None:
+    """D of L D L' = M for every symmetric M in the matrix of balls; None when a pivot may be 0.
+
+    The signs of D are those of the eigenvalues (Sylvester's law of inertia). Only the lower triangle is read.
+    """
+    rows = values.tolist()
+    found = []
+    for k in range(len(rows)):
+        pivot = rows[k][k]
+        if not (pivot > 0 or pivot < 0):
+            return None
+        found.append(pivot)
+        column = [rows[i][k] for i in range(k + 1, len(rows))]
+        shares = [entry / pivot for entry in column]
+        for i in range(k + 1, len(rows)):
+            for j in range(k + 1, i + 1):
+                rows[i][j] = rows[i][j] - shares[i - k - 1] * column[j - k - 1]
+    return found
+
+
+def is_positive_definite(values: arb_mat) -> bool:
+    """Every symmetric matrix in the matrix of balls is positive definite, for certain."""
+    found = pivots(values)
+    return found is not None and all(pivot > 0 for pivot in found)

@@ -1,0 +1,118 @@
+"""What a proof says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from verification.proof.schedule_proof import Cover, ScheduleProof
+
+if TYPE_CHECKING:
+    from verification.proof.checker import Verified
+
+SCHEMA = "hfa.proof/1"
+
+
+def schedule_report(proof: ScheduleProof) -> Report:
+    """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
+    loop, modes = _runs(proof.loop), _runs(proof.modes)
+    where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {proof.family.aircraft.variant.name} dynamics"
+    data = {
+        "schema": SCHEMA,
+        "statement": "schedule",
+        "proved": proof.proved,
+        "dynamics": proof.family.aircraft.variant.name,
+        "dihedral_deg": [proof.low, proof.high],
+        "decay_rate": proof.rate,
+        "loop": _data(proof.loop),
+        "modes": _data(proof.modes),
+        "refuted": [{"from_deg": low, "to_deg": high, "unstable": count} for low, high, count in proof.refuted],
+        "boxes": [
+            {"dihedral_deg": [each.box.low, each.box.high], "A": each.model.A, "B": each.model.B}
+            for each in proof.loop.proved
+        ],
+    }
+    return Report(
+        title=f"{_verdict(proof)}: {where}",
+        parts=[
+            _said(proof),
+            Table(("loop A - B K: dihedral, deg", "eigenvalues right of the rate"), loop),
+            Table(("aircraft A: dihedral, deg", "unstable modes"), modes),
+            _enclosures(proof),
+        ],
+        data=data,
+    )
+
+
+def checked_report(found: Verified) -> Report:
+    """What the checker verified."""
+    verdict = "Verified, proved" if found.proved else "Verified, but not proved on the whole interval"
+    runs = [(f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in found.loop]
+    modes = [(f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in found.modes]
+    return Report(
+        title=f"{verdict}: dihedral from {found.low:g} to {found.high:g} deg, {found.boxes} boxes",
+        parts=[
+            f"decay rate of the loop: {found.rate:.6g} 1/s",
+            Table(("loop A - B K: dihedral, deg", "unstable modes"), runs),
+            Table(("aircraft A: dihedral, deg", "unstable modes"), modes),
+        ],
+        data={
+            "schema": SCHEMA,
+            "statement": "check",
+            "proved": found.proved,
+            "dihedral_deg": [found.low, found.high],
+            "decay_rate": found.rate,
+            "loop": [list(run) for run in found.loop],
+            "modes": [list(run) for run in found.modes],
+            "boxes": found.boxes,
+        },
+    )
+
+
+def _verdict(proof: ScheduleProof) -> str:
+    if proof.proved:
+        return "Proved"
+    return "Refuted" if proof.refuted else "Left open"
+
+
+def _said(proof: ScheduleProof) -> str:
+    lines = []
+    for low, high, count in proof.refuted:
+        lines.append(f"the loop has {count} unstable modes at every angle from {low:.10g} to {high:.10g} deg")
+    for low, high in proof.loop.gaps:
+        lines.append(f"open: the loop from {low:.10g} to {high:.10g} deg")
+    if proof.proved:
+        lines.append("the trim exists within its limits and A - B K is Hurwitz at every angle")
+    lines.append(f"decay rate where the loop is Hurwitz: {proof.rate:.6g} 1/s")
+    lines.append(f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for the aircraft's modes")
+    return "\n".join(lines)
+
+
+def _runs(cover: Cover) -> list[tuple[str, str]]:
+    rows = [(low, f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in cover.counts]
+    rows += [(low, f"{low:.10g} to {high:.10g}", "open") for low, high in cover.gaps]
+    return [(where, count) for _, where, count in sorted(rows)]
+
+
+def _data(cover: Cover) -> dict[str, object]:
+    return {
+        "proved": [{"from_deg": low, "to_deg": high, "unstable": count} for low, high, count in cover.counts],
+        "open": [{"from_deg": low, "to_deg": high} for low, high in cover.gaps],
+        "boxes": len(cover.proved),
+    }
+
+
+def _enclosures(proof: ScheduleProof) -> Table:
+    """Lowest and highest value of each entry over all proved boxes."""
+    rows = []
+    models = [each.model for each in proof.loop.proved]
+    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
+        for i, row in enumerate(LINEAR_STATES):
+            for j, column in enumerate(columns):
+                ends = [getattr(model, name)[i, j] for model in models]
+                low, high = min((end[0] for end in ends), default=0.0), max((end[1] for end in ends), default=0.0)
+                if max(abs(low), abs(high)) > 1e-3:
+                    rows.append((f"{name}({row}, {column})", f"{low:.5g}", f"{high:.5g}"))
+    return Table(("entry", "at least", "at most"), rows)

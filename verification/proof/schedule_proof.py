@@ -1,0 +1,177 @@
+"""For every dihedral of an interval: the trim exists, so many modes are unstable, the scheduled gain stabilizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from verification.proof.ball_function import Undecided
+from verification.proof.balls import doubles
+from verification.proof.gain_table import GainTable
+from verification.proof.inertia import candidates, unstable_count
+from verification.proof.stated_model import StatedModel, stated
+from verification.proof.taylor import DihedralBox, TaylorForm
+from verification.proof.trim_branch import Family, ModelForms, NotEnclosed, TrimBranch
+
+#: Narrower boxes, deg, are not tried: the angle stays open.
+NARROWEST = 2.0**-10
+#: The part of the middle's decay rate that is claimed for the whole box.
+RATE_SHARE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedBox:
+    """On every angle of the box `unstable` eigenvalues have Re λ > -rate, and none Re λ = -rate (1/s).
+
+    H: (6, 6), what proves it (`inertia.py`). model: the trims and the linear model that the box was proved with.
+    """
+
+    box: DihedralBox
+    unstable: int
+    rate: float
+    H: np.ndarray
+    model: StatedModel
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """What is proved of an interval, box by box in increasing order, and what stays open."""
+
+    proved: tuple[ProvedBox, ...]
+    open: tuple[DihedralBox, ...]
+
+    def frontier(self, low: float) -> float:
+        """Up to which angle, deg, everything from `low` on is proved or known to stay open."""
+        return max([low, *(each.box.high for each in self.proved), *(each.high for each in self.open)])
+
+    @property
+    def counts(self) -> list[tuple[float, float, int]]:
+        """Neighbouring boxes with the same number of unstable modes, joined: low and high (deg), number."""
+        runs: list[tuple[float, float, int]] = []
+        for each in self.proved:
+            if runs and runs[-1][1] == each.box.low and runs[-1][2] == each.unstable:
+                runs[-1] = (runs[-1][0], each.box.high, each.unstable)
+            else:
+                runs.append((each.box.low, each.box.high, each.unstable))
+        return runs
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """The open boxes, neighbours joined, deg."""
+        runs: list[tuple[float, float]] = []
+        for each in self.open:
+            if runs and runs[-1][1] == each.low:
+                runs[-1] = (runs[-1][0], each.high)
+            else:
+                runs.append((each.low, each.high))
+        return runs
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleProof:
+    """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg."""
+
+    family: Family
+    table: GainTable
+    low: float
+    high: float
+    loop: Cover
+    modes: Cover
+
+    @property
+    def refuted(self) -> list[tuple[float, float, int]]:
+        """Where the loop is proved unstable: low, high (deg), number of unstable modes."""
+        return [run for run in self.loop.counts if run[2] > 0]
+
+    @property
+    def proved(self) -> bool:
+        """The trim exists and the loop is Hurwitz at every angle; the modes are counted up to where they change."""
+        return not self.loop.open and not self.refuted
+
+    @property
+    def rate(self) -> float:
+        """Proved decay rate of the loop where it is Hurwitz, 1/s."""
+        return min((each.rate for each in self.loop.proved if each.unstable == 0), default=0.0)
+
+
+def prove_schedule(
+    family: Family,
+    table: GainTable,
+    low: float,
+    high: float,
+    *,
+    known: tuple[Cover, Cover] | None = None,
+    save: Callable[[Cover, Cover], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ScheduleProof:
+    """Prove or refute, box by box; low and high in degrees.
+
+    known: loop and modes as an earlier run left them. save: called after each box with what there is so far.
+    Raises NoSolutionError where an angle has no trim, BadInputError when the table or the model does not reach.
+    """
+    branch = TrimBranch(family)
+    table.segments(low, high)
+
+    @lru_cache(maxsize=64)
+    def forms(box: DihedralBox) -> ModelForms:
+        found = branch.forms(box)
+        beyond = branch.input_beyond_limits(found)
+        if beyond is not None:
+            raise NotEnclosed(f"{beyond} may lie beyond its limits")
+        return found
+
+    def loop(model: ModelForms) -> TaylorForm:
+        constant, slope = table.affine_on(model.box)
+        return model.A + model.B.times_affine(-constant, -slope)
+
+    covers = list(known or (Cover((), ()), Cover((), ())))
+    proofs: tuple[Callable[[DihedralBox], ProvedBox | None], ...] = (
+        lambda box: _prove(forms(box), loop(forms(box)), rated=True),
+        lambda box: _prove(forms(box), forms(box).A, rated=False),
+    )
+    for index, prove in enumerate(proofs):
+        start = covers[index].frontier(low)
+        waiting = table.segments(start, high) if start < high else []
+        for found in _covered(covers[index], waiting, prove):
+            covers[index] = found
+            if save is not None:
+                save(*covers)
+            if progress is not None:
+                progress(round(500 * (index + (found.frontier(low) - low) / (high - low))), 1000)
+    return ScheduleProof(family, table, low, high, *covers)
+
+
+def _covered(
+    found: Cover, segments: list[DihedralBox], prove: Callable[[DihedralBox], ProvedBox | None]
+) -> Iterator[Cover]:
+    """Bisect what cannot be proved as a whole; what is covered so far, after each box."""
+    waiting = segments[::-1]
+    while waiting:
+        box = waiting.pop()
+        try:
+            proved = prove(box)
+        except (NotEnclosed, Undecided):
+            proved = None
+        if proved is not None:
+            found = Cover((*found.proved, proved), found.open)
+        elif box.high - box.low > NARROWEST:
+            waiting += box.halves()[::-1]
+            continue
+        else:
+            found = Cover(found.proved, (*found.open, box))
+        yield found
+
+
+def _prove(model: ModelForms, form: TaylorForm, *, rated: bool) -> ProvedBox | None:
+    middle = doubles(form.coefficients[0])
+    abscissa = float(np.linalg.eigvals(middle).real.max())
+    rate = -RATE_SHARE * abscissa if rated and abscissa < 0.0 else 0.0
+    corners = list(form.corners())
+    for H, congruence in candidates(middle, rate):
+        unstable = unstable_count(corners, H, congruence, rate)
+        if unstable is not None:
+            return ProvedBox(model.box, unstable, rate, H, stated(model))
+    return None
