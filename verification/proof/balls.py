@@ -2,7 +2,8 @@
 
 Every value is an enclosure: what is computed with balls contains what exact arithmetic would give for any numbers in
 the arguments. A comparison of balls is true only when it holds for all of their numbers.
-Source: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. Computers 66 (2017).
+Source: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Transactions on
+Computers 66 (2017).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from flint import arb, arb_mat
 
 #: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand operations.
-PRECISION = 128
+PRECISION = 192
 #: Relative radius that holds the decimal from which a double was read, also by way of degrees: four units of 2^-53.
 READING = 2.0**-51
 

@@ -35,13 +35,15 @@ class NotEnclosed(NoSolutionError):
 class Family:
     """Level, climbing or gliding flights that differ in their dihedral alone, with what `level_flight` leaves free.
 
-    aircraft: parameters as doubles; every one is taken as a ball that holds the decimal it was read from.
-    settings: speed (ft/s), altitude (ft), alpha and gamma (rad) as `level_flight` takes them.
+    aircraft: its parameters as doubles. settings: speed (ft/s), altitude (ft), alpha and gamma (rad) as `level_flight`
+    takes them. spread: a half width for each parameter, (18,). decimals: every parameter and setting is a ball that
+    also holds the decimal it was read from; else it is the double exactly.
     """
 
     aircraft: Aircraft
     settings: dict[str, Any]
     spread: tuple[float, ...] | None = None
+    decimals: bool = True
 
     def condition(self, degrees: float) -> TrimCondition:
         """The trim at a dihedral, degrees."""
@@ -76,11 +78,12 @@ class TrimBranch:
         self.family = family
         condition = family.condition(0.0)
         self.free = tuple(INPUTS.index(name) for name in condition.free)
-        self._imposed = {name: as_read(value) for name, value in condition.imposed.items()}
+        ball = as_read if family.decimals else exact
+        self._imposed = {name: ball(value) for name, value in condition.imposed.items()}
         self._imposed["pitch"] = self._imposed["alpha"] + self._imposed["gamma"]
         values = family.aircraft.parameters
         spread = family.spread or (0.0,) * len(values)
-        self._parameters = [as_read(value) + symmetric(width) for value, width in zip(values, spread, strict=True)]
+        self._parameters = [ball(value) + symmetric(width) for value, width in zip(values, spread, strict=True)]
         functions = compiled_dynamics(family.aircraft.variant)
         self._rates, self._jacobians = BallFunction(functions.rates), BallFunction(functions.jacobians)
         # At a level flight θ' = q and η' = η' are 0 already; what the free inputs move is left.
@@ -93,6 +96,20 @@ class TrimBranch:
         at_middle = self._coefficients(box.middle, point, ORDER + 1)
         over_box = self._coefficients(box.degrees, self._everywhere(box, at_middle), ORDER + 1)
         return self._composed(box, at_middle, over_box)
+
+    def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat]:
+        """A (6, 6) and B (6, 5) at one dihedral, degrees, in balls."""
+        from flint import arb_mat
+
+        guess = find_operating_point(self.family.aircraft, self.family.condition(degrees))
+        point = self._point(exact(degrees), [exact(guess.inputs[index]) for index in self.free])
+        state, control = self._vectors([exact(degrees)], [[value] for value in point], 1)
+        _, A, B = self._jacobians(state, control, self._parameters)
+        n = len(STATES)
+        return (
+            arb_mat([[_series(A[n * j + i], 1)[0] for j in _ROWS] for i in _ROWS]),
+            arb_mat([[_series(B[n * j + i], 1)[0] for j in range(len(INPUTS))] for i in _ROWS]),
+        )
 
     def input_beyond_limits(self, forms: ModelForms) -> str | None:
         """An input that may leave its limits somewhere on the box; None when every one is proved to stay within."""
