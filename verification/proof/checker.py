@@ -1,9 +1,9 @@
-"""Re-verifies a certificate, by other means than it was made with: nobody needs to trust the search or the prover.
+"""Re-verifies a certificate by other means than it was made with: nobody needs to trust the search or the prover.
 
 Shares nothing with the prover but the model itself and the ball arithmetic of Arb. The prover differentiates power
-series and bounds Lagrange's remainder; here every quantity is a Taylor model c_0 + c_1 s + c_2 s² + rest of second order
-on s in [-1, 1], the place within the box (Makino and Berz; Tucker), carried through the model's instructions one by
-one. The trims are the polynomials that the certificate states, and Krawczyk's operator is applied along them.
+series and bounds Lagrange's remainder; here every quantity is a Taylor model c_0 + c_1 s + c_2 s² + rest on s in
+[-1, 1], the place within the box (Makino and Berz; Tucker), carried through the model's instructions one by one. The
+trims are the polynomials that the certificate states, and Krawczyk's operator is applied along them.
 """
 
 from __future__ import annotations
@@ -11,32 +11,28 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
-from flint import arb, arb_mat, arb_series, ctx
+from flint import arb, arb_mat, ctx
 
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.condition import LIMITS, level_flight
+from verification.proof.taylor_model import Rejected, TaylorModel, as_model, evaluate, values_of
 
 SCHEMA = "hfa.certificate/1"
+Rows = list[list[TaylorModel]]
 _BITS = 106
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
 #: Control points of s² on the four quarters of [-1, 1]: their hull holds (s, s²).
 _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0, 1.0))
-
-
-class Rejected(NoSolutionError):
-    """A box of the certificate does not prove what it states."""
 
 
 @dataclass(frozen=True)
@@ -79,16 +75,15 @@ def check_certificate(path: Path, progress: Any = None) -> Verified:
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
+        digest = content.pop("digest")
+        schema = content["schema"]
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise BadInputError(f"{path}: is not JSON ({error})") from error
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one")
-    kept = {key: value for key, value in content.items() if key != "digest"}
-    if content.get("digest") != hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest():
+    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error
+    if schema != SCHEMA or digest != hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest():
         raise BadInputError(f"{path}: refused, the certificate was edited: its digest is that of other content")
-    return content
+    return dict(content)
 
 
 def _runs(entries: list[Any], low: float, high: float) -> list[tuple[float, float, int]]:
@@ -103,133 +98,6 @@ def _runs(entries: list[Any], low: float, high: float) -> list[tuple[float, floa
         else:
             runs.append((start, end, entry["unstable"]))
     return runs
-
-
-class TaylorModel:
-    """c_0 + c_1 s + c_2 s² + rest for every |s| <= 1, with balls as coefficients."""
-
-    __slots__ = ("c0", "c1", "c2", "rest")
-
-    def __init__(self, c0: Any, c1: Any = 0, c2: Any = 0, rest: Any = 0) -> None:
-        self.c0, self.c1, self.c2, self.rest = arb(c0), arb(c1), arb(c2), arb(rest)
-
-    def __add__(self, other: Any) -> TaylorModel:
-        o = _model(other)
-        return TaylorModel(self.c0 + o.c0, self.c1 + o.c1, self.c2 + o.c2, self.rest + o.rest)
-
-    def __neg__(self) -> TaylorModel:
-        return TaylorModel(-self.c0, -self.c1, -self.c2, -self.rest)
-
-    def __mul__(self, other: Any) -> TaylorModel:
-        if isinstance(other, arb):
-            return TaylorModel(self.c0 * other, self.c1 * other, self.c2 * other, self.rest * other)
-        o = other
-        cut = _ball(self.c1 * o.c2 + self.c2 * o.c1) + self.c2 * o.c2 * _SQUARE
-        rest = cut + self.rest * o.range() + o.rest * self._polynomial()
-        c2 = self.c0 * o.c2 + self.c1 * o.c1 + self.c2 * o.c0
-        return TaylorModel(self.c0 * o.c0, self.c0 * o.c1 + self.c1 * o.c0, c2, rest)
-
-    def _polynomial(self) -> arb:
-        return self.c0 + _ball(self.c1) + self.c2 * _SQUARE
-
-    def range(self) -> arb:
-        """Every value on the box."""
-        return self._polynomial() + self.rest
-
-    def through(self, function: Any) -> TaylorModel:
-        """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
-        near = function(arb_series([self.c0, 1], prec=3))
-        far = function(arb_series([self.range(), 1], prec=4))
-        delta = TaylorModel(0, self.c1, self.c2, self.rest)
-        square = delta * delta
-        total = delta * near[1] + square * near[2] + TaylorModel(near[0])
-        return total + TaylorModel(0, 0, 0, far[3] * square.range() * delta.range())
-
-
-_SQUARE = arb(0.5, 0.5)
-
-
-def _ball(value: arb) -> arb:
-    """{s value : |s| <= 1}."""
-    return arb(0, 1) * value
-
-
-def _model(value: Any) -> TaylorModel:
-    return value if isinstance(value, TaylorModel) else TaylorModel(value)
-
-
-def _value(value: Any) -> arb:
-    return value.range() if isinstance(value, TaylorModel) else value
-
-
-def _through(function: Any) -> Any:
-    return lambda x: x.through(function) if isinstance(x, TaylorModel) else function(arb_series([x], prec=1))[0]
-
-
-def _product(x: Any, y: Any) -> Any:
-    return y * x if isinstance(y, TaylorModel) else x * y
-
-
-def _sum(x: Any, y: Any) -> Any:
-    return y + x if isinstance(y, TaylorModel) else x + y
-
-
-_inverse = _through(lambda x: 1 / x)
-
-
-def _choice(x: Any, y: Any, first: Any, second: Any) -> Any:
-    """The first where x <= y is certain, the second where x > y is."""
-    if _value(x) <= _value(y):
-        return first
-    if _value(x) > _value(y):
-        return second
-    raise Rejected("a branch of the equations is not decided")
-
-
-def _arctangent(y: Any, x: Any) -> Any:
-    if not _value(x) > 0:
-        raise Rejected("atan2 outside the right half plane")
-    return _through(lambda z: z.atan())(_product(y, _inverse(x)))
-
-
-_OPERATIONS = {
-    ca.OP_ADD: _sum,
-    ca.OP_SUB: lambda x, y: _sum(x, -y),
-    ca.OP_MUL: _product,
-    ca.OP_DIV: lambda x, y: _product(x, _inverse(y)),
-    ca.OP_NEG: lambda x: -x,
-    ca.OP_TWICE: lambda x: _sum(x, x),
-    ca.OP_SQ: lambda x: _product(x, x),
-    ca.OP_INV: _inverse,
-    ca.OP_SQRT: _through(lambda x: x.sqrt()),
-    ca.OP_EXP: _through(lambda x: x.exp()),
-    ca.OP_SIN: _through(lambda x: x.sin()),
-    ca.OP_COS: _through(lambda x: x.cos()),
-    ca.OP_ASIN: _through(lambda x: x.asin()),
-    ca.OP_ATAN2: _arctangent,
-    ca.OP_CONSTPOW: lambda x, y: (y * x.log()).exp(),  # of the atmosphere: both are balls, the base positive
-    ca.OP_FMIN: lambda x, y: _choice(x, y, x, y),
-    ca.OP_FMAX: lambda x, y: _choice(x, y, y, x),
-    ca.OP_LE: lambda x, y: _choice(x, y, arb(1), arb(0)),
-}
-
-
-def evaluate(function: ca.Function, *arguments: Sequence[Any]) -> list[list[Any]]:
-    """Instruction by instruction, on balls and Taylor models; a KeyError for an operation that is not known."""
-    work: list[Any] = [None] * function.sz_w()
-    results: list[list[Any]] = [[None] * function.nnz_out(index) for index in range(function.n_out())]
-    for index in range(function.n_instructions()):
-        code = function.instruction_id(index)
-        out, source = function.instruction_output(index), function.instruction_input(index)
-        if code == ca.OP_INPUT:
-            work[out[0]] = arguments[source[0]][source[1]]
-        elif code == ca.OP_OUTPUT:
-            results[out[0]][out[1]] = work[source[0]]
-        elif code == ca.OP_CONST:
-            work[out[0]] = arb(function.instruction_constant(index))
-        else:
-            work[out[0]] = _OPERATIONS[code](*(work[place] for place in source))
-    return results
 
 
 class _Plant:
@@ -252,14 +120,12 @@ class _Plant:
         low, high = entry["dihedral_deg"]
         try:
             A, B = self._model(entry)
-            if closed:
-                K = self._gain(low, high)
-                A = [[_dot(A[i][j], B[i], [row[j] for row in K]) for j in range(len(A))] for i in range(len(A))]
-            _check_inertia(A, np.array(entry["H"], dtype=float), entry["unstable"], entry["rate"])
+            loop = self._closed(A, B, low, high) if closed else A
+            _check_inertia(loop, np.array(entry["H"], dtype=float), entry["unstable"], entry["rate"])
         except Rejected as error:
             raise Rejected(f"the box from {low} to {high} deg is not proved: {error}") from error
 
-    def _model(self, entry: dict[str, Any]) -> tuple[list[list[TaylorModel]], list[list[TaylorModel]]]:
+    def _model(self, entry: dict[str, Any]) -> tuple[Rows, Rows]:
         low, high = (arb(end) for end in entry["dihedral_deg"])
         radius = (high - low) / 2
         degree = arb.pi() / 180
@@ -267,20 +133,19 @@ class _Plant:
         centers = [TaylorModel(*(arb(c) * radius**j for j, c in enumerate(row))) for row in entry["trim"]]
         rests = [arb(0, width) if i in self._free else arb(0) for i, width in enumerate(entry["radius"])]
         inputs = [center + TaylorModel(0, 0, 0, rest) for center, rest in zip(centers, rests, strict=True)]
-        fixed = [i for i in range(len(INPUTS)) if i not in self._free]
-        for i in fixed:
+        for i in set(range(len(INPUTS))) - set(self._free):
             inputs[i] = centers[i] = TaylorModel(self._fixed[INPUTS[i]])
         state = [dihedral if name == "dihedral" else self._fixed[name] for name in STATES]
         residual = evaluate(self._functions.rates, state, centers, self._parameters)[0]
         _, A, B = evaluate(self._functions.jacobians, state, inputs, self._parameters)
         n = len(STATES)
-        derivative = [[_value(B[n * j + i]) for j in self._free] for i in _BALANCED]
-        self._check_trim([_value(residual[i]) for i in _BALANCED], derivative, [rests[i] for i in self._free])
+        derivative = [[values_of(B[n * j + i]) for j in self._free] for i in _BALANCED]
+        self._check_trim([values_of(residual[i]) for i in _BALANCED], derivative, [rests[i] for i in self._free])
         for name, value in zip(INPUTS, inputs, strict=True):
             if not (arb(LIMITS[name][0]) <= value.range() <= arb(LIMITS[name][1])):
                 raise Rejected(f"{name} may lie beyond its limits")
-        found = [[_model(A[n * j + i]) for j in _ROWS] for i in _ROWS]
-        found_B = [[_model(B[n * j + i]) for j in range(len(INPUTS))] for i in _ROWS]
+        found = [[as_model(A[n * j + i]) for j in _ROWS] for i in _ROWS]
+        found_B = [[as_model(B[n * j + i]) for j in range(len(INPUTS))] for i in _ROWS]
         for name, entries in (("A", found), ("B", found_B)):
             for row, said in zip(entries, entry[name], strict=True):
                 if not all(arb(a) <= value.range() <= arb(b) for value, (a, b) in zip(row, said, strict=True)):
@@ -296,29 +161,25 @@ class _Plant:
         if not all(offset.contains_interior(row[0]) for offset, row in zip(offsets, image.tolist(), strict=True)):
             raise Rejected("the trim is not proved to exist")
 
-    def _gain(self, low: float, high: float) -> list[list[TaylorModel]]:
-        """K on a box between two neighbouring angles of the table, where it is linear."""
+    def _closed(self, A: Rows, B: Rows, low: float, high: float) -> Rows:
+        """A - B K on a box between two neighbouring angles of the table, where K is linear."""
         spans = [i for i in range(len(self._angles) - 1) if self._angles[i] <= low and high <= self._angles[i + 1]]
         if not spans:
             raise Rejected("the box crosses an angle of the table")
         i = spans[0]
-        slope = (self._gains[i + 1] - self._gains[i]) / (arb(self._angles[i + 1]) - arb(self._angles[i]))
-        middle = self._gains[i] + ((arb(low) + arb(high)) / 2 - arb(self._angles[i])) * slope
+        start, end = arb(self._angles[i]), arb(self._angles[i + 1])
+        slope = (self._gains[i + 1] - self._gains[i]) * (1 / (end - start))
+        middle = self._gains[i] + ((arb(low) + arb(high)) / 2 - start) * slope
         part = (arb(high) - arb(low)) / 2 * slope
-        pairs = zip(middle.tolist(), part.tolist(), strict=True)
-        return [[TaylorModel(a, b) for a, b in zip(row, other, strict=True)] for row, other in pairs]
+        places = range(len(A))
+        K = [[TaylorModel(middle[k, j], part[k, j]) for j in places] for k in range(middle.nrows())]
+        return [[sum((-B[i][k] * K[k][j] for k in range(len(K))), A[i][j]) for j in places] for i in places]
 
 
-def _dot(start: TaylorModel, row: list[TaylorModel], column: list[TaylorModel]) -> TaylorModel:
-    for a, b in zip(row, column, strict=True):
-        start = start + -(a * b)
-    return start
-
-
-def _check_inertia(A: list[list[TaylorModel]], H: np.ndarray, unstable: int, rate: float) -> None:
+def _check_inertia(A: Rows, H: np.ndarray, unstable: int, rate: float) -> None:
     """-(A'H + H A + 2 rate H) > 0 on the box, and H has `unstable` negative eigenvalues and no zero one."""
-    if not (np.array_equal(H, H.T) and math.isfinite(rate)):
-        raise Rejected("H is not symmetric, or the rate no number")
+    if not (np.array_equal(H, H.T) and 0.0 <= rate < math.inf and rate * unstable == 0.0):
+        raise Rejected("H is not symmetric, or the rate is none of a stable loop")
     weight = _exact(H.tolist())
     values, vectors = np.linalg.eigh(H)
     turn = _exact((vectors / np.sqrt(np.abs(values))).tolist())
