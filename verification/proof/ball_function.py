@@ -12,7 +12,7 @@ from hfa_model.support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):
-    """The balls are too wide to say which branch of the equations holds; narrower ones may do."""
+    """The balls are too wide for what shall be enclosed; narrower ones may do."""
 
 
 class BallFunction:
@@ -43,6 +43,12 @@ class BallFunction:
         """The outputs, each as a list of its nonzeros in CasADi's order (column by column)."""
         if [len(argument) for argument in arguments] != self._inputs:
             raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")
+        try:
+            return self._run(arguments)
+        except (ValueError, ZeroDivisionError) as error:  # a divisor or a root that may be 0 on this box
+            raise Undecided(f"{self._name} may not be defined on all of this box ({error})") from error
+
+    def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
         work: list[Any] = [None] * self._size
         results: list[list[Any]] = [[None] * size for size in self._sizes]
         for code, operation, out, source in self._steps:

@@ -14,7 +14,7 @@ from verification.proof.gain_table import GainTable
 from verification.proof.inertia import candidates, unstable_count
 from verification.proof.stated_model import StatedModel, stated
 from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import Family, ModelForms, NotEnclosed, TrimBranch
+from verification.proof.trim_branch import Family, ModelForms, TrimBranch
 
 #: Narrower boxes, deg, are not tried: the angle stays open.
 NARROWEST = 2.0**-10
@@ -120,7 +120,7 @@ def prove_schedule(
         found = branch.forms(box)
         beyond = branch.input_beyond_limits(found)
         if beyond is not None:
-            raise NotEnclosed(f"{beyond} may lie beyond its limits")
+            raise Undecided(f"{beyond} may lie beyond its limits")
         return found
 
     def loop(model: ModelForms) -> TaylorForm:
@@ -153,7 +153,7 @@ def _covered(
         box = waiting.pop()
         try:
             proved = prove(box)
-        except (NotEnclosed, Undecided):
+        except Undecided:
             proved = None
         if proved is not None:
             found = Cover((*found.proved, proved), found.open)

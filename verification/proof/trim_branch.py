@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft, compiled_dynamics
-from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.condition import LIMITS, TrimCondition, level_flight
 from trim.point.solve import find_operating_point
-from verification.proof.ball_function import BallFunction
+from verification.proof.ball_function import BallFunction, Undecided
 from verification.proof.balls import as_read, doubles, exact, flint_or_refusal, inside, matrix, symmetric
 from verification.proof.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series
 
@@ -25,10 +24,6 @@ _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _ATTEMPTS = 6
 #: Least half width of such a box: what is known exactly still needs an interior.
 _TINY = 1e-30
-
-
-class NotEnclosed(NoSolutionError):
-    """The trims over this box could not be enclosed; a narrower box may do."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,7 @@ class TrimBranch:
         self._equations = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
 
     def forms(self, box: DihedralBox) -> ModelForms:
-        """The model over a box. NotEnclosed when the box is too wide, TrimError when its middle has no trim."""
+        """The model over a box. Undecided when the box is too wide, TrimError when its middle has no trim."""
         middle = find_operating_point(self.family.aircraft, self.family.condition(float(box.middle)))
         point = self._point(box.middle, [exact(middle.inputs[index]) for index in self.free])
         at_middle = self._coefficients(box.middle, point, ORDER + 1)
@@ -133,7 +128,7 @@ class TrimBranch:
         widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
         found = self._contracted(box.degrees, [value.mid() for value in start], widths)
         if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
-            raise NotEnclosed("the trim at the middle of the box is not the one found around it")
+            raise Undecided("the trim at the middle of the box is not the one found around it")
         slopes = self._coefficients(box.degrees, found, 2)
         tau = symmetric(box.radius)
         return [value + tau * series[1] for value, series in zip(start, slopes, strict=True)]
@@ -153,7 +148,7 @@ class TrimBranch:
             if inside(mapped, offsets):
                 return [value + offset for value, offset in zip(middle, mapped, strict=True)]
             widths = [abs(before.union(after)).upper() for before, after in zip(offsets, mapped, strict=True)]
-        raise NotEnclosed("Krawczyk's operator does not map a box of inputs into itself")
+        raise Undecided("Krawczyk's operator does not map a box of inputs into itself")
 
     def _newton(self, degrees: arb, values: list[arb]) -> tuple[list[arb], arb_mat]:
         """C F(w, η) and C, the inverse of F_w rounded to doubles."""
@@ -174,7 +169,7 @@ class TrimBranch:
         try:
             solved = (rough * derivative).inv() * rough
         except ZeroDivisionError as error:
-            raise NotEnclosed("the derivative of the trim equations may be singular on this box") from error
+            raise Undecided("the derivative of the trim equations may be singular on this box") from error
         for j in range(1, length):
             residual = self._residual([degrees, exact(1.0)], series, j + 1)
             change = solved * arb_mat([[each[j]] for each in residual])

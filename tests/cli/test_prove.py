@@ -1,0 +1,127 @@
+"""`hfa prove`: statements, certificates, and one line for everything that goes wrong."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from proof_cases import exact_table, unstable_between
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("prove") / "certificate.json"
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(path), "--json")
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert data["proved"] is True
+    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 15.0, "unstable": 0}]
+    return path
+
+
+def test_a_certificate_is_verified(certificate: Path) -> None:
+    result = hfa("prove", "--check", str(certificate))
+    assert result.code == 0
+    assert "Verified, proved: dihedral from 14 to 15 deg" in result.out
+
+
+def test_an_edited_certificate_is_refused(certificate: Path, tmp_path: Path) -> None:
+    edited = tmp_path / "edited.json"
+    edited.write_text(certificate.read_text().replace('"rate": 0.3', '"rate": 0.4', 1))
+    assert_refused(hfa("prove", "--check", str(edited)), 2, "refused", "edited")
+
+
+def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.json"
+    copy.write_text(certificate.read_text())
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(copy), "--resume")
+    assert result.code == 0
+    assert json.loads(copy.read_text())["digest"] == json.loads(certificate.read_text())["digest"]
+    other = hfa("prove", "schedule", "--dihedral", "14:14.5", "-o", str(copy), "--resume")
+    assert_refused(other, 2, "another statement or version")
+
+
+def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) -> None:
+    table = unstable_between(15.0, 15.03)
+    path = tmp_path / "table.json"
+    path.write_text(json.dumps({"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}))
+    result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--table", str(path))
+    assert result.code == 1
+    assert result.out.startswith("Refuted")
+    assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
+
+
+def test_a_table_of_one_point_is_refused(tmp_path: Path) -> None:
+    table = exact_table(14.0, 15.0)
+    path = tmp_path / "table.npz"
+    np.savez(path, dihedral_deg=table.dihedral_deg[:1], K=table.K[:1])
+    assert_refused(hfa("prove", "schedule", "--dihedral", "14:15", "--table", str(path)), 2, "at least two")
+    np.savez(path, dihedral_deg=table.dihedral_deg)
+    assert_refused(hfa("prove", "schedule", "--dihedral", "14:15", "--table", str(path)), 2, "there is no K")
+
+
+def test_the_solution_is_proved() -> None:
+    result = hfa("prove", "solution", "--dihedral", "15", "--json")
+    assert result.code == 0
+    data = json.loads(result.out)
+    assert data["proved"] is True
+    assert data["relative_radius"] < 1e-12
+    assert data["delta_min_at_most"] / data["delta_min_above"] <= 1 + 1.001e-6
+
+
+def test_a_plant_of_a_file_is_proved(tmp_path: Path) -> None:
+    path = tmp_path / "plant.json"
+    plant = {"A": [[0.0, 1.0], [2.0, -1.0]], "B": [[0.0], [1.0]], "Q": [[1, 0], [0, 1]], "R": [[1]], "delta": 50}
+    path.write_text(json.dumps(plant))
+    result = hfa("prove", "solution", "--model", str(path))
+    assert result.code == 0
+    assert result.out.startswith("Proved")
+
+
+def test_the_distance_of_a_critic_is_proved(tmp_path: Path) -> None:
+    solved = tmp_path / "solved.json"
+    assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
+    data = json.loads(solved.read_text())
+    critic = tmp_path / "critic.json"
+    critic.write_text(json.dumps({"P": (np.array(data["P"]) * (1 + 1e-6)).tolist()}))
+    result = hfa("prove", "critic", str(critic), "--dihedral", "15", "--json")
+    assert result.code == 0
+    found = json.loads(result.out)["distances"]["P"]
+    assert found["at_least"] <= 1.0001e-6
+    assert found["at_most"] >= 0.9999e-6
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ((), "say what to prove"),
+        (("schedule",), "--dihedral LOW:HIGH"),
+        (("schedule", "--dihedral", "15"), "--dihedral LOW:HIGH"),
+        (("schedule", "--dihedral", "15:5"), "the lower one"),
+        (("schedule", "--dihedral", "0:1e6"), "must lie between"),
+        (("schedule", "--dihedral", "0:1", "--delta", "100"), "delta does not go with"),
+        (("schedule", "--dihedral", "0:1", "--resume"), "-o FILE.json"),
+        (("schedule", "--dihedral", "0:1", "--limit", "throttle=0:1"), "--limit"),
+        (("schedule", "--dihedral", "0:1", "--table", "nowhere.npz"), "there is no such file"),
+        (("schedule", "--dihedral", "0:1", "--table", "nowhere.txt"), "nowhere.txt"),
+        (("solution", "--dihedral", "15", "--table", "a.npz"), "table does not go with"),
+        (("critic", "--dihedral", "15"), "name the file"),
+        (("--check", "nowhere.json"), "cannot be read"),
+        (("solution", "--check", "nowhere.json"), "leave the statement out"),
+    ],
+)
+def test_bad_input_is_one_line(words: tuple[str, ...], named: str) -> None:
+    assert_refused(hfa("prove", *words), 2, named)
+
+
+def test_an_interval_beyond_the_trims_is_one_line() -> None:
+    assert_refused(hfa("prove", "schedule", "--dihedral", "50:52"), 1, "no trim")
+
+
+def test_without_python_flint_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "flint", None)
+    assert_refused(hfa("prove", "solution", "--dihedral", "15"), 2, "python-flint", "pip install .[proof]")

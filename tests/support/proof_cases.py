@@ -1,0 +1,58 @@
+"""What the tests prove: the identified aircraft, the exact game's gains, and a table unstable between its angles."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from controller.game.zero_sum import published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import default_parameters
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.proof.gain_table import GainTable
+from verification.proof.trim_branch import Family
+from verification.riccati.gare import solve_game
+
+
+def family(dynamics: str = "published") -> Family:
+    """The paper's flights of the identified aircraft."""
+    return Family(Aircraft(default_parameters().values, dynamics), {})
+
+
+@lru_cache(maxsize=32)
+def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
+    """The program's own linear model, in doubles."""
+    aircraft = family(dynamics).aircraft
+    return linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(degrees))))
+
+
+def exact_gain(degrees: float, dynamics: str = "published") -> np.ndarray:
+    """K of the exact game."""
+    model = model_at(degrees, dynamics)
+    return solve_game(published_game(model.A, model.B)).K
+
+
+def exact_table(*angles: float, dynamics: str = "published") -> GainTable:
+    """The exact game's gains at the angles, deg."""
+    return GainTable(np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]))
+
+
+def unstable_between(low: float, high: float) -> GainTable:
+    """Gains that stabilize at both angles and not halfway, found by trying."""
+    models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
+    K, random = exact_gain(low), np.random.default_rng(0)
+    sizes = np.linalg.norm(K, axis=1)[:, None]
+    for _ in range(5000):
+        change = random.standard_normal(K.shape) * sizes * random.choice([0.5, 1.0, 2.0])
+        other = random.standard_normal(K.shape) * sizes
+        first, last = K + change, K - change + other
+        gains = first, (first + last) / 2, last
+        loops = np.array([model.A - model.B @ gain for model, gain in zip(models, gains, strict=True)])
+        abscissae = np.linalg.eigvals(loops).real.max(axis=1)
+        if abscissae[0] < -0.1 and abscissae[2] < -0.1 and abscissae[1] > 0.2:
+            return GainTable(np.array([low, high]), np.array([first, last]))
+    raise AssertionError("no such table was found")

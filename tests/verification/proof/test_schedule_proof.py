@@ -1,0 +1,102 @@
+"""Whole intervals of dihedral, and an instability between two angles of a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from proof_cases import exact_table, family, model_at, unstable_between
+
+from hfa_model.support.errors import BadInputError
+from verification.proof.gain_table import GainTable
+from verification.proof.schedule_proof import Cover, ScheduleProof, prove_schedule
+from verification.riccati.spectrum import spectrum
+
+
+def gain_at(table: GainTable, degrees: float) -> np.ndarray:
+    flat = table.K.reshape(len(table.K), -1)
+    return np.array([np.interp(degrees, table.dihedral_deg, column) for column in flat.T]).reshape(table.K[0].shape)
+
+
+def assert_agrees_with_doubles(proof: ScheduleProof, dynamics: str) -> None:
+    """On a grid the proved rate and entries hold."""
+    for each in proof.loop.proved:
+        for angle in (each.box.low, (each.box.low + each.box.high) / 2, each.box.high):
+            model = model_at(angle, dynamics)
+            found = spectrum(model.A - model.B @ gain_at(proof.table, angle)).abscissa
+            assert (found < -each.rate) == (each.unstable == 0)
+            for name in ("A", "B"):
+                ends, value = getattr(each.model, name), getattr(model, name)
+                assert np.all((ends[..., 0] <= value) & (value <= ends[..., 1]))
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
+    proof = prove_schedule(family(dynamics), exact_table(13.0, 15.0, dynamics=dynamics), 13.0, 15.0)
+    assert proof.proved
+    assert proof.loop.counts == [(13.0, 15.0, 0)]
+    assert proof.modes.counts == [(13.0, 15.0, 2)]
+    assert proof.rate > 0.29
+    assert_agrees_with_doubles(proof, dynamics)
+
+
+def test_an_instability_between_two_angles_is_found_and_refuted() -> None:
+    table = unstable_between(15.0, 15.06)
+    proof = prove_schedule(family(), table, 15.0, 15.06)
+    assert not proof.proved
+    assert any(low <= 15.03 <= high for low, high, _ in proof.refuted)
+    for low, high, count in proof.refuted:
+        model = model_at((low + high) / 2)
+        values = spectrum(model.A - model.B @ gain_at(table, (low + high) / 2)).eigenvalues
+        assert int(np.sum(values.real > 0.0)) == count
+    # At its own angles the table is stable, and both ends of the interval are proved to be.
+    assert proof.loop.counts[0][::2] == (15.0, 0)
+    assert proof.loop.counts[-1][1:] == (15.06, 0)
+    # What is open are the places where a mode crosses the axis, and they are narrow.
+    assert 0.0 < sum(high - low for low, high in proof.loop.gaps) < 0.02
+
+
+def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
+    """A of `published` gains a third unstable mode at 16.688 deg."""
+    proof = prove_schedule(family(), exact_table(16.68, 16.70), 16.68, 16.70)
+    assert [count for _, _, count in proof.modes.counts] == [2, 3]
+    (gap,) = proof.modes.gaps
+    assert 16.68 < gap[0] < gap[1] < 16.70
+    assert gap[1] - gap[0] < 0.005
+    assert proof.proved
+
+
+def test_what_was_covered_is_not_proved_again() -> None:
+    table = exact_table(13.0, 14.0)
+    saved: list[tuple[Cover, Cover]] = []
+    whole = prove_schedule(family(), table, 13.0, 14.0, save=lambda *covers: saved.append(covers))
+    count = len(saved)
+    resumed: list[tuple[Cover, Cover]] = []
+    again = prove_schedule(family(), table, 13.0, 14.0, known=saved[0], save=lambda *covers: resumed.append(covers))
+    assert len(resumed) == count - 1
+    assert again.loop.counts == whole.loop.counts
+    assert again.modes.counts == whole.modes.counts
+
+
+def test_a_table_that_does_not_reach_is_refused() -> None:
+    with pytest.raises(BadInputError, match="the table covers 15 to 16 deg, not 14 to 16 deg"):
+        prove_schedule(family(), exact_table(15.0, 16.0), 14.0, 16.0)
+
+
+@pytest.mark.parametrize(
+    ("angles", "shape"),
+    [([15.0], (1, 5, 6)), ([15.0, 15.0], (2, 5, 6)), ([16.0, 15.0], (2, 5, 6)), ([15.0, 16.0], (2, 6, 5))],
+)
+def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
+    with pytest.raises(BadInputError):
+        GainTable(np.array(angles), np.zeros(shape))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_whole_range_is_proved(dynamics: str) -> None:
+    angles = np.linspace(0.0, 20.0, 11).tolist()
+    proof = prove_schedule(family(dynamics), exact_table(*angles, dynamics=dynamics), 0.0, 20.0)
+    assert proof.proved
+    assert [count for _, _, count in proof.modes.counts] == [0, 2, 3]
+    assert proof.rate > 0.29
+    assert_agrees_with_doubles(proof, dynamics)

@@ -1,0 +1,116 @@
+"""The exact game, proved: against sixty digits, at both sides of delta_min, and against spoiled critics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from proof_cases import family, model_at
+from reference_riccati import reference_solution
+
+from controller.game.basis import basis
+from controller.game.model_file import StoredCritic
+from controller.game.zero_sum import Game, published_game
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from verification.proof.balls import flint_or_refusal, matrix
+from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
+from verification.proof.game_balls import BallGame, enclose_solution
+from verification.proof.solution_proof import distance, prove_critic, prove_solution
+from verification.riccati.delta_min import DeltaMin, minimum_delta
+from verification.riccati.gare import solve_game
+
+
+def aircraft_game(degrees: float = 15.0, dynamics: str = "published") -> Game:
+    model = model_at(degrees, dynamics)
+    return published_game(model.A, model.B)
+
+
+def scalar_game(delta: float) -> Game:
+    """a = 1, b = e = q = r = 1: 2 p + 1 - p² (1 - 1/δ²) = 0, and delta_min = 1/sqrt(2)... as a quadratic in p."""
+    one = np.eye(1)
+    return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
+    proof = prove_solution(aircraft_game(15.0, dynamics), family(dynamics), 15.0)
+    assert proof.proved
+    assert proof.radius < 1e-12
+    assert proof.unstable == 2
+    assert proof.delta is not None
+    assert proof.delta.width <= 1e-6
+    found = minimum_delta(aircraft_game(15.0, dynamics))
+    assert proof.delta.refused < found.value * (1 + 1e-6)
+    assert proof.delta.value > found.refused * (1 - 1e-6)
+
+
+def test_the_enclosure_holds_the_sixty_digits() -> None:
+    flint_or_refusal()
+    game = aircraft_game()
+    P = enclose_solution(BallGame.of(game)).P
+    reference = reference_solution(game).P
+    assert distance(reference, P).at_most < 1e-15  # the reference is rounded to doubles
+    assert max(float(entry.rad()) for entry in P.entries()) < 1e-25
+
+
+def test_a_root_that_does_not_stabilize_is_told() -> None:
+    """p = 1 ± sqrt(2) solve p² - 2 p - 1 = 0 for a = 1: only the larger one stabilizes and is positive."""
+    flint_or_refusal()
+    one = np.eye(1)
+    game = BallGame.of(Game(A=one, B=one, E=one, Q=one, R=one, delta=np.inf))
+    right = enclose_solution(game, np.array([[2.4]]))
+    wrong = enclose_solution(game, np.array([[-0.4]]))
+    assert right.is_value
+    assert right.P[0, 0].contains(1 + matrix(2 * one)[0, 0].sqrt())
+    assert not wrong.stabilizing
+    assert not wrong.is_value
+
+
+def test_delta_min_of_a_scalar_game_is_bracketed() -> None:
+    """a = -1, b = e = q = r = 1: s = 1 - 1/δ², p² s + 2 p - 1 = 0 has real roots as long as 1 + s >= 0: 1/sqrt(2)."""
+    flint_or_refusal()
+    exact = 1.0 / np.sqrt(2.0)
+    bracket = prove_delta_min(BallGame.of(scalar_game(2.0)), DeltaMin(exact * (1 + 4e-7), exact * (1 - 4e-7)))
+    assert bracket is not None
+    assert bracket.refused < exact <= bracket.value
+    assert bracket.width <= 1e-6
+
+
+@pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
+def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
+    flint_or_refusal()
+    game = aircraft_game()
+    smallest = minimum_delta(game).value
+    ours = BallGame.of(game)
+    assert has_value(ours.with_delta(smallest * (1 + share)))
+    assert none_exists(ours.with_delta(smallest * (1 + share))) is None
+    assert not has_value(ours.with_delta(smallest * (1 - share)))
+    assert none_exists(ours.with_delta(smallest * (1 - share))) is not None
+
+
+def test_a_game_without_a_value_is_refused() -> None:
+    with pytest.raises(NoSolutionError, match="delta_min"):
+        prove_solution(aircraft_game().with_delta(50.0))
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-3])
+def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
+    game, functions = aircraft_game(), basis("quadratic", 6)
+    exact = solve_game(game)
+    stored = StoredCritic(functions.weights(exact.P) * (1 + size), exact.P * (1 + size), exact.K * (1 + size))
+    proof = prove_critic(game, stored, functions, family(), 15.0)
+    assert set(proof.distances) == {"W", "P", "K"}
+    for found in proof.distances.values():
+        assert found.at_least <= found.at_most
+        np.testing.assert_allclose([found.at_least, found.at_most], size, rtol=1e-2 if size < 1e-11 else 1e-5)
+    assert proof.stabilizes
+
+
+def test_a_gain_that_does_not_stabilize_is_proved_so() -> None:
+    proof = prove_critic(aircraft_game(), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
+    assert proof.stabilizes is False
+    assert proof.distances["K"].at_least <= 1.0 <= proof.distances["K"].at_most
+
+
+def test_a_critic_of_another_size_is_refused() -> None:
+    with pytest.raises(BadInputError, match="P has shape"):
+        prove_critic(aircraft_game(), StoredCritic(None, np.eye(3), None), basis("quadratic", 6))

@@ -1,0 +1,80 @@
+"""The branch of trims and the linear model over a box of dihedrals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from proof_cases import family, model_at
+
+from hfa_model.support.errors import NoSolutionError
+from verification.proof.ball_function import Undecided
+from verification.proof.balls import exact
+from verification.proof.taylor import DihedralBox, TaylorForm
+from verification.proof.trim_branch import TrimBranch
+
+
+def at(form: TaylorForm, tau: float) -> np.ndarray:
+    """The enclosure at one place of the box: midpoints, and radii."""
+    value = form.last
+    for each in reversed(form.coefficients):
+        value = each + exact(tau) * value
+    rows = value.tolist()
+    return np.array([[(float(entry.mid()), float(entry.rad())) for entry in row] for row in rows])
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("low", [0.0, 9.5])
+def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) -> None:
+    box = DihedralBox(low, low + 0.5)
+    forms = TrimBranch(family(dynamics)).forms(box)
+    for tau in (-0.25, -0.1, 0.0, 0.25):
+        model = model_at(low + 0.25 + tau, dynamics)
+        for form, expected in ((forms.A, model.A), (forms.B, model.B), (forms.inputs, model.input_offsets[:, None])):
+            found = at(form, tau)
+            rounding = 1e-11 * (1.0 + np.abs(expected).max())
+            assert np.all(np.abs(found[..., 0] - expected) <= found[..., 1] + rounding)
+
+
+def test_the_remainder_shrinks_with_the_third_power() -> None:
+    branch = TrimBranch(family())
+    rests = []
+    for width in (0.2, 0.1, 0.05):
+        form = branch.forms(DihedralBox(5.0 - width / 2, 5.0 + width / 2)).A
+        rests.append(float((abs(form.last[3, 1]) * form.radius**3).upper()))
+    orders = np.log2(np.array(rests[:-1]) / rests[1:])
+    assert np.all((orders > 2.8) & (orders < 3.6))
+
+
+def test_a_box_that_is_too_wide_is_said() -> None:
+    with pytest.raises(Undecided):
+        TrimBranch(family()).forms(DihedralBox(0.0, 20.0))
+
+
+def test_an_angle_without_a_trim_is_said() -> None:
+    with pytest.raises(NoSolutionError, match="no trim"):
+        TrimBranch(family()).forms(DihedralBox(49.9, 50.1))
+
+
+def test_inputs_near_their_limits_are_named() -> None:
+    """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim cannot rule it out."""
+    branch = TrimBranch(family())
+    last, without = 40.0, 60.0
+    while without - last > 1e-9:
+        middle = (last + without) / 2
+        try:
+            model_at(middle)
+            last = middle
+        except NoSolutionError:
+            without = middle
+    assert branch.input_beyond_limits(branch.forms(DihedralBox(last - 0.2, last - 0.1))) is None
+    assert branch.input_beyond_limits(branch.forms(DihedralBox(last - 0.1, last))) == "elevator_center"
+
+
+def test_doubles_alone_give_a_sharper_model() -> None:
+    flights = family()
+    sharp, _ = TrimBranch(type(flights)(flights.aircraft, {}, decimals=False)).model_at(15.0)
+    wide, _ = TrimBranch(flights).model_at(15.0)
+    for one, other in zip(sharp.entries(), wide.entries(), strict=True):
+        assert other.contains(one.mid())
+        assert float(one.rad()) < 1e-40
+    assert 1e-16 < float(wide[3, 1].rad()) < 1e-11
