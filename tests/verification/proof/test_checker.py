@@ -55,7 +55,7 @@ def test_one_edited_digit_is_refused(proved: Path, tmp_path: Path) -> None:
         other = "2" if text[place] == "1" else "1"
         edited = tmp_path / "edited.json"
         edited.write_text(text[:place] + other + text[place + 1 :])
-        with pytest.raises(BadInputError, match="refused, the certificate was edited|is no certificate"):
+        with pytest.raises(BadInputError, match=r"refused, the certificate was edited|is no certificate"):
             check_certificate(edited)
 
 
