@@ -30,6 +30,7 @@ COMMANDS = {
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "a learned critic against the exact game solution",
     "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
+    "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
     "study": "the paper's update law as printed, every setting, with causes; takes minutes",
     "fly": "fly a policy on the nonlinear aircraft, against its linear prediction",
     "schedule": "fly a slow change of dihedral under a schedule of certified gains",

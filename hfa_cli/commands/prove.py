@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_cli import options
+from hfa_cli.flight_family import family_of, interval_of
 from hfa_cli.games import add_game, game_of
 from hfa_cli.output import Progress, check_target, show
-from hfa_cli.values import number, quantity
+from hfa_cli.values import number
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -39,6 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", metavar="FILE", help="verify a certificate instead of proving")
     parser.add_argument(
         "--table", metavar="FILE", help="gains K over dihedral_deg (.npz, .json); default: the exact game's"
+    )
+    parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
+    parser.add_argument(
+        "--errors", metavar="N", help="of `schedule`: for all parameters within N standard errors; default 0"
     )
     parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
     add_game(parser)
@@ -72,15 +77,19 @@ def _check(arguments: argparse.Namespace) -> int:
 def _schedule(arguments: argparse.Namespace) -> int:
     from verification.proof.certificate_file import Certificate
     from verification.proof.proof_report import schedule_report
+    from verification.proof.rate_proof import prove_rate
     from verification.proof.schedule_proof import prove_schedule
 
     target = check_target(arguments.output, (".json",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    low, high = _interval(arguments.dihedral)
-    family = _family(arguments)
-    for end in (low, high):
-        family.condition(end).check_pitch()
+    errors = 0.0 if arguments.errors is None else number(arguments.errors, "--errors")
+    if errors < 0.0:
+        raise BadInputError(f"--errors is {errors:g}; it must not be negative")
+    if errors and target is not None:
+        raise BadInputError("a proof with --errors has no certificate yet; leave -o out")
+    family = family_of(arguments, errors)
+    low, high = interval_of(arguments, family)
     file = Certificate(family, _table(arguments, family, low, high), low, high, target)
     result = prove_schedule(
         family,
@@ -92,8 +101,9 @@ def _schedule(arguments: argparse.Namespace) -> int:
         progress=Progress("prove"),
     )
     file.save(result.loop, result.modes, finished=True)
-    show(schedule_report(result), as_json=arguments.json, target=None)
-    return 0 if result.proved else 1
+    motion = prove_rate(family, file.table, low, high, progress=Progress("rate")) if arguments.rate else None
+    show(schedule_report(result, motion), as_json=arguments.json, target=None)
+    return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1
 
 
 def _solution(arguments: argparse.Namespace) -> int:
@@ -130,40 +140,19 @@ def _place(arguments: argparse.Namespace) -> tuple[Family | None, float | None]:
     """The flights and the dihedral, deg, of the game; neither for a plant of a file."""
     if arguments.model is not None:
         return None, None
-    return _family(arguments), number(arguments.dihedral, "dihedral")
+    return family_of(arguments), number(arguments.dihedral, "dihedral")
 
 
 def _refuse_what_is_not_asked(arguments: argparse.Namespace) -> None:
     """An option that would change nothing is a mistake."""
     others = {
         "schedule": ("file", "basis", "model", "delta", "Q", "R"),
-        "solution": ("file", "basis", "table", "resume"),
-        "critic": ("table", "resume"),
+        "solution": ("file", "basis", "table", "resume", "rate", "errors"),
+        "critic": ("table", "resume", "rate", "errors"),
     }
     given = [name for name in others[arguments.statement] if options.given(arguments, name)]
     if given:
         raise BadInputError(f"{given[0]} does not go with `hfa prove {arguments.statement}`; leave it out")
-
-
-def _interval(text: str | None) -> tuple[float, float]:
-    """LOW:HIGH in degrees, as they were written: the statement is about them."""
-    low, colon, high = (text or "").partition(":")
-    if not colon or ":" in high:
-        raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
-    ends = number(low, "dihedral"), number(high, "dihedral")
-    if not ends[0] < ends[1]:
-        raise BadInputError(f"dihedral is {text!r}; the first end must be the lower one")
-    return ends
-
-
-def _family(arguments: argparse.Namespace) -> Family:
-    from verification.proof.trim_branch import Family
-
-    if arguments.limit is not None:
-        raise BadInputError("--limit does not go with a proof, which is about the limits of the aircraft")
-    names = ("speed", "altitude", "alpha", "gamma")
-    words = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-    return Family(options.aircraft_of(arguments), {name: quantity(name, text) for name, text in words.items()})
 
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:

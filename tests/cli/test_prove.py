@@ -108,6 +108,9 @@ def test_the_distance_of_a_critic_is_proved(tmp_path: Path) -> None:
         (("schedule", "--dihedral", "0:1", "--limit", "throttle=0:1"), "--limit"),
         (("schedule", "--dihedral", "0:1", "--table", "nowhere.npz"), "there is no such file"),
         (("schedule", "--dihedral", "0:1", "--table", "nowhere.txt"), "nowhere.txt"),
+        (("schedule", "--dihedral", "0:1", "--errors", "-1"), "--errors"),
+        (("schedule", "--dihedral", "0:1", "--errors", "0.1", "-o", "c.json"), "no certificate"),
+        (("solution", "--dihedral", "15", "--rate"), "rate does not go with"),
         (("solution", "--dihedral", "15", "--table", "a.npz"), "table does not go with"),
         (("critic", "--dihedral", "15"), "name the file"),
         (("--check", "nowhere.json"), "cannot be read"),
@@ -125,3 +128,25 @@ def test_an_interval_beyond_the_trims_is_one_line() -> None:
 def test_without_python_flint_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flint", None)
     assert_refused(hfa("prove", "solution", "--dihedral", "15"), 2, "python-flint", "pip install .[proof]")
+
+
+def test_small_errors_of_the_parameters_are_within_the_proof() -> None:
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "--errors", "0.05", "--rate", "--json")
+    assert result.code == 0
+    data = json.loads(result.out)
+    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 15.0, "unstable": 0}]
+    assert data["dihedral_rate_deg_s"] > 20.0
+
+
+def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
+    for name in ("lpv.npz", "lpv.mat", "lpv.c"):
+        result = hfa("lpv", "--dihedral", "14:14.5", "--tolerance", "2e-3", "-o", str(tmp_path / name))
+        assert result.code == 0
+        assert result.out.startswith("Proved: ")
+    with np.load(tmp_path / "lpv.npz") as stored:
+        assert stored["A"].shape[1:] == (6, 6)
+        assert stored["error.A"] <= 2e-3
+    assert "int hfa_lpv(" in (tmp_path / "lpv.c").read_text()
+    assert_refused(hfa("lpv", "--dihedral", "14:14.5", "--tolerance", "0"), 2, "positive")
+    assert_refused(hfa("lpv", "--dihedral", "14"), 2, "LOW:HIGH")
+    assert_refused(hfa("lpv", "--dihedral", "14:14.5", "-o", "x.txt"), 2, "unknown suffix")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ScheduleProof
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 SCHEMA = "hfa.proof/1"
 
 
-def schedule_report(proof: ScheduleProof) -> Report:
+def schedule_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
     """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
     loop, modes = _runs(proof.loop), _runs(proof.modes)
     where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {proof.family.aircraft.variant.name} dynamics"
@@ -34,11 +35,14 @@ def schedule_report(proof: ScheduleProof) -> Report:
             for each in proof.loop.proved
         ],
     }
+    if motion is not None:
+        data |= {"dihedral_rate_deg_s": motion.rate, "lyapunov": {"dihedral_deg": motion.dihedral_deg, "P": motion.P}}
     return Report(
         title=f"{_verdict(proof)}: {where}",
         parts=[
             _said(proof),
-            Table(("loop A - B K: dihedral, deg", "eigenvalues right of the rate"), loop),
+            *([] if motion is None else [_motion(motion)]),
+            Table(("loop A - B K: dihedral, deg", "unstable modes"), loop),
             Table(("aircraft A: dihedral, deg", "unstable modes"), modes),
             _enclosures(proof),
         ],
@@ -88,6 +92,12 @@ def _said(proof: ScheduleProof) -> str:
     lines.append(f"decay rate where the loop is Hurwitz: {proof.rate:.6g} 1/s")
     lines.append(f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for the aircraft's modes")
     return "\n".join(lines)
+
+
+def _motion(motion: RateProof) -> str:
+    if motion.rate <= 0.0:
+        return "open: no rate of the dihedral is proved"
+    return f"stable while the dihedral moves by at most {motion.rate:.4g} deg/s, however it does"
 
 
 def _runs(cover: Cover) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""How fast the dihedral may move: a Lyapunov function that depends on it, proved to decrease at every angle and rate."""
+"""How fast the dihedral may move: a Lyapunov function of it, proved to decrease at every angle and rate."""
 
 from __future__ import annotations
 

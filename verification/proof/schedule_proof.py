@@ -16,8 +16,9 @@ from verification.proof.stated_model import StatedModel, stated
 from verification.proof.taylor import DihedralBox, TaylorForm
 from verification.proof.trim_branch import Family, ModelForms, TrimBranch
 
-#: Narrower boxes, deg, are not tried: the angle stays open.
-NARROWEST = 2.0**-10
+#: Narrower boxes, deg, are not tried: the angle stays open. With errors of the parameters, which do not become smaller
+#: with the box, one gives up earlier.
+NARROWEST, NARROWEST_WITH_ERRORS = 2.0**-10, 2.0**-4
 #: The part of the middle's decay rate that is claimed for the whole box.
 RATE_SHARE = 0.9
 
@@ -127,6 +128,7 @@ def prove_schedule(
         constant, slope = table.affine_on(model.box)
         return model.A + model.B.times_affine(-constant, -slope)
 
+    narrowest = NARROWEST if family.spread is None else NARROWEST_WITH_ERRORS
     covers = list(known or (Cover((), ()), Cover((), ())))
     proofs: tuple[Callable[[DihedralBox], ProvedBox | None], ...] = (
         lambda box: _prove(forms(box), loop(forms(box)), rated=True),
@@ -135,7 +137,7 @@ def prove_schedule(
     for index, prove in enumerate(proofs):
         start = covers[index].frontier(low)
         waiting = table.segments(start, high) if start < high else []
-        for found in _covered(covers[index], waiting, prove):
+        for found in _covered(covers[index], waiting, prove, narrowest):
             covers[index] = found
             if save is not None:
                 save(*covers)
@@ -145,7 +147,10 @@ def prove_schedule(
 
 
 def _covered(
-    found: Cover, segments: list[DihedralBox], prove: Callable[[DihedralBox], ProvedBox | None]
+    found: Cover,
+    segments: list[DihedralBox],
+    prove: Callable[[DihedralBox], ProvedBox | None],
+    narrowest: float,
 ) -> Iterator[Cover]:
     """Bisect what cannot be proved as a whole; what is covered so far, after each box."""
     waiting = segments[::-1]
@@ -157,7 +162,7 @@ def _covered(
             proved = None
         if proved is not None:
             found = Cover((*found.proved, proved), found.open)
-        elif box.high - box.low > NARROWEST:
+        elif box.high - box.low > narrowest:
             waiting += box.halves()[::-1]
             continue
         else:

@@ -65,7 +65,8 @@ def games_of(game: Game, family: Family | None, degrees: float | None) -> tuple[
     if family is None or degrees is None:
         return BallGame.of(game), BallGame.of(game)
     doubles_only = TrimBranch(Family(family.aircraft, family.settings, family.spread, decimals=False))
-    return BallGame(game, *doubles_only.model_at(degrees)), BallGame(game, *TrimBranch(family).model_at(degrees))
+    sharp, wide = doubles_only.model_at(degrees), TrimBranch(family).model_at(degrees)
+    return BallGame(game, *sharp[:2]), BallGame(game, *wide[:2])
 
 
 def prove_solution(game: Game, family: Family | None = None, degrees: float | None = None) -> SolutionProof:

@@ -92,8 +92,8 @@ class TrimBranch:
         over_box = self._coefficients(box.degrees, self._everywhere(box, at_middle), ORDER + 1)
         return self._composed(box, at_middle, over_box)
 
-    def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat]:
-        """A (6, 6) and B (6, 5) at one dihedral, degrees, in balls."""
+    def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat, arb_mat]:
+        """A (6, 6), B (6, 5) and the inputs (5, 1) at one dihedral, degrees, in balls."""
         from flint import arb_mat
 
         guess = find_operating_point(self.family.aircraft, self.family.condition(degrees))
@@ -104,6 +104,7 @@ class TrimBranch:
         return (
             arb_mat([[_series(A[n * j + i], 1)[0] for j in _ROWS] for i in _ROWS]),
             arb_mat([[_series(B[n * j + i], 1)[0] for j in range(len(INPUTS))] for i in _ROWS]),
+            arb_mat([[_series(value, 1)[0]] for value in control]),
         )
 
     def input_beyond_limits(self, forms: ModelForms) -> str | None:

@@ -72,8 +72,8 @@ def test_inputs_near_their_limits_are_named() -> None:
 
 def test_doubles_alone_give_a_sharper_model() -> None:
     flights = family()
-    sharp, _ = TrimBranch(type(flights)(flights.aircraft, {}, decimals=False)).model_at(15.0)
-    wide, _ = TrimBranch(flights).model_at(15.0)
+    sharp = TrimBranch(type(flights)(flights.aircraft, {}, decimals=False)).model_at(15.0)[0]
+    wide = TrimBranch(flights).model_at(15.0)[0]
     for one, other in zip(sharp.entries(), wide.entries(), strict=True):
         assert other.contains(one.mid())
         assert float(one.rad()) < 1e-40

@@ -1,0 +1,73 @@
+"""A grid of linear models with a proved interpolation error, in SciPy's files and in C."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proof_cases import family, model_at
+
+from hfa_model.support.errors import NoSolutionError
+from verification.proof.lpv_grid import LpvGrid, coarsest_grid
+from verification.proof.lpv_report import c_source, lpv_report
+
+
+@pytest.fixture(scope="module")
+def grid() -> LpvGrid:
+    return coarsest_grid(family(), 14.0, 15.0, 2e-3)
+
+
+def between(grid: LpvGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
+    k = int(np.clip(np.searchsorted(grid.dihedral_deg, degrees, side="right") - 1, 0, len(grid.A) - 2))
+    share = (degrees - grid.dihedral_deg[k]) / (grid.dihedral_deg[k + 1] - grid.dihedral_deg[k])
+    return tuple(each[k] + share * (each[k + 1] - each[k]) for each in (grid.A, grid.B))  # type: ignore[return-value]
+
+
+def test_the_error_stays_below_its_bound_and_not_far(grid: LpvGrid) -> None:
+    assert max(grid.error.values()) <= 2e-3
+    errors = []
+    for angle in np.linspace(14.0, 15.0, 17):
+        model, (A, B) = model_at(float(angle)), between(grid, float(angle))
+        errors.append(np.linalg.norm(A - model.A) / np.linalg.norm(model.A))
+        assert np.linalg.norm(B - model.B) / np.linalg.norm(model.B) <= grid.error["B"]
+    assert 0.5 * grid.error["A"] < max(errors) <= grid.error["A"]
+
+
+def test_half_the_step_has_a_quarter_of_the_error(grid: LpvGrid) -> None:
+    finer = coarsest_grid(family(), 14.0, 15.0, grid.error["A"] / 4)
+    assert finer.dihedral_deg[1] - 14.0 == (grid.dihedral_deg[1] - 14.0) / 2
+
+
+def test_a_tolerance_that_is_too_small_is_said() -> None:
+    with pytest.raises(NoSolutionError, match="no grid is proved within 1e-09"):
+        coarsest_grid(family(), 14.0, 14.25, 1e-9)
+
+
+def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
+    report = lpv_report(grid, 2e-3, "published")
+    assert report.title.startswith(f"Proved: {len(grid.A)} models from 14 to 15 deg")
+    assert np.array_equal(report.data["A"], grid.A)
+    assert report.records is not None
+    assert len(report.records.rows) == len(grid.A) * (36 + 30 + 5)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_the_c_function_interpolates(grid: LpvGrid, tmp_path: Path) -> None:
+    source, library = tmp_path / "lpv.c", tmp_path / "lpv.so"
+    source.write_text(c_source(grid))
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, str(source), "-o", str(library)], check=True)
+    function = ctypes.CDLL(str(library)).hfa_lpv
+    A, B, U0 = (np.zeros(size) for size in (36, 30, 5))
+    pointers = [each.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for each in (A, B, U0)]
+    for angle in (14.0, 14.3, 14.999, 15.0):
+        assert function(ctypes.c_double(angle), *pointers) == 0
+        expected_A, expected_B = between(grid, angle)
+        np.testing.assert_allclose(A.reshape(6, 6), expected_A, rtol=1e-13, atol=1e-13)
+        np.testing.assert_allclose(B.reshape(6, 5), expected_B, rtol=1e-13, atol=1e-13)
+    for angle in (13.999, 15.001, np.nan):
+        assert function(ctypes.c_double(angle), *pointers) == 1
