@@ -1,17 +1,43 @@
-"""Options that name a family of flights over an interval of dihedral."""
+"""Options that name level flights over an interval of dihedral, or at one."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 from hfa_cli import options
-from hfa_cli.values import number, quantity
+from hfa_cli.argument_types import angle, number
+from hfa_cli.echo import shortened
+from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
     from verification.proof.trim_branch import Family
+
+
+def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
+    """--dihedral in degrees, as it is written; --speed, --altitude, --alpha, --gamma; the aircraft."""
+    about = "degrees; what is proved holds at every angle between"
+    add_value(parser, "--dihedral", degrees, form, about)
+    add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
+    add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
+    add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
+    add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
+    options.add_aircraft(parser)
+
+
+def degrees(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one angle, in degrees: the statement is about the numbers that were written."""
+    parts = text.split(":")
+    if len(parts) > 2:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give LOW:HIGH")
+    ends = tuple(number(part) for part in parts)
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; the first end must be the lower one")
+    return ends
 
 
 def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
@@ -21,30 +47,34 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
     """
     from verification.proof.trim_branch import Family
 
-    if arguments.limit is not None:
-        raise BadInputError("--limit does not go with a proof, which is about the limits of the aircraft")
-    names = ("speed", "altitude", "alpha", "gamma")
-    words = {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-    settings = {name: quantity(name, text) for name, text in words.items()}
-    if not errors:
-        return Family(options.aircraft_of(arguments), settings)
+    given = {name: getattr(arguments, name) for name in options.OF_THE_CONDITION}
+    settings = {name: value for name, value in given.items() if value is not None}
     parameters = options.parameters_of(arguments)
+    aircraft = Aircraft(parameters.values, arguments.dynamics)
+    if not errors:
+        return Family(aircraft, settings)
     known = parameters.standard_errors
     if not known:
         raise BadInputError("the parameters have no standard errors; leave --errors out")
-    spread = tuple(errors * known.get(name, 0.0) for name in parameters.values._fields)
-    return Family(Aircraft(parameters.values, arguments.dynamics), settings, spread)
+    return Family(aircraft, settings, tuple(errors * known.get(name, 0.0) for name in parameters.values._fields))
 
 
 def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
-    """LOW:HIGH in degrees as they were written, because the statement is about them; refused when no trim can be."""
-    text = arguments.dihedral or ""
-    low, colon, high = text.partition(":")
-    if not colon or ":" in high:
+    """LOW:HIGH, deg; refused where no trim can be."""
+    ends: tuple[float, ...] = arguments.dihedral or ()
+    if len(ends) != 2:
         raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
-    ends = number(low, "dihedral"), number(high, "dihedral")
-    if not ends[0] < ends[1]:
-        raise BadInputError(f"dihedral is {text!r}; the first end must be the lower one")
     for end in ends:
         family.condition(end).check_pitch()
-    return ends
+    return ends[0], ends[1]
+
+
+def at_one_angle(arguments: argparse.Namespace) -> float | None:
+    """The dihedral, deg, when one is given; the options then name a trim like those of other commands."""
+    if arguments.dihedral is None:
+        return None
+    if len(arguments.dihedral) != 1:
+        raise BadInputError("a game is at one dihedral; give --dihedral DEG")
+    angle_deg = float(arguments.dihedral[0])
+    arguments.dihedral = math.radians(angle_deg)
+    return angle_deg

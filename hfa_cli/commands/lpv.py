@@ -9,18 +9,17 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.flight_family import family_of, interval_of
-from hfa_cli.output import SUFFIXES, Progress, check_target, show
-from hfa_cli.values import number
-from hfa_model.support.errors import BadInputError
+from hfa_cli.argument_types import positive
+from hfa_cli.flight_family import add_flights, family_of, interval_of
+from hfa_cli.output import Progress, show
+from hfa_cli.parser import add_value
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa lpv`."""
-    options.add_condition(parser)
-    options.add_aircraft(parser)
-    parser.add_argument("--tolerance", metavar="X", help="largest error, relative; default 1e-3")
-    options.add_output(parser, " or .c")
+    add_flights(parser, "LOW:HIGH")
+    add_value(parser, "--tolerance", positive, "X", "largest error, relative; default 1e-3", default=1e-3)
+    options.add_output(parser, ".c")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,16 +30,12 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.proof.lpv_report import c_source, lpv_report
 
     flint_or_refusal()
-    target = check_target(arguments.output, (*SUFFIXES, ".c"))
-    tolerance = 1e-3 if arguments.tolerance is None else number(arguments.tolerance, "--tolerance")
-    if not tolerance > 0.0:
-        raise BadInputError(f"--tolerance is {tolerance:g}; it must be positive")
     family = family_of(arguments)
     low, high = interval_of(arguments, family)
-    grid = coarsest_grid(family, low, high, tolerance, progress=Progress("lpv"))
-    report = lpv_report(grid, tolerance, family.aircraft.variant.name)
+    grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))
+    target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid))
         target = None
-    show(report, as_json=arguments.json, target=target)
+    show(lpv_report(grid, arguments.tolerance, family.aircraft.variant.name), as_json=arguments.json, target=target)
     return 0

@@ -11,23 +11,29 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
+from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_cli import options
-from hfa_cli.flight_family import family_of, interval_of
-from hfa_cli.games import add_game, game_of
-from hfa_cli.output import Progress, check_target, show
-from hfa_cli.values import number
+from hfa_cli.argument_types import input_file, number
+from hfa_cli.flight_family import add_flights, at_one_angle, family_of, interval_of
+from hfa_cli.games import MATRIX_FILES, NamedGame, add_weights, game_of
+from hfa_cli.output import Progress, show
+from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
     from verification.proof.gain_table import GainTable
     from verification.proof.trim_branch import Family
 
-STATEMENTS = ("schedule", "solution", "critic")
+#: Statement -> options that do not belong to it.
+STATEMENTS = {
+    "schedule": ("basis", "model", "delta", "Q", "R"),
+    "solution": ("basis", "table", "resume", "rate", "errors"),
+    "critic": ("table", "resume", "rate", "errors"),
+}
 #: Angle between two gains of our own table, deg.
 _STEP = 2.0
 
@@ -35,19 +41,22 @@ _STEP = 2.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa prove`."""
     parser.add_argument("statement", nargs="?", choices=STATEMENTS, help="what to prove")
-    parser.add_argument("file", nargs="?", metavar="FILE", help="of `critic`: W, P or K (.npz .mat .json)")
-    parser.add_argument("--basis", metavar="NAME", help="of the W of `critic`; default quadratic")
-    parser.add_argument("--check", metavar="FILE", help="verify a certificate instead of proving")
-    parser.add_argument(
-        "--table", metavar="FILE", help="gains K over dihedral_deg (.npz, .json); default: the exact game's"
-    )
+    about = f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})"
+    parser.add_argument("file", nargs="?", metavar="FILE", type=input_file(*MATRIX_FILES), help=about)
+    add_value(parser, "--basis", str, "NAME", "of the W of `critic`; default quadratic")
+    add_value(parser, "--check", input_file(".json"), "FILE", "verify a certificate instead of proving")
+    about = "gains K over dihedral_deg (.npz .json); default: the exact game's"
+    add_value(parser, "--table", input_file(".npz", ".json"), "FILE", about)
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
-    parser.add_argument(
-        "--errors", metavar="N", help="of `schedule`: for all parameters within N standard errors; default 0"
-    )
+    about = "of `schedule`: for all parameters within N standard errors; default 0"
+    add_value(parser, "--errors", _not_negative, "N", about, default=0.0)
     parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
-    add_game(parser)
+    add_flights(parser, "DEG|LOW:HIGH")
+    about = "a plant of your own: A, B, optionally E, Q, R"
+    add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
+    add_weights(parser)
     options.add_output(parser)
+    parser.set_defaults(condition=None, free=None, hold=None, limit=None, start=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -59,8 +68,18 @@ def run(arguments: argparse.Namespace) -> int:
         return _check(arguments)
     if arguments.statement is None:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
-    _refuse_what_is_not_asked(arguments)
+    unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) not in (0.0, False))
+    options.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
+    if arguments.file is not None and arguments.statement != "critic":
+        raise BadInputError("a FILE goes with `hfa prove critic` alone; leave it out")
     return {"schedule": _schedule, "solution": _solution, "critic": _critic}[arguments.statement](arguments)
+
+
+def _not_negative(text: str) -> float:
+    value = number(text)
+    if value < 0.0:
+        raise ArgumentTypeError(f"is {value:g}; it must not be negative")
+    return value
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -69,8 +88,8 @@ def _check(arguments: argparse.Namespace) -> int:
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
-    found = check_certificate(Path(arguments.check), Progress("check"))
-    show(checked_report(found), as_json=arguments.json, target=check_target(arguments.output))
+    found = check_certificate(arguments.check, Progress("check"))
+    show(checked_report(found), as_json=arguments.json, target=arguments.output)
     return 0 if found.proved else 1
 
 
@@ -80,15 +99,14 @@ def _schedule(arguments: argparse.Namespace) -> int:
     from verification.proof.rate_proof import prove_rate
     from verification.proof.schedule_proof import prove_schedule
 
-    target = check_target(arguments.output, (".json",))
+    target = arguments.output
+    if target is not None and target.suffix.lower() != ".json":
+        raise BadInputError(f"{target}: a certificate is a .json file; name one")
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    errors = 0.0 if arguments.errors is None else number(arguments.errors, "--errors")
-    if errors < 0.0:
-        raise BadInputError(f"--errors is {errors:g}; it must not be negative")
-    if errors and target is not None:
+    if arguments.errors and target is not None:
         raise BadInputError("a proof with --errors has no certificate yet; leave -o out")
-    family = family_of(arguments, errors)
+    family = family_of(arguments, arguments.errors)
     low, high = interval_of(arguments, family)
     file = Certificate(family, _table(arguments, family, low, high), low, high, target)
     result = prove_schedule(
@@ -110,10 +128,9 @@ def _solution(arguments: argparse.Namespace) -> int:
     from verification.proof.game_proof_report import solution_proof_report
     from verification.proof.solution_proof import prove_solution
 
-    target = check_target(arguments.output)
-    named = game_of(arguments)
-    proof = prove_solution(named.game, *_place(arguments))
-    show(solution_proof_report(proof, named.states, named.origin), as_json=arguments.json, target=target)
+    named, family, degrees = _game(arguments)
+    proof = prove_solution(named.game, family, degrees)
+    show(solution_proof_report(proof, named.states, named.origin), as_json=arguments.json, target=arguments.output)
     return 0 if proof.proved else 1
 
 
@@ -123,36 +140,25 @@ def _critic(arguments: argparse.Namespace) -> int:
     from verification.proof.game_proof_report import critic_proof_report
     from verification.proof.solution_proof import prove_critic
 
-    target = check_target(arguments.output)
     if arguments.file is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
-    named, stored = game_of(arguments), load_critic(arguments.file)
+    stored = load_critic(arguments.file)
+    named, family, degrees = _game(arguments)
     functions = basis(arguments.basis or "quadratic", len(named.game.A))
     try:
-        proof = prove_critic(named.game, stored, functions, *_place(arguments))
+        proof = prove_critic(named.game, stored, functions, family, degrees)
     except BadInputError as error:
         raise BadInputError(f"{arguments.file}: {error}") from error
-    show(critic_proof_report(proof, arguments.file, named.origin), as_json=arguments.json, target=target)
+    report = critic_proof_report(proof, str(arguments.file), named.origin)
+    show(report, as_json=arguments.json, target=arguments.output)
     return 0
 
 
-def _place(arguments: argparse.Namespace) -> tuple[Family | None, float | None]:
-    """The flights and the dihedral, deg, of the game; neither for a plant of a file."""
-    if arguments.model is not None:
-        return None, None
-    return family_of(arguments), number(arguments.dihedral, "dihedral")
-
-
-def _refuse_what_is_not_asked(arguments: argparse.Namespace) -> None:
-    """An option that would change nothing is a mistake."""
-    others = {
-        "schedule": ("file", "basis", "model", "delta", "Q", "R"),
-        "solution": ("file", "basis", "table", "resume", "rate", "errors"),
-        "critic": ("table", "resume", "rate", "errors"),
-    }
-    given = [name for name in others[arguments.statement] if options.given(arguments, name)]
-    if given:
-        raise BadInputError(f"{given[0]} does not go with `hfa prove {arguments.statement}`; leave it out")
+def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
+    """The game that the options name, with its flights and dihedral (deg) unless it is a plant of a file."""
+    degrees = at_one_angle(arguments)
+    named = game_of(arguments)
+    return (named, None, None) if arguments.model is not None else (named, family_of(arguments), degrees)
 
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
@@ -160,7 +166,7 @@ def _table(arguments: argparse.Namespace, family: Family, low: float, high: floa
     from verification.proof.gain_table import GainTable, load_table
 
     if arguments.table is not None:
-        return load_table(Path(arguments.table))
+        return load_table(arguments.table)
     angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
     made = certified_schedule(
         family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))

@@ -27,6 +27,7 @@ def test_a_certificate_is_verified(certificate: Path) -> None:
     result = hfa("prove", "--check", str(certificate))
     assert result.code == 0
     assert "Verified, proved: dihedral from 14 to 15 deg" in result.out
+    assert_refused(hfa("prove", "schedule", "--check", str(certificate)), 2, "leave the statement out")
 
 
 def test_an_edited_certificate_is_refused(certificate: Path, tmp_path: Path) -> None:
@@ -111,10 +112,11 @@ def test_the_distance_of_a_critic_is_proved(tmp_path: Path) -> None:
         (("schedule", "--dihedral", "0:1", "--errors", "-1"), "--errors"),
         (("schedule", "--dihedral", "0:1", "--errors", "0.1", "-o", "c.json"), "no certificate"),
         (("solution", "--dihedral", "15", "--rate"), "rate does not go with"),
-        (("solution", "--dihedral", "15", "--table", "a.npz"), "table does not go with"),
+        (("solution", "--dihedral", "15", "--errors", "0.5"), "errors does not go with"),
+        (("solution", "--dihedral", "1:2"), "one dihedral"),
+        (("schedule", "--dihedral", "1:2:3"), "LOW:HIGH"),
         (("critic", "--dihedral", "15"), "name the file"),
-        (("--check", "nowhere.json"), "cannot be read"),
-        (("solution", "--check", "nowhere.json"), "leave the statement out"),
+        (("--check", "nowhere.json"), "there is no such file"),
     ],
 )
 def test_bad_input_is_one_line(words: tuple[str, ...], named: str) -> None:
