@@ -82,6 +82,11 @@ def filled(rows: int, columns: int, value: Any) -> arb_mat:
     return arb_mat([[value] * columns for _ in range(rows)])
 
 
+def symmetric_part(values: arb_mat) -> arb_mat:
+    """(M + M') / 2."""
+    return (values + values.transpose()) * 0.5
+
+
 def map_entries(function: Any, values: arb_mat) -> arb_mat:
     """The matrix of f(entry)."""
     from flint import arb_mat

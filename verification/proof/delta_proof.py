@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.balls import exact, matrix
+from verification.proof.balls import exact
 from verification.proof.game_balls import BallGame, enclose_solution
 from verification.riccati.delta_min import DeltaMin
 from verification.riccati.units import balanced_units
@@ -99,7 +99,7 @@ def _has_eigenvalue_on_axis(game: BallGame) -> bool:
 
 def _hamiltonian(game: BallGame) -> list[list[arb]]:
     """H = [[A, -S], [-Q, -A']]."""
-    A, S, Q = game.A, game.S(), matrix(game.game.Q)
+    A, S, Q = game.A, game.S(), game.Q()
     top = [[*row, *other] for row, other in zip(A.tolist(), (-S).tolist(), strict=True)]
     low = [[*row, *other] for row, other in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
     return top + low

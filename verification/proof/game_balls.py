@@ -9,7 +9,17 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.balls import doubles, exact, filled, map_entries, matrix, norm, pivots, symmetric
+from verification.proof.balls import (
+    doubles,
+    exact,
+    filled,
+    map_entries,
+    matrix,
+    norm,
+    pivots,
+    symmetric,
+    symmetric_part,
+)
 from verification.proof.inertia import candidates, unstable_count
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.units import balanced_units, in_units
@@ -48,13 +58,21 @@ class BallGame:
         up, down = matrix(np.diag(units)), matrix(np.diag(1.0 / units))
         return BallGame(in_units(self.game, units), down * self.A * up, down * self.B)
 
+    def Q(self) -> arb_mat:
+        """The symmetric part of the game's Q, on which alone the cost depends."""
+        return symmetric_part(matrix(self.game.Q))
+
+    def R(self) -> arb_mat:
+        """The symmetric part of the game's R."""
+        return symmetric_part(matrix(self.game.R))
+
     def gain_of(self, P: arb_mat) -> arb_mat:
         """K = R⁻¹ B' P."""
-        return matrix(self.game.R).inv() * self.B.transpose() * P
+        return self.R().inv() * self.B.transpose() * P
 
     def S(self) -> arb_mat:
         """B R⁻¹ B' - δ⁻² E E'."""
-        control = self.B * matrix(self.game.R).inv() * self.B.transpose()
+        control = self.B * self.R().inv() * self.B.transpose()
         if not np.isfinite(self.game.delta):
             return control
         E = matrix(self.game.E)
@@ -104,7 +122,7 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     for _ in range(_STEPS):
         correction, _ = _newton(own, S, P)
         P = map_entries(lambda entry: entry.mid(), P - correction)
-        P = map_entries(lambda entry: entry.mid(), (P + P.transpose()) * 0.5)
+        P = map_entries(lambda entry: entry.mid(), symmetric_part(P))
         if float(norm(correction.entries())) <= _SETTLED * float(norm(P.entries())):
             break
     correction, inverse_norm = _newton(own, S, P)
@@ -114,7 +132,7 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     radius = 2 * eta
     size = len(units)
     solution = P - correction + filled(size, size, symmetric(curvature * radius**2))
-    solution = _symmetric_part(solution)
+    solution = symmetric_part(solution)  # the solution is symmetric: both triangles enclose the same numbers
     found = pivots(_graded(solution))
     back = matrix(np.diag(1.0 / units))
     return Enclosed(
@@ -142,7 +160,7 @@ def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
 
     n = P.nrows()
     loop = game.A - S * P
-    residual = game.A.transpose() * P + P * game.A + matrix(game.game.Q) - P * S * P
+    residual = game.A.transpose() * P + P * game.A + game.Q() - P * S * P
     rows = loop.tolist()
     entries = [[exact(0.0)] * (n * n) for _ in range(n * n)]
     for i in range(n):
@@ -156,11 +174,6 @@ def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
         raise NoSolutionError("the Riccati equation has a multiple root: A - S P is singular") from error
     flat = inverse * arb_mat([[entry] for entry in residual.entries()])
     return arb_mat(n, n, [row[0] for row in flat.tolist()]), norm(inverse.entries())
-
-
-def _symmetric_part(values: arb_mat) -> arb_mat:
-    """The solution is symmetric: both of its triangles enclose the same numbers."""
-    return (values + values.transpose()) * 0.5
 
 
 def _graded(values: arb_mat) -> arb_mat:

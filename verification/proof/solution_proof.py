@@ -10,8 +10,8 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError
-from verification.proof.balls import matrix, norm
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from verification.proof.balls import flint_or_refusal, matrix, norm
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
 from verification.proof.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
 from verification.proof.trim_branch import Family, TrimBranch
@@ -74,15 +74,18 @@ def prove_solution(game: Game, family: Family | None = None, degrees: float | No
 
     NoSolutionError when the game has no value, or when it cannot be enclosed.
     """
+    flint_or_refusal()
     found = solve_game(game)
     sharp, wide = games_of(game, family, degrees)
     enclosed = enclose_solution(sharp, found.P)
-    around = enclosed if wide is sharp else enclose_solution(wide, found.P)
+    around = enclose_solution(wide, found.P)
+    if not around.is_value:
+        raise NoSolutionError("the rounding of the decimals is too much for a proof that the solution is the value")
     return SolutionProof(
         game,
         found.P,
         enclosed,
-        max(distance(found.P, enclosed.P).at_most, distance(found.P, around.P).at_most),
+        max(distance(found.P, each.P).at_most for each in (enclosed, around)),
         prove_delta_min(sharp, minimum_delta(game)),
         unstable_modes(sharp.A),
     )
@@ -92,6 +95,7 @@ def prove_critic(
     game: Game, stored: StoredCritic, basis: Basis, family: Family | None = None, degrees: float | None = None
 ) -> CriticProof:
     """How far W, P and K of a file are from the exact ones. BadInputError when a shape does not fit the game."""
+    flint_or_refusal()
     sharp, _ = games_of(game, family, degrees)
     enclosed = enclose_solution(sharp, solve_game(game).P)
     K_exact = sharp.gain_of(enclosed.P)

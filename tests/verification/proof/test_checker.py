@@ -18,6 +18,7 @@ from proof_cases import exact_table, family, model_at
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import VARIANTS
+from verification.proof import certificate_file
 from verification.proof.certificate_file import Certificate, digest
 from verification.proof.checker import check_certificate
 from verification.proof.schedule_proof import prove_schedule
@@ -117,6 +118,23 @@ def test_a_forged_certificate_with_a_right_digest_is_rejected(
     forged.write_text(json.dumps(content | {"digest": digest(content)}))
     with pytest.raises(Rejected):
         check_certificate(forged)
+
+
+def test_an_interrupted_proof_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(certificate_file, "_PAUSE", 0.0)
+    path, flights, table = tmp_path / "certificate.json", family(), exact_table(14.0, 15.0)
+
+    def interrupted(done: int, total: int) -> None:
+        if done > 0.6 * total:
+            raise KeyboardInterrupt
+
+    file = Certificate(flights, table, 14.0, 15.0, path)
+    with pytest.raises(KeyboardInterrupt):
+        prove_schedule(flights, table, 14.0, 15.0, save=file.save, progress=interrupted)
+    assert check_certificate(path).modes != [(14.0, 15.0, 2)]
+    found = prove_schedule(flights, table, 14.0, 15.0, known=file.known(), save=file.save)
+    assert found.proved
+    assert check_certificate(path).modes == [(14.0, 15.0, 2)]
 
 
 def test_a_missing_box_is_not_proved(proved: Path, tmp_path: Path) -> None:

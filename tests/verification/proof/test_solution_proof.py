@@ -25,7 +25,7 @@ def aircraft_game(degrees: float = 15.0, dynamics: str = "published") -> Game:
 
 
 def scalar_game(delta: float) -> Game:
-    """a = 1, b = e = q = r = 1: 2 p + 1 - p² (1 - 1/δ²) = 0, and delta_min = 1/sqrt(2)... as a quadratic in p."""
+    """a = -1, b = e = q = r = 1: p² (1 - 1/δ²) + 2 p - 1 = 0."""
     one = np.eye(1)
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
@@ -66,7 +66,7 @@ def test_a_root_that_does_not_stabilize_is_told() -> None:
 
 
 def test_delta_min_of_a_scalar_game_is_bracketed() -> None:
-    """a = -1, b = e = q = r = 1: s = 1 - 1/δ², p² s + 2 p - 1 = 0 has real roots as long as 1 + s >= 0: 1/sqrt(2)."""
+    """p² s + 2 p - 1 = 0, s = 1 - 1/δ², has real roots as long as 1 + s >= 0: delta_min = 1/sqrt(2)."""
     flint_or_refusal()
     exact = 1.0 / np.sqrt(2.0)
     bracket = prove_delta_min(BallGame.of(scalar_game(2.0)), DeltaMin(exact * (1 + 4e-7), exact * (1 - 4e-7)))
