@@ -108,7 +108,8 @@ class _Plant:
         widths = [arb(0, claim["spread"][name]) for name in Parameters._fields]
         values = [_as_read(claim["parameters"][name]) for name in Parameters._fields]
         self._parameters = [value + width for value, width in zip(values, widths, strict=True)]
-        condition = level_flight(0.0, **claim["settings"])
+        # Made at both ends, which are refused beyond the limits of the dihedral; all but the dihedral is the same.
+        condition, _ = (level_flight(math.radians(end), **claim["settings"]) for end in claim["dihedral_deg"])
         self._fixed: dict[str, Any] = {name: _as_read(value) for name, value in condition.imposed.items()}
         self._fixed["pitch"] = self._fixed["alpha"] + self._fixed["gamma"]
         self._free = [INPUTS.index(name) for name in condition.free]
@@ -182,7 +183,8 @@ def _check_inertia(A: Rows, H: np.ndarray, unstable: int, rate: float) -> None:
         raise Rejected("H is not symmetric, or the rate is none of a stable loop")
     weight = _exact(H.tolist())
     values, vectors = np.linalg.eigh(H)
-    turn = _exact((vectors / np.sqrt(np.abs(values))).tolist())
+    with np.errstate(divide="ignore", invalid="ignore"):  # an eigenvalue 0 is rejected below
+        turn = _exact((vectors / np.sqrt(np.abs(values))).tolist())
     signs = _signs(turn.transpose() * weight * turn)
     if sum(1 for sign in signs if sign < 0) != unstable:
         raise Rejected(f"H does not have {unstable} negative eigenvalues")

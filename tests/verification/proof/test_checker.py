@@ -101,13 +101,17 @@ def _across(content: Content) -> None:
     content["statement"]["table"]["dihedral_deg"] = [14.0, 14.2]
 
 
+def _singular(content: Content) -> None:
+    content["loop"][0]["H"] = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).tolist()
+
+
 def _missing(content: Content) -> None:
     del content["loop"][0]["H"]
 
 
 @pytest.mark.parametrize(
     "change",
-    [_rate, _negative_rate, _sign, _count, _gain, _entry, _trim, _dynamics, _order, _across, _missing],
+    [_rate, _negative_rate, _sign, _count, _gain, _entry, _trim, _dynamics, _order, _across, _singular, _missing],
 )
 def test_a_forged_certificate_with_a_right_digest_is_rejected(
     proved: Path, tmp_path: Path, change: Callable[[Content], None]
