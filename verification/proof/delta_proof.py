@@ -11,7 +11,7 @@ import numpy as np
 from hfa_model.support.errors import NoSolutionError
 from verification.proof.balls import exact
 from verification.proof.game_balls import BallGame, enclose_solution
-from verification.riccati.delta_min import DeltaMin
+from verification.riccati.existence import DeltaMin
 from verification.riccati.units import balanced_units
 
 if TYPE_CHECKING:

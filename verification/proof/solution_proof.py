@@ -15,7 +15,7 @@ from verification.proof.balls import flint_or_refusal, matrix, norm
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
 from verification.proof.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
 from verification.proof.trim_branch import Family, TrimBranch
-from verification.riccati.delta_min import minimum_delta
+from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from verification.proof.balls import flint_or_refusal, matrix
 from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
 from verification.proof.game_balls import BallGame, enclose_solution
 from verification.proof.solution_proof import distance, prove_critic, prove_solution
-from verification.riccati.delta_min import DeltaMin, minimum_delta
+from verification.riccati.existence import DeltaMin, minimum_delta
 from verification.riccati.gare import solve_game
 
 
