@@ -91,20 +91,17 @@ class ParameterSet(ByValue, Reported):
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
     covariance: (n, n), of the identified parameters in the order of `identified`, in their own units,
     propagated from the rounding of the print; empty when nothing is identified.
-    structure: extra constants of a rival structure (empty for the published one).
     """
 
     values: Parameters
     sources: dict[str, str]
     notes: dict[str, str] = field(default_factory=dict)
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    structure: dict[str, float] = field(default_factory=dict)
 
     @property
     def identified(self) -> tuple[str, ...]:
-        """Names of the identified parameters, then of the structure's own constants, in order."""
-        names = tuple(name for name in Parameters._fields if self.sources[name] == "identified")
-        return names + tuple(self.structure)
+        """Names of the identified parameters, in order."""
+        return tuple(name for name in Parameters._fields if self.sources[name] == "identified")
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -145,7 +142,6 @@ def load_parameters(path: Path) -> ParameterSet:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInputError(f"{path}: is not a TOML file ({error})") from error
     covariance_table = _table(path, data, "covariance")
-    structure = _table(path, data, "structure")
     unknown = sorted(set(data) - set(Parameters._fields))
     missing = [name for name in Parameters._fields if name not in data]
     if unknown:
@@ -155,13 +151,7 @@ def load_parameters(path: Path) -> ParameterSet:
     values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
     sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
-    result = ParameterSet(
-        values,
-        sources,
-        notes,
-        structure={name: _number(path, name, value) for name, value in structure.items()},
-    )
-    return _with_covariance(path, result, covariance_table)
+    return _with_covariance(path, ParameterSet(values, sources, notes), covariance_table)
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
@@ -175,8 +165,6 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
             lines += [f"standard_error = {errors[name]:.3g}"]
         if name in parameters.notes:
             lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON's strings are TOML's
-    if parameters.structure:
-        lines += ["", "[structure]", *(f"{name} = {value!r}" for name, value in parameters.structure.items())]
     if parameters.covariance.size:
         names = ", ".join(f'"{name}"' for name in parameters.identified)
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
@@ -241,7 +229,7 @@ def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]
             f"{path}: [covariance] is no covariance: scaled to correlations, its lowest eigenvalue is {lowest:.3g}, "
             "which must not be negative; remove it or run `hfa identify` again"
         )
-    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure)
+    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance)
 
 
 def _lowest_correlation(covariance: np.ndarray) -> float:

@@ -86,23 +86,6 @@ class Newton:
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
 
 
-@dataclass(frozen=True)
-class Rival(Published):
-    """Published, but with the hinge inertia as the paper prints it and a free factor on its cosine.
-
-    d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η. With c fitted it reproduces both printed angles as well as
-    `Published` does; the distance between the two at other angles measures what the print leaves open.
-    """
-
-    cosine_factor: Quantity = 1.0
-    name = "rival"
-
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, slug ft^2."""
-        mass_moment = p.panel_mass * p.panel_span**2
-        return p.inertia_roll + mass_moment / 4 + self.cosine_factor * mass_moment / 6 * ca.cos(dihedral) ** 2
-
-
 Variant = Published | Newton
 
 #: The variants that a user chooses between by name.
