@@ -15,7 +15,8 @@ from trim.linear.compare import compare, regenerate
 from verification.validation.comparison import Validation, _model_at, validate
 from verification.validation.outside import released_trims
 
-ANGLES = np.radians([0.0, 25.0, 45.0])
+#: Where the released simulation flies at 30 ft/s, deg.
+ANGLES = range(0, 50, 5)
 
 
 class FreeFactor(Published):
@@ -46,9 +47,9 @@ def failed(found: Validation) -> dict[str, float]:
     return {check.name: check.value for check in found.checks if not check.ok}
 
 
-def off_at(dihedral: Quantity, angle: float, size: float) -> Quantity:
+def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
     """A factor that is 1 but within about two degrees of one angle."""
-    return 1 + size * ca.exp(-((50 * (dihedral - angle)) ** 2))
+    return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
 def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
@@ -82,23 +83,23 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     assert "gibson_fig_7_fast_root" in failed(found)
 
 
-@pytest.mark.parametrize("angle", ANGLES, ids=np.degrees)
-def test_a_hinge_inertia_off_by_2e_5_at_one_angle_is_seen(parameters: Parameters, angle: float) -> None:
+@pytest.mark.parametrize("degrees", ANGLES)
+def test_a_hinge_inertia_off_by_2e_5_at_one_angle_is_seen(parameters: Parameters, degrees: float) -> None:
     class Off(Published):
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-            return super().hinge_inertia(dihedral, p) * off_at(dihedral, angle, 2e-5)
+            return super().hinge_inertia(dihedral, p) * off_at(dihedral, degrees, 2e-5)
 
     assert "eigenvalue_30_ft_s" in failed(validate(Aircraft(parameters, Off())))
 
 
-@pytest.mark.parametrize("angle", ANGLES, ids=np.degrees)
+@pytest.mark.parametrize("degrees", ANGLES)
 def test_a_pitch_inertia_off_by_3e_4_at_one_angle_is_seen(
-    parameters: Parameters, monkeypatch: pytest.MonkeyPatch, angle: float
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
     ours = dynamics._pitch_acceleration
 
     def with_another_inertia(x: State, loads: Loads, p: Parameters) -> Quantity:
-        return ours(x, loads, p) / off_at(x.dihedral, angle, 3e-4)
+        return ours(x, loads, p) / off_at(x.dihedral, degrees, 3e-4)
 
     class Off(Published):
         """Compiled anew, with the acceleration above."""
