@@ -141,7 +141,9 @@ def load_parameters(path: Path) -> ParameterSet:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInputError(f"{path}: is not a TOML file ({error})") from error
-    covariance_table = _table(path, data, "covariance")
+    covariance_table = data.pop("covariance", {})
+    if not isinstance(covariance_table, dict):
+        raise BadInputError(f"{path}: covariance is {covariance_table!r}; make it the table [covariance] or remove it")
     unknown = sorted(set(data) - set(Parameters._fields))
     missing = [name for name in Parameters._fields if name not in data]
     if unknown:
@@ -170,13 +172,6 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
         lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
     write_text(path, "\n".join(lines) + "\n")
-
-
-def _table(path: Path, data: dict[str, Any], name: str) -> dict[str, Any]:
-    table = data.pop(name, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {table!r}; make it the table [{name}] or remove it")
-    return table
 
 
 def _value(path: Path, name: str, table: Any) -> float:
