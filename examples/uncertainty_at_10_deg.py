@@ -1,26 +1,25 @@
 """How far the linear model at 10 deg can be trusted: the widest bands, and what they do to the modes.
 
-The band of an entry is two standard errors from the rounding of the print plus the distance to a rival structure that
-fits the print as well. The modes are computed again for 1000 draws of A within its bands. Entries are drawn one by one;
-the entries of one row really move together, so the ranges are rather too wide than too narrow. Run it with
-.venv/bin/python; it prints
+The band of an entry is two standard errors from the rounding of the print. The modes are computed again for 1000 draws
+of A within its bands. Entries are drawn one by one; the entries of one row really move together, so the ranges are
+rather too wide than too narrow. Run it with .venv/bin/python; it prints
 
     published
-      A(dihedral_rate, dihedral_rate)    -7.4955 ± 0.0014
-      A(dihedral_rate, pitch_rate)        1.9684 ± 0.0004
-      A(pitch_rate, alpha)             -155.6092 ± 0.0001
-      short period     real part   -4.6311, from -4.6313 to -4.6309 1/s
-      dihedral (fast)  real part   -7.2258, from -7.2276 to -7.2240 1/s
-      phugoid          real part   -0.0042, from -0.0043 to -0.0042 1/s
-      dihedral (slow)  real part   -0.0105, from -0.0105 to -0.0105 1/s
+      A(pitch_rate, alpha)             -155.6092 ± 9.0e-05
+      A(pitch_rate, dihedral)             1.3825 ± 4.2e-05
+      A(dihedral_rate, dihedral_rate)    -7.4955 ± 4.1e-05
+      short period     real part   -4.6311 ± 3.1e-05 1/s
+      dihedral (fast)  real part   -7.2258 ± 6.0e-05 1/s
+      phugoid          real part   -0.0042 ± 1.0e-06 1/s
+      dihedral (slow)  real part   -0.0105 ± 1.0e-06 1/s
     newton
-      A(dihedral_rate, dihedral_rate)   -33.8970 ± 21.4435
-      A(dihedral_rate, alpha)             0.8319 ± 0.5263
-      A(dihedral_rate, dihedral)         -0.3744 ± 0.2369
-      dihedral (fast)  real part  -33.8784, from -55.3104 to -12.4201 1/s
-      short period     real part   -4.5485, from -4.5634 to -4.5454 1/s
-      phugoid          real part   -0.0010, from -0.0017 to -0.0008 1/s
-      dihedral (slow)  real part   -0.0103, from -0.0445 to -0.0023 1/s
+      A(dihedral_rate, dihedral_rate)   -33.8970 ± 2.1e-03
+      A(pitch_rate, alpha)              -98.7659 ± 8.1e-05
+      A(dihedral_rate, alpha)             0.8319 ± 6.4e-05
+      dihedral (fast)  real part  -33.8784 ± 2.1e-03 1/s
+      short period     real part   -4.5485 ± 2.3e-05 1/s
+      phugoid          real part   -0.0010 ± 4.6e-07 1/s
+      dihedral (slow)  real part   -0.0103 ± 1.9e-06 1/s
 """
 
 import numpy as np
@@ -37,10 +36,10 @@ for dynamics in ("published", "newton"):
     for i in np.argsort(-bands.A, axis=None)[:3]:
         row, column = np.unravel_index(i, bands.A.shape)
         name = f"A({model.states[row]}, {model.states[column]})"
-        print(f"  {name:32}{model.A[row, column]:10.4f} ± {bands.A[row, column]:.4f}")
+        print(f"  {name:32}{model.A[row, column]:10.4f} ± {bands.A[row, column]:.1e}")
     rng = np.random.default_rng(0)
     draws = [model.A + bands.A * rng.uniform(-1, 1, bands.A.shape) for _ in range(1000)]
     for mode in modes_of(model.A, model.states):
         nearest = [min(np.linalg.eigvals(A), key=lambda root: abs(root - mode.eigenvalue)) for A in draws]
-        real = np.real(nearest)
-        print(f"  {mode.name:16} real part {mode.eigenvalue.real:9.4f}, from {real.min():.4f} to {real.max():.4f} 1/s")
+        spread = np.abs(np.real(nearest) - mode.eigenvalue.real).max()
+        print(f"  {mode.name:16} real part {mode.eigenvalue.real:9.4f} ± {spread:.1e} 1/s")

@@ -142,13 +142,5 @@ def _refuse_two_values(arguments: argparse.Namespace, free: tuple[str, ...], hol
 
 
 def _parameters(text: str) -> ParameterSet:
-    """A named set, or a file's; BadInputError when they belong to equations that no option names."""
-    if text in NAMED:
-        return named_parameters(text)
-    parameters = load_parameters(Path(text))
-    if parameters.structure:
-        raise BadInputError(
-            f"{text}: its [structure] {', '.join(parameters.structure)} belongs to equations that no "
-            "command flies; give the parameters.toml that `hfa identify --write` puts beside it"
-        )
-    return parameters
+    """A named set, or a file's."""
+    return named_parameters(text) if text in NAMED else load_parameters(Path(text))

@@ -9,10 +9,7 @@ from hfa_model.support.text import Table
 
 def parameter_report(parameters: ParameterSet) -> Report:
     """Every parameter with its standard error, unit and source."""
-    structure = ", ".join(f"{name} {value:.7g}" for name, value in parameters.structure.items())
-    return Report(
-        "Parameters of the aircraft" + (f", {structure}" if structure else ""), (parameters_table(parameters),)
-    )
+    return Report("Parameters of the aircraft", (parameters_table(parameters),))
 
 
 def parameters_table(parameters: ParameterSet) -> Table:

@@ -16,7 +16,7 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     entry of A comes out up to 4.8 times too large. The same seed gives the same samples.
     BadInputError when there is no covariance, or an identified parameter is zero.
     """
-    if not parameters.covariance.size or parameters.structure:
+    if not parameters.covariance.size:
         raise BadInputError(
             "samples need parameters with their covariance, such as the parameters.toml of `hfa identify`"
         )

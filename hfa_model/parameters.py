@@ -91,20 +91,17 @@ class ParameterSet(ByValue, Reported):
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
     covariance: (n, n), of the identified parameters in the order of `identified`, in their own units,
     propagated from the rounding of the print; empty when nothing is identified.
-    structure: extra constants of a rival structure (empty for the published one).
     """
 
     values: Parameters
     sources: dict[str, str]
     notes: dict[str, str] = field(default_factory=dict)
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    structure: dict[str, float] = field(default_factory=dict)
 
     @property
     def identified(self) -> tuple[str, ...]:
-        """Names of the identified parameters, then of the structure's own constants, in order."""
-        names = tuple(name for name in Parameters._fields if self.sources[name] == "identified")
-        return names + tuple(self.structure)
+        """Names of the identified parameters, in order."""
+        return tuple(name for name in Parameters._fields if self.sources[name] == "identified")
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -144,8 +141,9 @@ def load_parameters(path: Path) -> ParameterSet:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInputError(f"{path}: is not a TOML file ({error})") from error
-    covariance_table = _table(path, data, "covariance")
-    structure = _table(path, data, "structure")
+    covariance_table = data.pop("covariance", {})
+    if not isinstance(covariance_table, dict):
+        raise BadInputError(f"{path}: covariance is {covariance_table!r}; make it the table [covariance] or remove it")
     unknown = sorted(set(data) - set(Parameters._fields))
     missing = [name for name in Parameters._fields if name not in data]
     if unknown:
@@ -155,13 +153,7 @@ def load_parameters(path: Path) -> ParameterSet:
     values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
     sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
-    result = ParameterSet(
-        values,
-        sources,
-        notes,
-        structure={name: _number(path, name, value) for name, value in structure.items()},
-    )
-    return _with_covariance(path, result, covariance_table)
+    return _with_covariance(path, ParameterSet(values, sources, notes), covariance_table)
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
@@ -175,20 +167,11 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
             lines += [f"standard_error = {errors[name]:.3g}"]
         if name in parameters.notes:
             lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON's strings are TOML's
-    if parameters.structure:
-        lines += ["", "[structure]", *(f"{name} = {value!r}" for name, value in parameters.structure.items())]
     if parameters.covariance.size:
         names = ", ".join(f'"{name}"' for name in parameters.identified)
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
         lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
     write_text(path, "\n".join(lines) + "\n")
-
-
-def _table(path: Path, data: dict[str, Any], name: str) -> dict[str, Any]:
-    table = data.pop(name, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {table!r}; make it the table [{name}] or remove it")
-    return table
 
 
 def _value(path: Path, name: str, table: Any) -> float:
@@ -241,7 +224,7 @@ def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]
             f"{path}: [covariance] is no covariance: scaled to correlations, its lowest eigenvalue is {lowest:.3g}, "
             "which must not be negative; remove it or run `hfa identify` again"
         )
-    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance, parameters.structure)
+    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance)
 
 
 def _lowest_correlation(covariance: np.ndarray) -> float:

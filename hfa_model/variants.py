@@ -13,6 +13,8 @@ the span and mass of one panel:
 | (m s/2) V sin α sin η η' in η'' | - | absent |
 | factor on (m s/2) cos η sin η η'² in η'' | -2s/3 | -s/3 |
 | cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
+
+The two terms in η' have one cause: `published` leaves out that the hinge moves (`docs/dynamics.md`).
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ class Published:
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
-        The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices.
+        The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices, and the released
+        simulation up to 45 deg (`docs/validation.md`).
         """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)
@@ -84,23 +87,6 @@ class Newton:
         """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the panel turns."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
-
-
-@dataclass(frozen=True)
-class Rival(Published):
-    """Published, but with the hinge inertia as the paper prints it and a free factor on its cosine.
-
-    d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η. With c fitted it reproduces both printed angles as well as
-    `Published` does; the distance between the two at other angles measures what the print leaves open.
-    """
-
-    cosine_factor: Quantity = 1.0
-    name = "rival"
-
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, slug ft^2."""
-        mass_moment = p.panel_mass * p.panel_span**2
-        return p.inertia_roll + mass_moment / 4 + self.cosine_factor * mass_moment / 6 * ca.cos(dihedral) ** 2
 
 
 Variant = Published | Newton

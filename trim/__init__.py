@@ -12,7 +12,7 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
 if TYPE_CHECKING:
     from trim.identification.evidence import Identification as Identification, run_identification as run_identification
     from trim.identification.identify import Fit as Fit, fit as fit, identify as identify
-    from trim.linear.bands import Bands as Bands, entry_bands as entry_bands, rival_parameters as rival_parameters
+    from trim.linear.bands import Bands as Bands, entry_bands as entry_bands
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
     from trim.linear.linearize import LinearModel as LinearModel, linearize as linearize
     from trim.linear.mode_tracking import track_modes as track_modes

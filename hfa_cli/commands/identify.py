@@ -10,7 +10,7 @@ from hfa_cli.argument_types import parsed, whole
 from hfa_cli.output import Progress, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
-from trim.identification.evidence import run_identification, save_fit, save_identification
+from trim.identification.evidence import run_identification, save_fit
 from trim.identification.identification_report import identification_report
 
 #: Suffix of a parameters file.
@@ -20,7 +20,7 @@ PARAMETERS = ".toml"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa identify`."""
     add_value(parser, "--seed", whole(0), "N", "seed of the rough guesses; default 0", default=0)
-    about = "write parameters.toml and parameters_rival.toml into this folder"
+    about = "write parameters.toml into this folder"
     add_value(parser, "--write", parsed(_folder), "FOLDER", about)
     options.add_output(parser, PARAMETERS, what=" (the parameters)")
 
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = arguments.output
     result = run_identification(arguments.seed, Progress("identify"))
     if arguments.write is not None:
-        save_identification(result, arguments.write)
+        save_fit(result.fit, arguments.write / "parameters.toml")
     if target is not None and target.suffix.lower() == PARAMETERS:
         save_fit(result.fit, target)
         target = None

@@ -17,9 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare and report; exit 1 when a difference is beyond its limit."""
     from verification.validation.comparison import validate
-    from verification.validation.validation_report import validation_report
 
-    aircraft = options.aircraft_of(arguments)
-    found = validate(aircraft)
-    show(validation_report(found, arguments.dynamics), as_json=arguments.json, target=arguments.output)
+    found = validate(options.aircraft_of(arguments))
+    show(found.report(), as_json=arguments.json, target=arguments.output)
     return 0 if found.ok else 1

@@ -12,7 +12,7 @@ from hfa_model.parameters import Parameters, ParameterSet, load_parameters, save
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.bands import Bands, entry_bands, rival_parameters
+from trim.linear.bands import Bands, entry_bands
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -81,9 +81,8 @@ def test_the_same_seed_gives_the_same_samples(parameter_set: ParameterSet) -> No
 
 
 def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
-    for without in (replace(parameter_set, covariance=np.zeros((0, 0))), rival_parameters()):
-        with pytest.raises(BadInputError, match="samples need parameters with their covariance"):
-            sample_parameters(without, 3, seed=0)
+    with pytest.raises(BadInputError, match="samples need parameters with their covariance"):
+        sample_parameters(replace(parameter_set, covariance=np.zeros((0, 0))), 3, seed=0)
     zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
     with pytest.raises(BadInputError, match="zero_lift_moment is zero and identified"):
         sample_parameters(zero, 3, seed=0)

@@ -48,7 +48,7 @@ def refusal(path: Path) -> str:
 
 def assert_same(one: ParameterSet, other: ParameterSet) -> None:
     assert one.values == other.values
-    assert (one.sources, one.notes, one.structure) == (other.sources, other.notes, other.structure)
+    assert (one.sources, one.notes) == (other.sources, other.notes)
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
@@ -61,9 +61,9 @@ def test_round_trip_of_awkward_numbers(tmp_path: Path, parameter_set: ParameterS
     rng = np.random.default_rng(1)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
     count = len(parameter_set.identified)
-    sizes = 10.0 ** rng.uniform(-150, 150, count + 1)
-    covariance = np.outer(sizes, sizes) * np.where(np.eye(count + 1), 1.0, 1 / 3)
-    changed = replace(parameter_set, values=awkward, covariance=covariance, structure={"factor": 0.1 + 0.2})
+    sizes = 10.0 ** rng.uniform(-150, 150, count)
+    covariance = np.outer(sizes, sizes) * np.where(np.eye(count), 1.0, 1 / 3)
+    changed = replace(parameter_set, values=awkward, covariance=covariance)
     path = tmp_path / "awkward.toml"
     save_parameters(changed, path, "")
     assert_same(load_parameters(path), changed)
@@ -134,7 +134,7 @@ def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
         (r"(?<=^\[chord\]\n)(value.*\nunit.*\nsource = ).*", r'\g<1>"guessed"', "chord"),
         (r"(?<=^\[chord\]\n)((.+\n)+?note = ).*", r"\g<1>3", "chord"),
         (r"\Z", "\n[rudder]\nvalue = 1.0\n", "rudder"),
-        (r"\Z", "\n[structure]\nfactor = nan\n", "factor"),
+        (r"\Z", "\n[structure]\ncosine_factor = 0.1\n", "structure"),
         (r"(?<=^names = \[)\"panel_mass\"", '"chord"', "covariance"),
         (r"^rows = \[\n.*\n", "rows = [\n", "covariance"),
         (r"(?<=^rows = \[\n)  \[[^,]*", "  [nan", "covariance"),
@@ -149,7 +149,7 @@ def test_wrong_entries_are_refused(saved: Path, pattern: str, replacement: str, 
     assert named in refusal(edited(saved, pattern, replacement))
 
 
-@pytest.mark.parametrize("name", ["chord", "structure", "covariance"])
+@pytest.mark.parametrize("name", ["chord", "covariance"])
 def test_a_number_instead_of_a_table_is_refused(saved: Path, name: str) -> None:
     text = saved.read_text(encoding="utf-8")
     text = re.sub(rf"^\[{name}\]\n(.+\n)+", "", text, flags=re.M)

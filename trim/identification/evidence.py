@@ -14,16 +14,15 @@ from hfa_model.published import published_models
 from hfa_model.support.report import Report, Reported
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
-from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, fit_rival, identify
+from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify
 from trim.linear.compare import EntryRow, compare, regenerate
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A structure tried: its constants beyond the parameters, and the best that it reaches on the print."""
+    """A structure tried, and the best that it reaches on the print."""
 
     description: str
-    extra_constants: int
     sum_of_squares: float
     largest: float
 
@@ -45,13 +44,12 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Identification(Reported):
-    """The published structure's fit, its rival's, and the evidence.
+    """The published structure's fit, and the evidence.
 
     starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
     """
 
     fit: Fit
-    rival: Fit
     starts: list[float]
     tables: dict[float, tuple[EntryRow, ...]]
     structures: tuple[Structure, ...]
@@ -92,7 +90,7 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 
 def run_identification(seed: int = 0, progress: Callable[[int, int], None] | None = None) -> Identification:
     """Identify, then collect the evidence; about 20 seconds. progress: called with (stages done, stages in all)."""
-    stages = len(ALTERNATIVES) + 3
+    stages = len(ALTERNATIVES) + 2
 
     def done(stage: int) -> None:
         if progress is not None:
@@ -100,28 +98,15 @@ def run_identification(seed: int = 0, progress: Callable[[int, int], None] | Non
 
     best, starts = identify(seed)
     done(1)
-    rival = fit_rival()
-    done(2)
     aircraft = Aircraft(best.parameters.values, Published())
     tables = {model.dihedral_deg: compare(regenerate(aircraft, model), model) for model in published_models()}
-    return Identification(best, rival, starts, tables, _structures(best, rival, seed, done), _left_out(done))
-
-
-def save_identification(result: Identification, folder: Path) -> tuple[Path, Path]:
-    """Write `parameters.toml` and `parameters_rival.toml`; returns their paths."""
-    paths = folder / "parameters.toml", folder / "parameters_rival.toml"
-    for path, fitted in zip(paths, (result.fit, result.rival), strict=True):
-        save_fit(fitted, path)
-    return paths
+    return Identification(best, starts, tables, _structures(best, seed, done), _left_out(done))
 
 
 def save_fit(fitted: Fit, path: Path) -> None:
     """Write one fit as a parameters file."""
-    title = "The aircraft behind the printed matrices"
-    if fitted.parameters.structure:
-        title += ", with the rival hinge inertia (hfa_model/variants.py), for the spread between structures"
     header = (
-        f"{title}. Written by `hfa identify`; do not edit.\n"
+        "The aircraft behind the printed matrices. Written by `hfa identify`; do not edit.\n"
         f"Sum of squares {fitted.sum_of_squares:.2f} half units^2 over {fitted.entries} printed entries "
         f"(rounding alone gives {fitted.expected_sum:.1f} on average).\n"
         "The covariance is that of small errors: sample it in the logarithms of the parameters, as\n"
@@ -130,12 +115,9 @@ def save_fit(fitted: Fit, path: Path) -> None:
     save_parameters(fitted.parameters, path, header)
 
 
-def _structures(best: Fit, rival: Fit, seed: int, done: Callable[[int], None]) -> tuple[Structure, ...]:
+def _structures(best: Fit, seed: int, done: Callable[[int], None]) -> tuple[Structure, ...]:
     rng = np.random.default_rng(seed)
-    rows = [
-        Structure("published", 0, best.sum_of_squares, best.largest),
-        Structure("rival: hinge inertia with a free factor on cos² η", 1, rival.sum_of_squares, rival.largest),
-    ]
+    rows = [Structure("published", best.sum_of_squares, best.largest)]
     for index, (description, variant) in enumerate(ALTERNATIVES):
         # From the published optimum and from rough guesses: the alternative gets its best chance.
         near = np.log(_identified(best) / _identified_rough())
@@ -143,8 +125,8 @@ def _structures(best: Fit, rival: Fit, seed: int, done: Callable[[int], None]) -
             fit(published_models(), variant, noise=noise) for noise in (near, None, rng.normal(size=near.size) / 3)
         ]
         chosen = min(tries, key=lambda one: one.sum_of_squares)
-        rows.append(Structure(description, 0, chosen.sum_of_squares, chosen.largest))
-        done(3 + index)
+        rows.append(Structure(description, chosen.sum_of_squares, chosen.largest))
+        done(2 + index)
     return tuple(rows)
 
 
@@ -162,7 +144,7 @@ def _left_out(done: Callable[[int], None]) -> tuple[LeftOut, ...]:
         determined = int(np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100))
         shape_error = _row_error(pitch, factor)
         rows.append(LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, errors, shape_error))
-    done(len(ALTERNATIVES) + 3)
+    done(len(ALTERNATIVES) + 2)
     return tuple(rows)
 
 

@@ -71,7 +71,6 @@ def _data(result: Identification) -> dict[str, Any]:
         "largest_half_units": result.fit.largest,
         "starts": result.starts,
         "singular_values": result.fit.singular_values.tolist(),
-        "rival": {"structure": result.rival.parameters.structure, "sum_of_squares": result.rival.sum_of_squares},
         "trim_inputs": {
             str(angle): inputs._asdict() for angle, inputs in zip(result.tables, result.fit.inputs, strict=True)
         },
@@ -100,11 +99,8 @@ def _determination(fit: Fit) -> Block:
 
 
 def _structures(result: Identification) -> Table:
-    rows = [
-        (row.description, str(row.extra_constants), f"{row.sum_of_squares:.4g}", f"{row.largest:.4g}")
-        for row in result.structures
-    ]
-    return Table(("structure", "extra constants", "sum of squares", "largest, half units"), rows)
+    rows = [(row.description, f"{row.sum_of_squares:.4g}", f"{row.largest:.4g}") for row in result.structures]
+    return Table(("structure", "sum of squares", "largest, half units"), rows)
 
 
 def _left_out(result: Identification) -> Block:

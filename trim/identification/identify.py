@@ -6,9 +6,8 @@ every step. Each printed entry weighs with half a unit of its last digit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +18,7 @@ from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
-from hfa_model.variants import Published, Rival, Variant
+from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 
 #: Not determined by the print: held, each with its reason.
@@ -57,7 +56,6 @@ ROUGH: dict[str, float] = {
     "hinge_stiffness": 1.0e4,
     "hinge_damping": 1.0e5,
 }
-_ROUGH_FACTOR = 1.0  # a rival's cosine factor begins at the paper's
 _FREE_INPUTS = tuple(name for name in INPUTS if name != "aileron_center")
 _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
 _TRIM_STEPS = 30
@@ -116,31 +114,23 @@ def identify(seed: int = 0, starts: int = 8) -> tuple[Fit, list[float]]:
     return best, sums
 
 
-def fit_rival() -> Fit:
-    """The rival structure (`variants.Rival`) fitted to both printed pairs."""
-    return fit(published_models(), Rival, extra={"cosine_factor": _ROUGH_FACTOR})
-
-
 def fit(
     models: Sequence[PublishedModel],
-    structure: Variant | Callable[..., Variant],
+    structure: Variant,
     *,
-    extra: dict[str, float] | None = None,
     noise: np.ndarray | None = None,
     prior: bool = False,
 ) -> Fit:
     """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs: f(p, U(p)) = 0.
 
-    models: printed pairs to fit. structure: a variant, or, with `extra` constants, a callable that takes
-    them by name. noise: added to the log of the rough guess. prior: weigh the rough guess in, weakly, for
-    data that leave combinations open. Solved by Levenberg-Marquardt on exact Jacobians, the inputs
-    eliminated by the implicit function theorem (variable projection).
+    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough guess. prior: weigh
+    the rough guess in, weakly, for data that leave combinations open. Solved by Levenberg-Marquardt on exact
+    Jacobians, the inputs eliminated by the implicit function theorem (variable projection).
     """
     from scipy.optimize import least_squares
 
-    extra = extra or {}
-    problem = _Problem(models, structure, tuple(extra))
-    guess = np.array([*ROUGH.values(), *extra.values()])
+    problem = _Problem(models, structure)
+    guess = np.array(list(ROUGH.values()))
     weights = np.eye(len(guess)) / _PRIOR_SPREAD if prior else np.zeros((0, len(guess)))
 
     def residual(y: np.ndarray) -> np.ndarray:
@@ -149,7 +139,7 @@ def fit(
     def jacobian(y: np.ndarray) -> np.ndarray:
         return np.vstack([problem.entries(y * guess)[1] * guess, weights])
 
-    start = np.exp(np.pad(noise, (0, len(extra)))) if noise is not None else np.ones(len(guess))
+    start = np.exp(noise) if noise is not None else np.ones(len(guess))
     solution = least_squares(
         residual, start, jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=_MAX_EVALUATIONS
     )
@@ -157,22 +147,13 @@ def fit(
 
 
 class _Problem:
-    """The weighted entries of the printed pairs and their Jacobian as functions of parameters and extra constants."""
+    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown parameters."""
 
-    def __init__(
-        self,
-        models: Sequence[PublishedModel],
-        structure: Variant | Callable[..., Variant],
-        extra: tuple[str, ...],
-    ) -> None:
-        self.extra = extra
-        theta = ca.SX.sym("theta", len(IDENTIFIED) + len(extra))
-        unknowns = ca.vertsplit(theta)
+    def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
+        theta = ca.SX.sym("theta", len(IDENTIFIED))
         known = {name: value for name, (value, _, _) in ASSUMED.items()}
-        p = Parameters(**known, **dict(zip(IDENTIFIED, unknowns[: len(IDENTIFIED)], strict=True)))
-        constants = dict(zip(extra, unknowns[len(IDENTIFIED) :], strict=True))
-        variant: Any = structure(**constants) if callable(structure) else structure
-        self._cases = [_compile(model, theta, p, variant) for model in models]
+        p = Parameters(**known, **dict(zip(IDENTIFIED, ca.vertsplit(theta), strict=True)))
+        self._cases = [_compile(model, theta, p, structure) for model in models]
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
         """The free inputs that balance each printed condition, by Newton's method (the loads are nearly affine)."""
@@ -253,13 +234,12 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
     moved = _moved(relative)
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
-    values |= dict(zip(IDENTIFIED, theta[: len(IDENTIFIED)].tolist(), strict=True))
+    values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
         values=Parameters(**values),
         sources={name: ASSUMED[name][1] if name in ASSUMED else "identified" for name in Parameters._fields},
         notes={name: note for name, (_, _, note) in ASSUMED.items()},
         covariance=(covariance + covariance.T) / 2,
-        structure=dict(zip(problem.extra, theta[len(IDENTIFIED) :].tolist(), strict=True)),
     )
     return Fit(
         parameters=parameters,

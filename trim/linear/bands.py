@@ -1,27 +1,23 @@
-"""How uncertain each entry of A and B is: the print's rounding, propagated, and the distance to a rival structure."""
+"""How uncertain each entry of A and B is: the rounding of the print, propagated through the parameters and the trim."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters
+from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
-from hfa_model.variants import Published, Rival, Variant, variant_named
+from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linearize import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 #: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
 _SAME = 1e-7
@@ -31,24 +27,22 @@ _SAME = 1e-7
 class Bands(ByValue, Reported):
     """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
 
-    rounding: standard error propagated from the rounding of the print through the parameters and the trim.
-    structure: |entry - the same entry by the rival structure|, which fits the print as well.
+    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
+    equations are taken as they are: `docs/validation.md` says where they were tested.
     """
 
     A_rounding: np.ndarray
     B_rounding: np.ndarray
-    A_structure: np.ndarray
-    B_structure: np.ndarray
 
     @property
     def A(self) -> np.ndarray:
-        """Half width of the band on A: two standard errors of rounding plus the structural spread."""
-        return 2 * self.A_rounding + self.A_structure
+        """Half width of the band on A: two standard errors."""
+        return 2 * self.A_rounding
 
     @property
     def B(self) -> np.ndarray:
-        """Half width of the band on B: two standard errors of rounding plus the structural spread."""
-        return 2 * self.B_rounding + self.B_structure
+        """Half width of the band on B: two standard errors."""
+        return 2 * self.B_rounding
 
     def report(self) -> Report:
         """The bands of A and B."""
@@ -57,20 +51,13 @@ class Bands(ByValue, Reported):
         return bands_report(self)
 
 
-@cache
-def rival_parameters() -> ParameterSet:
-    """The rival structure's parameters that come with the package (`hfa identify` writes them)."""
-    return load_parameters(Path(str(files("hfa_model").joinpath("parameters_rival.toml"))))
-
-
 def bands_known(parameters: ParameterSet) -> bool:
     """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
 
-    Covariance and rival belong to what the print gives. Beside an edited copy the rival is another aircraft, and
-    the distance to it no uncertainty.
+    The covariance belongs to what the print gives. Beside an edited value it is the uncertainty of another aircraft.
     """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
-    return same and not parameters.structure and parameters.covariance.size > 0
+    return same and parameters.covariance.size > 0
 
 
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
@@ -90,17 +77,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     variant = variant_named(model.point.dynamics)
     jacobian = _total_derivative(parameters, variant, condition, model.point)
     rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
-    A_rounding, B_rounding = _split(rounding)
-    rival = _rival_model(variant, condition, model.point)
-    return Bands(A_rounding, B_rounding, np.abs(model.A - rival.A), np.abs(model.B - rival.B))
-
-
-def _rival_model(variant: Variant, condition: TrimCondition, point: OperatingPoint) -> LinearModel:
-    """The rival's linear model. Newton's own equations do not change with the rival, but its parameters do."""
-    rival = rival_parameters()
-    structure = Rival(**rival.structure) if isinstance(variant, Published) else variant
-    aircraft = Aircraft(rival.values, structure)
-    return linearize(aircraft, find_operating_point(aircraft, condition, start=point))
+    return Bands(*_split(rounding))
 
 
 def _total_derivative(

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.checks import Check, at_most
+from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUTS
 from trim.linear.compare import eigenvalue_errors
 from trim.linear.linearize import LinearModel, linearize
@@ -50,10 +51,11 @@ class EntryDifference:
     half_units: float
 
 
-@dataclass(frozen=True)
-class Validation:
+@dataclass(frozen=True, repr=False)
+class Validation(Reported):
     """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure, computed), 1/s."""
 
+    dynamics: str
     trims: tuple[TrimDifference, ...]
     entries: tuple[EntryDifference, ...]
     fast_roots: tuple[tuple[float, float, float], ...]
@@ -64,6 +66,12 @@ class Validation:
         """Whether every check passed."""
         return all(check.ok for check in self.checks)
 
+    def report(self) -> Report:
+        """Trim by trim, entry by entry, and the verdicts."""
+        from verification.validation.validation_report import validation_report
+
+        return validation_report(self)
+
 
 def validate(aircraft: Aircraft) -> Validation:
     """Trim at each of their conditions, linearize, compare."""
@@ -72,7 +80,7 @@ def validate(aircraft: Aircraft) -> Validation:
     at_third = models[trim_of_third_printed_model()]
     entries = tuple(_entry_difference(printed, at_third) for printed in third_printed_model())
     roots = _fast_roots(models)
-    return Validation(trims, entries, roots, _checks(trims, entries, roots))
+    return Validation(aircraft.variant.name, trims, entries, roots, _checks(trims, entries, roots))
 
 
 def _model_at(aircraft: Aircraft, released: ReleasedTrim) -> LinearModel:

@@ -14,11 +14,11 @@ from verification.validation.outside import outside_data
 SCHEMA = "hfa.validation/1"
 
 
-def validation_report(found: Validation, dynamics: str) -> Report:
+def validation_report(found: Validation) -> Report:
     """The released simulation trim by trim, the third printed model entry by entry, and the verdicts."""
     sources = outside_data()
     return Report(
-        title=f"Comparison with the outside, {dynamics} dynamics: {'PASS' if found.ok else 'FAIL'}",
+        title=f"Comparison with the outside, {found.dynamics} dynamics: {'PASS' if found.ok else 'FAIL'}",
         parts=(
             f"Trims and eigenvalues of the released simulation\n{sources['released_simulation']['source']}",
             _trims(found),
@@ -31,7 +31,7 @@ def validation_report(found: Validation, dynamics: str) -> Report:
             ),
             checks_block(found.checks),
         ),
-        data=_data(found, dynamics),
+        data=_data(found),
         records=Table(
             ("entry", "printed", "computed", "half_units"),
             [(each.printed.name, each.printed.value, each.computed, each.half_units) for each in found.entries],
@@ -64,10 +64,10 @@ def _entries(found: Validation) -> Table:
     return Table(("entry", "printed", "computed", "half units"), rows)
 
 
-def _data(found: Validation, dynamics: str) -> dict[str, Any]:
+def _data(found: Validation) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
-        "dynamics": dynamics,
+        "dynamics": found.dynamics,
         "ok": found.ok,
         "checks": [check.to_dict() for check in found.checks],
         "trims": [

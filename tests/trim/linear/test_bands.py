@@ -11,11 +11,9 @@ import pytest
 from cli import hfa
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import ParameterSet, save_parameters
+from hfa_model.parameters import Parameters, ParameterSet, save_parameters
 from hfa_model.support.errors import BadInputError
-from hfa_model.variants import Published, Rival
-from trim.linear import bands
-from trim.linear.bands import Bands, bands_known, entry_bands, rival_parameters
+from trim.linear.bands import Bands, bands_known, entry_bands
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -28,18 +26,33 @@ def heavier(parameters: ParameterSet, factor: float) -> ParameterSet:
     return replace(parameters, values=parameters.values._replace(panel_mass=factor * parameters.values.panel_mass))
 
 
-def bands_of(parameters: ParameterSet) -> Bands:
-    aircraft = Aircraft(parameters.values)
+def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
+    aircraft = Aircraft(parameters.values, dynamics)
     return entry_bands(parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION)))
 
 
-def test_structure_is_the_distance_to_the_rival(parameter_set: ParameterSet) -> None:
-    found, rival = bands_of(parameter_set), rival_parameters()
-    ours, other = Aircraft(parameter_set.values, Published()), Aircraft(rival.values, Rival(**rival.structure))
-    one, two = (linearize(aircraft, find_operating_point(aircraft, CONDITION)) for aircraft in (ours, other))
-    np.testing.assert_allclose(found.A_structure, np.abs(one.A - two.A), atol=1e-9)
-    np.testing.assert_allclose(found.B_structure, np.abs(one.B - two.B), atol=1e-9)
-    assert 1e-4 < found.A.max() < 1e-2
+@pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
+def test_a_band_is_two_standard_errors_of_the_rounding(
+    parameter_set: ParameterSet, dynamics: str, widest: float
+) -> None:
+    """sqrt(diag(J C J')), with J from differences of whole trims and models."""
+
+    def entries(values: Parameters) -> np.ndarray:
+        aircraft = Aircraft(values, dynamics)
+        model = linearize(aircraft, find_operating_point(aircraft, CONDITION))
+        return np.hstack([model.A, model.B])
+
+    columns = []
+    for name in parameter_set.identified:
+        step = 1e-5 * getattr(parameter_set.values, name)
+        high, low = (getattr(parameter_set.values, name) + side * step for side in (1, -1))
+        there, back = (entries(parameter_set.values._replace(**{name: value})) for value in (high, low))
+        columns.append((there - back) / (2 * step))
+    jacobian = np.stack(columns, axis=-1)
+    errors = np.sqrt(np.einsum("ijk,kl,ijl->ij", jacobian, parameter_set.covariance, jacobian))
+    found = bands_of(parameter_set, dynamics)
+    np.testing.assert_allclose(np.hstack([found.A, found.B]), 2 * errors, rtol=1e-3, atol=1e-9)
+    assert found.A.max() == pytest.approx(widest, rel=1e-3)
 
 
 def test_the_same_identification_elsewhere_has_the_same_bands(parameter_set: ParameterSet) -> None:
@@ -59,33 +72,10 @@ def test_without_covariance_there_are_no_bands(parameter_set: ParameterSet) -> N
         bands_of(replace(parameter_set, covariance=np.zeros((0, 0))))
 
 
-@pytest.mark.parametrize("values", ["rival", "packaged"])
-def test_a_rival_has_no_bands(parameter_set: ParameterSet, values: str) -> None:
-    rival = rival_parameters()
-    if values == "packaged":
-        rival = replace(rival, values=parameter_set.values)
-    with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
-        bands_of(rival)
-
-
 def test_a_model_of_other_states_has_no_bands(parameter_set: ParameterSet, published_aircraft: Aircraft) -> None:
     whole = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION), full=True)
     with pytest.raises(BadInputError, match="bands are known for the states speed, alpha, pitch"):
         entry_bands(parameter_set, CONDITION, whole)
-
-
-def test_nothing_that_is_given_is_computed_again(
-    parameter_set: ParameterSet, published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One trim and one linear model, both the rival's."""
-    model = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION))
-    called = []
-    for function in (linearize, find_operating_point):
-        monkeypatch.setattr(
-            bands, function.__name__, lambda one, *rest, f=function, **more: called.append(one) or f(one, *rest, **more)
-        )
-    entry_bands(parameter_set, CONDITION, model)
-    assert [aircraft.variant.name for aircraft in called] == ["rival", "rival"]
 
 
 def test_the_command_says_that_an_edited_copy_has_none(tmp_path: Path, parameter_set: ParameterSet) -> None:

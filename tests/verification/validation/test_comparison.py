@@ -11,7 +11,6 @@ from hfa_model import Aircraft, Parameters
 from verification.validation import comparison
 from verification.validation.comparison import validate
 from verification.validation.outside import outside_data, released_trims, third_printed_model
-from verification.validation.validation_report import validation_report
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
@@ -65,7 +64,7 @@ def test_a_printed_number_knows_its_last_digit() -> None:
 
 
 def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
-    report = validation_report(validate(published_aircraft), "published")
+    report = validate(published_aircraft).report()
     assert report.title.endswith("PASS")
     assert outside_data()["gibson_2011"]["source"] in report.text()
     assert len(report.data["trims"]) == 20
