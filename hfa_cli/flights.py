@@ -20,6 +20,7 @@ from controller.game.zero_sum import Game, published_game
 from hfa_cli import games
 from hfa_cli.argument_types import number, quantity, span, whole
 from hfa_cli.learning import add_settings, law_settings, show_learning
+from hfa_cli.origin import provenance, signed
 from hfa_cli.output import say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
@@ -140,7 +141,7 @@ def tell(
     notes = list(dict.fromkeys(warning for point in points for warning in warnings(point)))
     told = report.with_data(warnings=notes)
     if target is not None:
-        told.with_data(**(only_in_files or {})).save(target)
+        signed(told.with_data(**(only_in_files or {}))).save(target)
     show(told, as_json=arguments.json, target=None)
     sys.stdout.flush()
     say_notes(notes)
@@ -152,7 +153,7 @@ def draw_flight(result: NonlinearFlight, report: Report, picture: Path | None) -
         from hfa_model.support.figure import save
         from verification.flights.flight_figures import flight_figure
 
-        save(flight_figure(result, report.title.partition("\n")[0]), picture)
+        save(flight_figure(result, report.title.partition("\n")[0]), picture, provenance().text())
 
 
 def seed_of(arguments: argparse.Namespace) -> int:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hfa_cli.echo import on_one_line, shortened
+from hfa_cli.origin import run_of
 from hfa_cli.parser import Parser, unknown
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.version import toolchain_version
@@ -78,7 +79,10 @@ def _run(words: list[str]) -> int:
         module, arguments = _parsed(words)
     except SystemExit:
         return DONE  # how argparse leaves after --help and --version
-    with contextlib.redirect_stderr(io.StringIO()) if arguments.quiet else contextlib.nullcontext():
+    with contextlib.ExitStack() as around:
+        around.enter_context(run_of(words, arguments))
+        if arguments.quiet:
+            around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         return int(module.run(arguments))
 
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from hfa_cli.origin import signed
 from hfa_model.support.data_files import SUFFIXES as SUFFIXES
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
@@ -35,6 +36,7 @@ def check_folder(path: str) -> Path:
 
 def show(report: Report, *, as_json: bool, target: Path | None) -> None:
     """Print the report or, with `as_json`, its data; write the file, if one was asked for, first."""
+    report = signed(report)
     if target is not None:
         report.save(target)
     print(report.json() if as_json else report.text())

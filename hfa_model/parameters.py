@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -90,13 +90,14 @@ class ParameterSet(ByValue, Reported):
 
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
     covariance: (n, n), of the identified parameters in the order of `identified`, in their own units,
-    propagated from the rounding of the print; empty when nothing is identified.
+    propagated from the rounding of the print; empty when nothing is identified. name: of the set or its file.
     """
 
     values: Parameters
     sources: dict[str, str]
     notes: dict[str, str] = field(default_factory=dict)
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    name: str = field(default="of the user's own", compare=False)
 
     @property
     def identified(self) -> tuple[str, ...]:
@@ -130,7 +131,7 @@ def named_parameters(name: str) -> ParameterSet:
     """A parameter set that comes with the package, by its name in `NAMED`; BadInputError for another name."""
     if name not in NAMED:
         raise BadInputError(f"unknown parameter set {name!r}; choose from {', '.join(NAMED)}, or give a file")
-    return load_parameters(Path(str(files("hfa_model").joinpath(NAMED[name]))))
+    return replace(load_parameters(Path(str(files("hfa_model").joinpath(NAMED[name])))), name=name)
 
 
 def load_parameters(path: Path) -> ParameterSet:
@@ -153,7 +154,7 @@ def load_parameters(path: Path) -> ParameterSet:
     values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
     sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
-    return _with_covariance(path, ParameterSet(values, sources, notes), covariance_table)
+    return _with_covariance(path, ParameterSet(values, sources, notes, name=str(path)), covariance_table)
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
@@ -224,7 +225,7 @@ def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]
             f"{path}: [covariance] is no covariance: scaled to correlations, its lowest eigenvalue is {lowest:.3g}, "
             "which must not be negative; remove it or run `hfa identify` again"
         )
-    return ParameterSet(parameters.values, parameters.sources, parameters.notes, covariance)
+    return replace(parameters, covariance=covariance)
 
 
 def _lowest_correlation(covariance: np.ndarray) -> float:

@@ -8,6 +8,7 @@ from controller.game.learning_report import learning_report
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
+from hfa_cli.origin import signed
 from hfa_cli.output import say_notes, show
 
 
@@ -25,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     names, labels = (named.states, named.inputs, named.origin), named.labels()
     if arguments.output is not None:
         # Files hold the whole history; on a terminal it would drown the result.
-        learning_report(result, *names, history=True).with_data(**labels).save(arguments.output)
+        signed(learning_report(result, *names, history=True).with_data(**labels)).save(arguments.output)
     show(learning_report(result, *names).with_data(**labels), as_json=arguments.json, target=None)
     say_notes(named.warnings)
     return 0 if result.converged else 1

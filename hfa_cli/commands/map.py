@@ -17,6 +17,7 @@ from hfa_cli.flights import (
     gain_plan_of,
     tell,
 )
+from hfa_cli.origin import provenance
 from hfa_cli.output import Progress
 from hfa_cli.parser import add_value
 from hfa_cli.ranges import array_of, value_range
@@ -75,6 +76,6 @@ def run(arguments: argparse.Namespace) -> int:
         from hfa_model.support.figure import save
         from verification.flights.flight_figures import map_figure
 
-        save(map_figure(tuple(found), report.title), arguments.picture)
+        save(map_figure(tuple(found), report.title), arguments.picture, provenance().text())
     tell(report, [each.point for each in found], arguments, arguments.output)
     return 0

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hfa_cli import options
 from hfa_cli.argument_types import output_file, parsed
+from hfa_cli.origin import signed
 from hfa_cli.output import check_folder
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
@@ -34,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
     job = main_job(options.parameters_of(arguments), arguments.dynamics)
-    report = main_report(job)
+    report = signed(main_report(job))
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")

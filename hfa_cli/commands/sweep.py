@@ -17,6 +17,7 @@ import numpy as np
 from hfa_cli import options
 from hfa_cli.argument_types import whole
 from hfa_cli.games import add_weights, weights_of
+from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
@@ -69,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None:
         from trim.sweeps.root_locus import root_locus
 
-        root_locus(result, arguments.picture)
+        root_locus(result, arguments.picture, provenance().text())
     report = sweep_report(result)
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games

@@ -17,6 +17,7 @@ from hfa_cli import options
 from hfa_cli.argument_types import input_file, positive
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
+from hfa_cli.origin import provenance
 from hfa_cli.output import say_notes, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
@@ -86,4 +87,4 @@ def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, t
     from hfa_model.support.figure import save
     from verification.critic.check_figure import check_figure
 
-    save(check_figure(check, named.states, named.inputs, result, time), path)
+    save(check_figure(check, named.states, named.inputs, result, time), path, provenance().text())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.support.files import write_text, written_whole
-from hfa_model.support.jsonable import records_text
+from hfa_model.support.jsonable import jsonable, records_text
 from hfa_model.support.text import Table
 
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
@@ -23,7 +24,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
     .json: `data` as it is, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
-    as structs. .csv: a first line with the schema behind a "#", then `records`, one row a value.
+    as structs. .csv: `records`, one row a value; a last column has schema and provenance as JSON in its first row.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
@@ -35,9 +36,16 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         with written_whole(target) as stream:
             stream.write(_mat(data))
     elif suffix == ".csv":
-        write_text(target, f"# schema: {data['schema']}\n" + _csv(records))
+        about = {name: data[name] for name in ("schema", "provenance") if name in data}
+        write_text(target, _csv(_with_column(records, "about", json.dumps(jsonable(about)))))
     else:
         raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use one of {', '.join(SUFFIXES)}")
+
+
+def _with_column(records: Table, name: str, text: str) -> Table:
+    """The records with one column more, whose first row alone has something to say."""
+    rows = ((*row, "" if number else text) for number, row in enumerate(records.rows))
+    return Table((*records.header, name), tuple(rows))
 
 
 def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:

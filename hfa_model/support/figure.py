@@ -19,14 +19,14 @@ def png_bytes(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as .png or .svg, whole or not at all."""
+def save(figure: Figure, path: Path, source: str = "") -> None:
+    """Write a figure as .png or .svg, whole or not at all. source: where it comes from, into the file's metadata."""
     from matplotlib import rc_context
 
     kind = path.suffix[1:].lower()
     # The same result shall be the same file: no date, no random identifiers.
-    unstamped = {"Date": None} if kind == "svg" else {"Software": None}
-    settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": unstamped}
+    metadata = {"Date" if kind == "svg" else "Software": None} | ({"Description": source} if source else {})
+    settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": metadata}
     with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
         figure.savefig(stream, **settings)
 

@@ -48,7 +48,7 @@ class Report:
 
     parts: paragraphs (str), tables of formatted cells (Table), blocks, pictures, and reports within the report.
     data: the result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before
-    trusting it.
+    trusting it. source: where it comes from, said last.
     """
 
     title: str
@@ -56,6 +56,7 @@ class Report:
     notes: Sequence[str] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
     records: Table = NO_RECORDS
+    source: str = ""
 
     def with_data(self, **more: Any) -> Report:
         """The same report with more data."""
@@ -64,19 +65,22 @@ class Report:
     def text(self) -> str:
         """For a terminal: parts with an empty line between them; pictures have no place there."""
         shown = [_text(part) for part in self.parts if not isinstance(part, Picture)]
-        return "\n\n".join([*filter(None, [self.title]), *shown, *(f"Note: {note}" for note in self.notes)])
+        notes = (f"Note: {note}" for note in self.notes)
+        return "\n\n".join(filter(None, [self.title, *shown, *notes, self.source]))
 
     def markdown(self, level: int = 1) -> str:
         """With headings from `level` on; pictures as links to files of their name."""
         shown = [_markdown(part, level) for part in self.parts]
         heading = [f"{'#' * level} {_one_line(self.title)}"] if self.title else []
-        return "\n\n".join([*heading, *shown, *(f"Note: {note}" for note in self.notes)])
+        notes = (f"Note: {note}" for note in self.notes)
+        return "\n\n".join(filter(None, [*heading, *shown, *notes, self.source]))
 
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from elsewhere."""
         heading = [f"<h{level}>{html.escape(_one_line(self.title))}</h{level}>"] if self.title else []
         shown = [_html(part, level) for part in self.parts]
-        return "\n".join([*heading, *shown, *(f"<p>Note: {html.escape(note)}</p>" for note in self.notes)])
+        said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
+        return "\n".join([*heading, *shown, *(f"<p>{html.escape(line)}</p>" for line in said)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""

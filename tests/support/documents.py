@@ -2,7 +2,8 @@
 
 A ```python block is run; a ```text block right after it is what it prints. In a ```console block, lines that begin
 with "$ " are commands, and the lines after a command are what it prints; "# exit 1" at the end of a command is its
-exit code. A line "..." stands for any number of lines. The blocks of one document run in order, in one folder
+exit code. A line "..." stands for any number of lines, and the last line, which says
+where an output comes from, may be left out. The blocks of one document run in order, in one folder
 and one namespace; blocks in other languages, or in none, are not run.
 """
 
@@ -20,6 +21,8 @@ from typing import Any, NamedTuple
 from cli import hfa
 
 ROOT = Path(__file__).parents[2]
+#: The lines at the end of an output that say where it comes from; a document need not show them.
+SOURCE = re.compile(r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M)
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.M | re.S)
 
 
@@ -122,4 +125,5 @@ def _wrong_with(command: Command) -> str:
     result = hfa(*words[1:])
     if result.code != command.code:
         return f"exit code {result.code} instead of {command.code}: {result.err}"
-    return difference(command.expected, result.out + result.err)
+    said = result.out if SOURCE.search(command.expected) else SOURCE.sub("", result.out)
+    return difference(command.expected, said + result.err)

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def root_locus(result: Sweep, path: Path) -> None:
+def root_locus(result: Sweep, path: Path, source: str = "") -> None:
     """Draw `root_locus_figure` into a .png or .svg file."""
-    save(root_locus_figure(result), path)
+    save(root_locus_figure(result), path, source)
 
 
 def root_locus_figure(result: Sweep) -> Figure:

@@ -1,0 +1,119 @@
+"""Which aircraft an output is about: read back from every format that a command writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa
+from scipy.io import loadmat
+
+from hfa_model.parameters import NAMED, default_parameters, named_parameters, save_parameters
+from hfa_model.provenance import parameter_hash
+
+
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The identified aircraft with heavier panels."""
+    from dataclasses import replace
+
+    known = default_parameters()
+    path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
+    heavier = replace(known, values=known.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0)))
+    save_parameters(heavier, path, "Heavier panels.")
+    return path
+
+
+def hash_of(path: Path) -> str:
+    from hfa_model.parameters import load_parameters
+
+    return parameter_hash(load_parameters(path).values)
+
+
+@pytest.mark.parametrize("command", ["trim", "linearize", "solve", "verify", "learn"])
+def test_text_says_which_aircraft(command: str, heavy: Path) -> None:
+    plain, edited = (
+        hfa(command, "--dihedral", "12").out,
+        hfa(command, "--dihedral", "12", "--parameters", str(heavy)).out,
+    )
+    assert f"parameters identified ({parameter_hash(default_parameters().values)})" in plain.splitlines()[-1]
+    assert f"({hash_of(heavy)})" in edited.splitlines()[-2]
+    assert edited.splitlines()[-1] == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
+
+
+def test_json_has_the_whole_condition(heavy: Path) -> None:
+    words = ("--dihedral", "12", "--speed", "66", "--free", "alpha", "--hold", "aileron_outer=1")
+    found = json.loads(hfa("linearize", *words, "--parameters", str(heavy), "--json").out)["provenance"]
+    assert found["parameter_hash"] == hash_of(heavy)
+    assert found["changed"]["panel_mass"]["value"] == 10.5
+    assert found["condition"]["imposed"]["speed"] == 66.0
+    assert found["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
+    assert "alpha" in found["condition"]["free"]
+    assert set(found["condition"]["limits"]) == set(found["condition"]["free"])
+    assert found["command"].startswith("hfa linearize --dihedral 12 --speed 66")
+    assert found["date"] == "2026-09-21T14:13:20Z"
+    assert found["dynamics"] == "published"
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat", ".csv"])
+@pytest.mark.parametrize("command", ["trim", "linearize", "solve", "learn", "fly"])
+def test_every_file_has_it(command: str, suffix: str, heavy: Path, tmp_path: Path) -> None:
+    path = tmp_path / f"out{suffix}"
+    more = ("--duration", "0.1") if command == "fly" else ()
+    hfa(command, "--dihedral", "12", "--parameters", str(heavy), "-o", str(path), *more)
+    assert provenance_of(path) == hash_of(heavy)
+
+
+def provenance_of(path: Path) -> str:
+    """The parameter hash in a file."""
+    if path.suffix == ".json":
+        return str(json.loads(path.read_text("utf-8"))["provenance"]["parameter_hash"])
+    if path.suffix == ".npz":
+        with np.load(path) as data:
+            return str(data["provenance.parameter_hash"])
+    if path.suffix == ".mat":
+        return str(loadmat(path, simplify_cells=True)["provenance"]["parameter_hash"])
+    with path.open(encoding="utf-8", newline="") as stream:
+        first = next(csv.DictReader(stream))
+    return str(json.loads(first["about"])["provenance"]["parameter_hash"])
+
+
+def test_a_table_reads_as_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "model.csv"
+    hfa("linearize", "--dihedral", "12", "-o", str(path))
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [name for name in rows[0] if name != "about"] == ["matrix", "row", "column", "value", "unit", "band"]
+    assert len(rows) == 36 + 30 + 6 + 5
+    assert float(rows[0]["value"]) < 0.0
+    assert all(row["about"] == "" for row in rows[1:])
+
+
+def test_pictures_have_it_in_their_metadata(tmp_path: Path, heavy: Path) -> None:
+    path = tmp_path / "sweep.svg"
+    words = ("--dihedral", "0:10:5", "--parameters", str(heavy), "--picture", str(path))
+    assert hfa("sweep", *words).code == 0
+    assert hash_of(heavy) in path.read_text("utf-8")
+
+
+def test_the_page_has_it(tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    assert hfa("report", "-o", str(page)).code == 0
+    assert parameter_hash(default_parameters().values) in page.read_text("utf-8")
+
+
+def test_a_plant_of_the_user_s_own_is_named(tmp_path: Path) -> None:
+    plant = tmp_path / "plant.json"
+    plant.write_text(json.dumps({"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}), encoding="utf-8")
+    found = json.loads(hfa("solve", "--model", str(plant), "--json").out)["provenance"]
+    assert (found["model"], found["parameters"]) == (str(plant), "")
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_named_set_is_named(name: str) -> None:
+    found = json.loads(hfa("trim", "--dihedral", "5", "--parameters", name, "--json").out)["provenance"]
+    assert found["parameters"] == name
+    assert found["parameter_hash"] == parameter_hash(named_parameters(name).values)
