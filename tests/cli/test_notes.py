@@ -45,7 +45,8 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
 
 def test_a_plant_of_the_user_has_no_range(tmp_path: Path) -> None:
     plant = tmp_path / "plant.json"
-    plant.write_text('{"A": [[0, 1], [-1, -1]], "B": [[0], [1]], "Q": [[1, 0], [0, 1]], "R": [[1]]}', encoding="utf-8")
+    text = '{"A": [[0, 1], [-1, -1]], "B": [[0], [1]], "E": [[1], [1]], "Q": [[1, 0], [0, 1]], "R": [[1]], "delta": 10}'
+    plant.write_text(text, encoding="utf-8")
     result = hfa("solve", "--model", str(plant), "--json")
     assert (result.err, json.loads(result.out)["warnings"]) == ("", [])
 

@@ -29,7 +29,7 @@ SHOWN = {
     "LearningResult": "Law 'certified', basis 'quadratic': converged",
     "GameSolution": "Exact game solution, delta 200",
     "JudgedCritic": "Critic on the model at dihedral 15 deg, published dynamics",
-    "CriticCheck": "Critic on the plant, against the exact game solution: agrees",
+    "CriticCheck": "Critic on the plant, against the exact game solution: PASS",
 }
 #: Those that hold arrays, compared value by value.
 COMPARED = ("ParameterSet", "OperatingPoint", "LinearModel", "Bands", "Sweep", "Fit", "Regeneration", "RegeneratedPair")

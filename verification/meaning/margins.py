@@ -21,6 +21,8 @@ from verification.riccati.spectrum import spectrum
 MAX_PEAKS = 200
 #: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
 DISK_AT_INFINITY = 2.0
+#: A gain below this is a crossover at infinite frequency that rounding moved off zero.
+ROUNDING = 1e-12
 
 
 class LoopMargin(NamedTuple):
@@ -117,7 +119,7 @@ def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray) -> LoopMar
     gains, phases = np.asarray(gains), np.abs(np.asarray(phases))
     disk = min(float(alpha), DISK_AT_INFINITY)
     return LoopMargin(
-        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
+        gain_low=float(gains[(gains < 1.0) & (gains > ROUNDING)].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(np.minimum(phases, 360.0 - phases).min(initial=math.inf)),
         disk=disk,
