@@ -34,9 +34,9 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     with np.load("flight.npz") as stored:
         np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
     lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == "# schema: hfa.flight/1"
-    assert lines[1].startswith("time [s],speed [ft/s],alpha [rad]")
-    assert len(lines) == 103
+    assert "hfa.flight/1" in lines[1]
+    assert lines[0].startswith("time [s],speed [ft/s],alpha [rad]")
+    assert len(lines) == 102
 
 
 def test_the_command_says_what_left_first_and_exits_with_1() -> None:

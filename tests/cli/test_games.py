@@ -177,8 +177,8 @@ def test_learn_writes_the_same_history_in_every_format() -> None:
             np.testing.assert_array_equal(matlab[name], np.squeeze(data[name]))
         assert str(archive["schema"]) == matlab["schema"] == data["schema"]
     with Path("run.csv").open(encoding="utf-8", newline="") as stream:
-        assert next(stream) == f"# schema: {data['schema']}\n"
         rows = list(csv.DictReader(stream))
+    assert json.loads(rows[0]["about"])["schema"] == data["schema"]
     assert [float(row["time"]) for row in rows] == data["times"]
     assert [[float(row[f"W{i}"]) for i in (1, 2, 3)] for row in rows] == data["weights"]
 
@@ -267,8 +267,12 @@ def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.mark.parametrize("law", LAWS)
 def test_the_same_run_gives_the_same_bytes(law: str) -> None:
     words = ("learn", "--model", small("plant.json"), "--law", law, *RUNS[law])
-    assert hfa(*words, "-o", "one.json") == hfa(*words, "-o", "two.json")
-    assert Path("one.json").read_bytes() == Path("two.json").read_bytes()
+    said, files = [], []
+    for _ in range(2):
+        said.append(hfa(*words, "-o", "run.json"))
+        files.append(Path("run.json").read_bytes())
+    assert said[0] == said[1]
+    assert files[0] == files[1]
 
 
 @pytest.mark.parametrize("command", ["learn", "verify"])
