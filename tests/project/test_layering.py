@@ -88,6 +88,18 @@ def test_every_room_is_listed() -> None:
     assert {room for room in ROOMS if room not in sources} == set()
 
 
+def repeated_names(sources: Mapping[str, str]) -> list[str]:
+    """Names of modules that stand for two things; a command has the name that its user types."""
+    modules = [name for name in sources if not any(other.startswith(f"{name}.") for other in sources)]
+    names = [name.rpartition(".")[2] for name in modules if room_of(name, sources) != "hfa_cli.commands"]
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+def test_a_name_stands_for_one_module() -> None:
+    assert repeated_names(project_sources()) == []
+    assert repeated_names({"trim": "", "trim.report": "", "hfa_model": "", "hfa_model.report": ""}) == ["report"]
+
+
 def test_imports_go_one_way_between_rooms() -> None:
     assert imports_up_the_stairs(project_sources()) == []
 

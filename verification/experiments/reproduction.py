@@ -8,7 +8,7 @@ from typing import Any
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
-from verification.experiments import comparison, noise, plant_mismatch as uncertainty, trim_points
+from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.experiment_flights import fly
@@ -17,7 +17,8 @@ from verification.experiments.result_folder import finished_experiment, write_ou
 from verification.experiments.setting import Setting
 
 SCHEMA = "hfa.claims/1"
-EXPERIMENTS = {module.EXPERIMENT.section: module.EXPERIMENT for module in (trim_points, comparison, uncertainty, noise)}
+_PARTS = (trim_points, law_comparison, plant_mismatch, noise)
+EXPERIMENTS = {module.EXPERIMENT.section: module.EXPERIMENT for module in _PARTS}
 ALL = "all"
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
 _OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
