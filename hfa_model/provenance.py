@@ -58,7 +58,7 @@ class Provenance:
         about = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             about.append(f"plant {self.model}")
-        else:
+        elif self.parameters:
             about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
         changes = [
             f"{name} {value:.6g} {getattr(FIELDS, name).unit} (identified: {known:.6g})"

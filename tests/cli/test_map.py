@@ -19,7 +19,7 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
     assert "newton dynamics" in result.out
     assert "pitch_rate at" in result.out
     assert picture.read_text(encoding="utf-8").startswith("<?xml")
-    assert len(table.read_text(encoding="utf-8").splitlines()) == 2 + 2 * 2 * 9
+    assert len(table.read_text(encoding="utf-8").splitlines()) == 1 + 2 * 2 * 9
 
 
 def test_the_map_needs_no_picture() -> None:

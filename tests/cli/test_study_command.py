@@ -50,8 +50,9 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
     for suffix in ("json", "npz", "mat", "csv"):
         again = hfa(*words, "--resume", "-o", f"again.{suffix}")
         assert (again.code, again.out, again.err) == (DONE, whole.out, "")
-    assert Path("again.json").read_bytes() == Path("study.json").read_bytes()
-    assert len(Path("again.csv").read_text(encoding="utf-8").splitlines()) == 2 + 48 + 4
+    first, second = (json.loads(Path(name).read_text(encoding="utf-8")) for name in ("study.json", "again.json"))
+    assert first | {"provenance": None} == second | {"provenance": None}
+    assert len(Path("again.csv").read_text(encoding="utf-8").splitlines()) == 1 + 48 + 4
     with pytest.raises(AssertionError, match="is run again"):
         hfa(*words)
 
