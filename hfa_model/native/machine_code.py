@@ -99,7 +99,8 @@ def _compile(compiler: str, text: str, folder: Path, symbol: str) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         source, made = Path(temporary) / "generated.c", Path(temporary) / "generated.so"
         source.write_text(text, encoding="utf-8")
-        subprocess.run([compiler, *_FLAGS, str(source), "-o", str(made), "-lm"], check=True, capture_output=True)
+        words, place = [compiler, *_FLAGS, str(source), "-o", str(made), "-lm"], {**os.environ, "TMPDIR": temporary}
+        subprocess.run(words, env=place, check=True, capture_output=True)
         made.chmod(0o700)
         library = _named(folder, symbol, made)
         os.replace(made, library)
