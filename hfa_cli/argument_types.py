@@ -12,8 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from hfa_cli.echo import shortened
 from hfa_cli.output import check_target
+from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from hfa_cli import options
 from hfa_cli.argument_types import angle, number
-from hfa_cli.echo import shortened
 from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -7,17 +7,22 @@ import contextlib
 import importlib
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from hfa_cli.echo import on_one_line, shortened
 from hfa_cli.origin import run_of
 from hfa_cli.parser import Parser, unknown
+from hfa_model.support.echo import on_one_line, shortened
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.version import toolchain_version
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
+#: Of warnings of the libraries that compute.
+_MOST_NOTES = 5
 
 #: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
 COMMANDS = {
@@ -51,7 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
     try:
-        code = _run(words)
+        with _ended_by_sigterm():
+            code = _run(words)
         if sys.stdout is not None:
             sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
         return code
@@ -59,6 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(str(error), BAD_INPUT)
     except NoSolutionError as error:
         return _complain(str(error), FAILED)
+    except _Terminated:
+        return _complain("terminated", TERMINATED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
@@ -83,7 +91,43 @@ def _run(words: list[str]) -> int:
         around.enter_context(run_of(words, arguments))
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
-        return int(module.run(arguments))
+        with warnings.catch_warnings(record=True) as caught:
+            code = int(module.run(arguments))
+        _say_warnings(caught)
+    return code
+
+
+def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
+    """What was warned of, a note each, once there is a result: a failure says itself what is wrong."""
+    from hfa_cli.output import say_notes
+
+    own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)
+    others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)
+    said = [f"while computing: {text}; check the result" for text in others][:_MOST_NOTES]
+    say_notes(on_one_line(text) for text in (*own, *said))
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM: what Ctrl-C ends, this ends too."""
+
+
+@contextlib.contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """In the block SIGTERM raises `_Terminated`, once, so that temporary files and workers go."""
+    alone = threading.current_thread() is threading.main_thread()
+    if not alone or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise _Terminated
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:

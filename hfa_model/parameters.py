@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -13,8 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_model.support.by_value import ByValue
+from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.support.input_files import read_toml
 from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import Quantity
 
@@ -137,18 +138,18 @@ def named_parameters(name: str) -> ParameterSet:
 def load_parameters(path: Path) -> ParameterSet:
     """Read a parameters file; BadInputError names the file, the entry and what is wrong with it."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInputError(f"{path}: is not a TOML file ({error})") from error
     covariance_table = data.pop("covariance", {})
     if not isinstance(covariance_table, dict):
-        raise BadInputError(f"{path}: covariance is {covariance_table!r}; make it the table [covariance] or remove it")
+        raise BadInputError(
+            f"{path}: covariance is {shown(covariance_table)}; make it the table [covariance] or remove it"
+        )
     unknown = sorted(set(data) - set(Parameters._fields))
     missing = [name for name in Parameters._fields if name not in data]
     if unknown:
-        raise BadInputError(f"{path}: unknown parameter {unknown[0]!r}; remove it or correct its name")
+        raise BadInputError(f"{path}: unknown parameter {shown(unknown[0])}; remove it or correct its name")
     if missing:
         raise BadInputError(f"{path}: parameter {missing[0]!r} is missing; add [{missing[0]}] with value and unit")
     values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
@@ -180,11 +181,11 @@ def _value(path: Path, name: str, table: Any) -> float:
     if not isinstance(table, dict) or "value" not in table:
         raise BadInputError(f"{path}: [{name}] has no value; add `value = ...` in {spec.unit}")
     if table.get("unit", spec.unit) != spec.unit:
-        raise BadInputError(f"{path}: [{name}] is in {table['unit']!r}; convert it to {spec.unit!r}")
+        raise BadInputError(f"{path}: [{name}] is in {shown(table['unit'])}; convert it to {spec.unit!r}")
     if table.get("source", "assumed") not in SOURCES:
-        raise BadInputError(f"{path}: [{name}] has source {table['source']!r}; choose one of {', '.join(SOURCES)}")
+        raise BadInputError(f"{path}: [{name}] has source {shown(table['source'])}; choose one of {', '.join(SOURCES)}")
     if not isinstance(table.get("note", ""), str):
-        raise BadInputError(f"{path}: [{name}] has note {table['note']!r}; put it in quotes")
+        raise BadInputError(f"{path}: [{name}] has note {shown(table['note'])}; put it in quotes")
     value = _number(path, name, table["value"])
     if spec.positive and value <= 0.0:
         raise BadInputError(f"{path}: [{name}] is {value}; the {spec.meaning} must be positive")
@@ -197,7 +198,7 @@ def _number(path: Path, name: str, value: Any) -> float:
     except OverflowError:  # TOML's integers have no limit, Python's floats do
         number = math.inf
     if not math.isfinite(number):
-        raise BadInputError(f"{path}: [{name}] is {value!r}; give a finite number")
+        raise BadInputError(f"{path}: [{name}] is {shown(value)}; give a finite number")
     return number
 
 

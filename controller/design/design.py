@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.outputs import OUTPUTS
+from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 
@@ -74,7 +75,7 @@ class Design:
             for name in names:
                 if name not in choices:
                     raise BadInputError(
-                        f"design {self.name}: unknown {what} {name!r}; choose from {', '.join(choices)}"
+                        f"design {self.name}: unknown {what} {shown(name)}; choose from {', '.join(choices)}"
                     )
                 if names.count(name) > 1:
                     raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")

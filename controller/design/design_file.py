@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from controller.design.design import Actuator, Design
+from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.input_files import read_toml
 from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.
@@ -29,14 +29,16 @@ def load_design(name: str) -> Design:
     data = _read(name)
     unknown = sorted(set(data) - set(_KEYS))
     if unknown:
-        raise BadInputError(f"{name}: unknown entry {unknown[0]!r}; a design has {', '.join(_KEYS)}")
+        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a design has {', '.join(_KEYS)}")
     weights = _table(name, data, "weights")
     odd = sorted(set(weights) - {"states", "inputs"})
     if odd:
-        raise BadInputError(f"{name}: unknown entry weights.{odd[0]}; give [weights.states] and [weights.inputs]")
+        raise BadInputError(
+            f"{name}: unknown entry weights.{shortened(odd[0])}; give [weights.states] and [weights.inputs]"
+        )
     delta = data.get("delta", math.inf)
     if isinstance(delta, bool) or not isinstance(delta, (int, float)) or not delta > 0:
-        raise BadInputError(f"{name}: delta is {delta!r}; give a positive number, or inf for no disturbance")
+        raise BadInputError(f"{name}: delta is {shown(delta)}; give a positive number, or inf for no disturbance")
     return Design(
         name=name,
         inputs=_names(name, data, "inputs", INPUTS),
@@ -51,42 +53,36 @@ def load_design(name: str) -> Design:
 
 def _read(name: str) -> dict[str, Any]:
     try:
-        if name in NAMED:
-            text = files("controller.designs").joinpath(NAMED[name]).read_text(encoding="utf-8")
-        else:
-            text = Path(name).read_text(encoding="utf-8")
-        return tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
+        return read_toml(str(files("controller.designs").joinpath(NAMED[name])) if name in NAMED else name)
+    except OSError as error:
         raise BadInputError(
             f"{name}: no design of that name and no readable file; the names are {', '.join(NAMED)}"
         ) from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise BadInputError(f"{name}: is not a TOML file ({error})") from error
 
 
 def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
     table = data.get(key, {})
     if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {key} is {table!r}; make it the table [{key}]")
+        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
     return table
 
 
 def _names(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...]) -> tuple[str, ...]:
     value = data.get(key, list(default))
     if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-        raise BadInputError(f"{where}: {key} is {value!r}; give a list of names in quotes")
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a list of names in quotes")
     return tuple(value)
 
 
 def _actuator(where: str, key: str, table: Any) -> Actuator:
-    known = [each.name for each in fields(Actuator)]
+    known, entry = [each.name for each in fields(Actuator)], f"actuators.{shortened(key)}"
     if not isinstance(table, dict):
-        raise BadInputError(f"{where}: the actuator of {key} is {table!r}; make it the table [actuators.{key}]")
+        raise BadInputError(f"{where}: the actuator of {shortened(key)} is {shown(table)}; make it the table [{entry}]")
     for name, value in table.items():
         if name not in known:
-            raise BadInputError(f"{where}: unknown entry actuators.{key}.{name}; choose from {', '.join(known)}")
+            raise BadInputError(f"{where}: unknown entry {entry}.{shortened(name)}; choose from {', '.join(known)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise BadInputError(f"{where}: actuators.{key}.{name} is {value!r}; give a number")
+            raise BadInputError(f"{where}: {entry}.{name} is {shown(value)}; give a number")
     return Actuator(**table)
 
 
@@ -95,6 +91,8 @@ def _weights(where: str, data: Mapping[str, Any], key: str) -> dict[str, float]:
     for name, value in _table(where, data, key).items():
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and 0.0 <= value < 1e100):
-            raise BadInputError(f"{where}: the weight of {name} is {value!r}; give a number that is not negative")
+            raise BadInputError(
+                f"{where}: the weight of {shortened(name)} is {shown(value)}; give a number that is not negative"
+            )
         found[name] = float(value)
     return found

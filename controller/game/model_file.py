@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.game.array_file import read_arrays
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
+from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
@@ -55,7 +55,7 @@ def stored_game(
     fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7).
     Raises BadInputError, one line that names the file.
     """
-    stored = _read(Path(path))
+    stored = read_arrays(path)
     given = {key: stored[key] for key in MODEL_KEYS if key in stored}
     given |= {key: value for key, value in (("Q", Q), ("R", R), ("delta", delta)) if value is not None}
     for key in ("A", "B"):
@@ -89,8 +89,9 @@ def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> t
     """Which entries were not used, unless this project wrote them, and which defaults were taken."""
     notes = []
     unused = sorted(set(stored) - set(MODEL_KEYS))
-    if unused and not str(np.array(stored.get("schema", "")).reshape(-1)[0]).startswith("hfa."):
-        notes.append(f"{path}: {', '.join(unused)} not used; a model file holds {', '.join(MODEL_KEYS)}")
+    if unused and not "".join(np.ravel(stored.get("schema", ""))[:1].astype(str)).startswith("hfa."):
+        named = shortened(", ".join(unused), 200)
+        notes.append(f"{path}: {named} not used; a model file holds {', '.join(MODEL_KEYS)}")
     missing = [key for key in MODEL_KEYS if key not in given]
     if missing:
         defaults = [f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing]
@@ -100,7 +101,7 @@ def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> t
 
 def load_critic(path: str | Path) -> StoredCritic:
     """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line."""
-    stored = _read(Path(path))
+    stored = read_arrays(path)
     if not any(key in stored for key in StoredCritic._fields):
         raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
     return StoredCritic(
@@ -140,46 +141,6 @@ def parse_diagonal(name: str, text: str) -> np.ndarray:
     return np.diag(entries)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    suffix = path.suffix.lower()
-    if suffix not in _READERS:
-        raise BadInputError(f"{path}: the suffix {path.suffix!r} is not known; use {', '.join(_READERS)}")
-    if not path.is_file():
-        raise BadInputError(f"{path}: there is no such file")
-    try:
-        return _READERS[suffix](path)
-    except NotImplementedError as error:  # SciPy's answer to the HDF5 format
-        raise BadInputError(f"{path}: MATLAB 7.3 files cannot be read; save with the option -v7") from error
-    except Exception as error:  # a damaged file makes the readers raise nearly anything
-        raise BadInputError(f"{path}: cannot be read as {suffix} ({_first_line(error)})") from error
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    content = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(content, dict):
-        raise ValueError("it must be an object with keys such as A and B")
-    return content
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        return {key: archive[key] for key in archive.files}
-
-
-def _read_mat(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.sparse import issparse
-
-    with path.open("rb") as file:
-        content = loadmat(file)
-    return {
-        key: value.toarray() if issparse(value) else value for key, value in content.items() if not key.startswith("__")
-    }
-
-
-_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {".json": _read_json, ".npz": _read_npz, ".mat": _read_mat}
-
-
 def _numbers(path: str | Path, name: str, value: Any) -> np.ndarray:
     try:
         array = np.array(value)
@@ -211,9 +172,4 @@ def _scalar(path: str | Path, name: str, value: Any) -> float:
 
 
 def _present(stored: dict[str, Any]) -> str:
-    return f" (found: {', '.join(sorted(stored))})" if stored else " (the file is empty)"
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).splitlines()
-    return lines[0] if lines else type(error).__name__
+    return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
@@ -12,6 +11,7 @@ from typing import Any
 from controller.laws.published_law import PublishedSettings
 from controller.study.published_study import StudyRow, StudyRun
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, range_text
@@ -55,7 +55,7 @@ def study_report(rows: tuple[StudyRow, ...]) -> Report:
 def load_study(path: str | Path) -> tuple[StudyRow, ...]:
     """The rows of a file with `study_data`, bit by bit. Raises BadInputError for another file."""
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = read_json(path)
     except (OSError, ValueError) as error:
         raise BadInputError(f"{path} cannot be read as the .json file of a study") from error
     try:

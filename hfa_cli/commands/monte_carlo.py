@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 #: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
 _CRITICS = ("published", "published-helped")
 _DEFAULT_MEMBERS = 100
+_MOST_MEMBERS = 10_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     add_weights(parser, (*LAWS, *_CRITICS))
     parser.add_argument("--gain", metavar="FILE", help="fly the gain K in this file (.json .npz .mat) instead of a law")
-    add_value(parser, "--members", whole(1), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS)
+    add_value(
+        parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
+    )
     parser.add_argument("--plant", default="nonlinear", metavar="KIND", help="nonlinear (default) or linear")
     drawn = parser.add_argument_group("what differs from member to member; off by default")
     deviation, of_sensor = "relative standard deviation of a parameter", "standard deviation of a sensor"

@@ -27,13 +27,16 @@ from hfa_model.support.errors import BadInputError
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 
+#: Of the schedule; half a second or so each.
+_MOST_POINTS = 1000
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa schedule`."""
     add_value(parser, "--dihedral", angle, "DEG", "dihedral at the start, degrees", required=True)
     add_value(parser, "--to", angle, "DEG", "dihedral at the end", required=True)
     add_value(parser, "--over", number, "S", "time of the change, default 60", default=60.0)
-    add_value(parser, "--points", whole(2), "N", "grid points of the schedule, default 11", default=11)
+    add_value(parser, "--points", whole(2, _MOST_POINTS), "N", "grid points of the schedule, default 11", default=11)
     options.add_aircraft(parser)
     add_weights(parser)
     add_scenario(parser, "20 more than the change takes")

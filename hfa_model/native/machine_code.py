@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -25,8 +26,9 @@ _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 def machine_code(function: ca.Function) -> ca.Function:
     """The same function compiled to machine code, or the function itself when that cannot be had.
 
-    The library is kept in `cache_folder()` under a hash of the C text, the compiler and its flags; its symbol
-    carries the hash too, because two libraries of one name cannot live in one process.
+    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
+    content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
+    cannot live in one process.
     """
     compiler = _compiler()
     if compiler is None:
@@ -36,9 +38,8 @@ def machine_code(function: ca.Function) -> ca.Function:
     key = hashlib.sha256("\n".join([text, compiler, *_FLAGS]).encode()).hexdigest()[:24]
     symbol = f"hfa_{key}"
     try:
-        library = cache_folder() / f"{symbol}.so"
-        if not library.exists():
-            _compile(compiler, _c_text(function, symbol), library)
+        folder = _own_folder(cache_folder())
+        library = _kept(folder, symbol) or _compile(compiler, _c_text(function, symbol), folder, symbol)
         return ca.external(symbol, str(library))
     except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         reason = str(error).splitlines()[0]
@@ -66,13 +67,44 @@ def _renamed(function: ca.Function, symbol: str) -> ca.Function:
     return ca.Function(symbol, arguments, function.call(arguments))
 
 
-def _compile(compiler: str, text: str, library: Path) -> None:
-    library.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        source, made = Path(folder) / "generated.c", Path(folder) / "generated.so"
+def _own_folder(folder: Path) -> Path:
+    """The folder, made if need be, which only its owner can write; RuntimeError when that is somebody else."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not _is_ours(folder.stat()):
+        raise RuntimeError(f"{folder} belongs to another user")
+    folder.chmod(0o700)
+    return folder
+
+
+def _is_ours(found: os.stat_result) -> bool:
+    return os.name != "posix" or found.st_uid == os.geteuid()
+
+
+def _kept(folder: Path, symbol: str) -> Path | None:
+    """The library of an earlier run; what is damaged or not ours alone goes."""
+    for library in sorted(folder.glob(f"{symbol}-*.so")):
+        found = library.lstat()
+        alone = stat.S_ISREG(found.st_mode) and _is_ours(found) and not found.st_mode & 0o022
+        if alone and library == _named(folder, symbol, library):
+            return library
+        library.unlink(missing_ok=True)
+    return None
+
+
+def _named(folder: Path, symbol: str, content: Path) -> Path:
+    return folder / f"{symbol}-{hashlib.sha256(content.read_bytes()).hexdigest()[:24]}.so"
+
+
+def _compile(compiler: str, text: str, folder: Path, symbol: str) -> Path:
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        source, made = Path(temporary) / "generated.c", Path(temporary) / "generated.so"
         source.write_text(text, encoding="utf-8")
-        subprocess.run([compiler, *_FLAGS, str(source), "-o", str(made), "-lm"], check=True, capture_output=True)
+        words, place = [compiler, *_FLAGS, str(source), "-o", str(made), "-lm"], {**os.environ, "TMPDIR": temporary}
+        subprocess.run(words, env=place, check=True, capture_output=True)
+        made.chmod(0o700)
+        library = _named(folder, symbol, made)
         os.replace(made, library)
+    return library
 
 
 @cache

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
 
@@ -21,7 +22,7 @@ def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
 def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
     """The JSON object in a file if it bears the stamp of today; None for any other file, or none."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
         known = all(data[name] == value for name, value in stamp(decides).items())
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -1,4 +1,4 @@
-"""Results of a large job on disk: one Zarr group, written chunk by chunk.
+"""Results of a large job on disk: one Zarr group, written chunk by chunk, each chunk with a checksum.
 
 Zarr rather than Parquet, because the results are stacked matrices: A of a sweep is an (N, 7, 7) array here, and would
 be 49 columns there; any slice of it loads without the rest.
@@ -7,6 +7,7 @@ be 49 columns there; any slice of it loads without the rest.
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ import numpy as np
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.version import toolchain_version
+
+#: Whether a chunk is complete, (chunks,), and a checksum of each of its arrays, (chunks, arrays).
+_DONE, _CHECKSUMS = "done", "checksums"
+_UNREADABLE = 255
 
 
 class Array(NamedTuple):
@@ -47,24 +52,48 @@ class Layout:
 
 
 class Store:
-    """The store of one job: its arrays, and `done`, which says of each chunk whether it is complete."""
+    """The store of one job: its arrays, and of each chunk whether it is complete and what its checksums are."""
 
-    def __init__(self, group: Any) -> None:
-        self._group = group
-        self.chunk = int(group.attrs["chunk"])
+    def __init__(self, group: Any, path: Path) -> None:
+        self._group, self._path = group, path
+        self.chunk, self.rows = int(group.attrs["chunk"]), int(group.attrs["rows"])
+        self._arrays = {str(name): group[name] for name in group.attrs["arrays"]}
+        self._done, self._checksums = group[_DONE], group[_CHECKSUMS]
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.rows // self.chunk)
 
     def missing(self) -> list[int]:
         """Numbers of the chunks that are not complete."""
-        return np.flatnonzero(self._group["done"][:] == 0).tolist()
+        return np.flatnonzero(self._flags(0, self.chunks) != 1).tolist()
 
-    def write(self, number: int, result: Mapping[str, np.ndarray]) -> None:
-        """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile."""
-        for name, values in result.items():
-            self._group[name][number * self.chunk : number * self.chunk + len(values)] = values
+    def damaged(self) -> list[int]:
+        """Numbers of the chunks that are not what was written, or of which that cannot be said. Reads all of them."""
+        flags = self._flags(0, self.chunks)
+        return [number for number, flag in enumerate(flags) if flag and not (flag == 1 and self._holds(number))]
 
-    def complete(self, number: int) -> None:
-        """Set the flag of a chunk whose data are written."""
-        self._group["done"][number] = 1
+    def write(self, number: int, result: Mapping[str, np.ndarray]) -> list[int]:
+        """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile.
+
+        Returns their checksums, for `complete`.
+        """
+        checksums = []
+        for name, array in self._arrays.items():
+            values = np.ascontiguousarray(result[name], array.dtype)
+            array[self._span(number)] = values
+            checksums.append(checksum(values))
+        return checksums
+
+    def complete(self, number: int, checksums: list[int]) -> None:
+        """Set the checksums and then the flag of a chunk whose data are written."""
+        self._checksums[number] = checksums
+        self._done[number] = 1
+
+    def reopen(self, number: int) -> None:
+        """Take the flag of a chunk back: it is to be computed again."""
+        self._done[number] = 0
 
     @contextmanager
     def session(self) -> Iterator[str]:
@@ -77,8 +106,58 @@ class Store:
             del self._group.attrs["session"]
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
-        """A slice of one array."""
-        return np.asarray(self._group[name][rows])
+        """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what was written."""
+        array = self._arrays[name]
+        start, stop, step = rows.indices(self.rows)
+        if step != 1:
+            raise ValueError("the rows of a store are read one after the other")
+        first, last = start // self.chunk, -(-stop // self.chunk)
+        flags, begin = self._flags(first, last), first * self.chunk
+        parts = [self._part(name, number, flags[number - first] == 1) for number in range(first, last)]
+        whole = np.concatenate([np.empty((0, *array.shape[1:]), array.dtype), *parts])
+        return whole[start - begin : stop - begin]
+
+    def _part(self, name: str, number: int, complete: bool) -> np.ndarray:
+        try:
+            values = np.asarray(self._arrays[name][self._span(number)])
+            expected = self._checksums[number, list(self._arrays).index(name)] if complete else None
+        except Exception as error:  # Zarr and its codecs raise nearly anything
+            raise self._damage(name, number) from error
+        if expected is not None and checksum(values) != expected:
+            raise self._damage(name, number)
+        return values
+
+    def _holds(self, number: int) -> bool:
+        try:
+            for name in self._arrays:
+                self._part(name, number, complete=True)
+        except BadInputError:
+            return False
+        return True
+
+    def _damage(self, name: str, number: int) -> BadInputError:
+        return BadInputError(f"{self._path}: {name} is damaged in chunk {number}; compute it again with --resume")
+
+    def _span(self, number: int) -> slice:
+        return slice(number * self.chunk, min((number + 1) * self.chunk, self.rows))
+
+    def _flags(self, first: int, last: int) -> np.ndarray:
+        """`done` of chunks first .. last - 1: 0, 1, or anything else where it is damaged."""
+        try:
+            return np.asarray(self._done[first:last])
+        except Exception:
+            if last - first == 1:
+                return np.array([_UNREADABLE], dtype=np.uint8)
+        return np.concatenate([self._flags(number, number + 1) for number in range(first, last)])
+
+
+def checksum(values: np.ndarray) -> int:
+    """CRC-32 of an array's bytes; every nan counts as the same, as Zarr does not store a chunk of nothing else."""
+    flat = np.ascontiguousarray(values).reshape(-1)
+    numbers = flat.view(float) if flat.dtype.kind == "c" else flat
+    if numbers.dtype.kind == "f" and np.isnan(numbers).any():
+        numbers = np.where(np.isnan(numbers), np.nan, numbers)
+    return zlib.crc32(numbers.view(np.uint8).data)
 
 
 def create_store(path: Path, layout: Layout) -> Store:
@@ -90,34 +169,65 @@ def create_store(path: Path, layout: Layout) -> Store:
     rows = min(layout.chunk, layout.rows)
     for name, (shape, kind, fill) in layout.arrays.items():
         group.create_array(name, shape=(layout.rows, *shape), chunks=(rows, *shape), dtype=kind, fill_value=fill)
-    chunks = -(-layout.rows // layout.chunk)
-    group.create_array("done", shape=(chunks,), chunks=(1,), dtype="uint8", fill_value=0)
-    known = {"identity": layout.identity, "plan": json.dumps(layout.plan), "chunk": layout.chunk, **layout.attributes}
-    group.attrs.update({"schema": layout.schema, "toolchain": toolchain_version(), **known})
-    return Store(group)
+    chunks, names = -(-layout.rows // layout.chunk), list(layout.arrays)
+    for name, shape, kind in ((_CHECKSUMS, (len(names),), "uint32"), (_DONE, (), "uint8")):
+        group.create_array(name, shape=(chunks, *shape), chunks=(1, *shape), dtype=kind, fill_value=0)
+    size = {"rows": layout.rows, "chunk": layout.chunk, "arrays": names}
+    known = {"identity": layout.identity, "plan": json.dumps(layout.plan), **size, **layout.attributes}
+    known |= {"schema": layout.schema, "toolchain": toolchain_version()}
+    group.attrs.update(known | {"checksum": _checksum_of(known)})
+    return Store(group, path)
 
 
 def open_store(path: Path, layout: Layout | None = None) -> Store:
-    """An existing store, to be read, or with its layout to be continued; BadInputError when it is of another job."""
+    """An existing store, to be read, or with its layout to be continued.
+
+    BadInputError when it is of another job, or damaged beyond what computing chunks again would repair.
+    """
     zarr = _zarr()
     what = "store" if layout is None else f"{layout.what} store"
     try:
         group = zarr.open_group(str(path), mode="r" if layout is None else "r+")
         attributes = dict(group.attrs)
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # no store at all, or what Zarr makes of damaged JSON
         raise BadInputError(f"{path} is not a {what}; start it without --resume") from error
-    if layout is None:
-        if "identity" not in attributes:
-            raise BadInputError(f"{path} is not a {what} of this project")
-        return Store(group)
-    if attributes.get("schema") != layout.schema:
-        raise BadInputError(f"{path} is not a {what} of schema {layout.schema}")
+    if "identity" not in attributes:
+        raise BadInputError(f"{path} is not a {what} of this project")
+    _check_attributes(path, attributes)
+    if layout is not None:
+        _check_job(path, attributes, layout)
+    try:
+        store = Store(group, path)
+        lengths = {array.shape[0] for array in store._arrays.values()}
+        whole = lengths == {store.rows} and store._done.shape == (store.chunks,)
+    except Exception as error:
+        raise BadInputError(f"{path} is damaged, it lacks an array; start anew") from error
+    if not whole:
+        raise BadInputError(f"{path} is damaged, its arrays differ in length; start anew")
+    return store
+
+
+def _check_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
+    if "checksum" not in attributes:
+        raise BadInputError(f"{path} has no checksums: it is damaged or of an older version; compute it anew")
+    known = {name: value for name, value in attributes.items() if name not in ("checksum", "session")}
+    if attributes["checksum"] != _checksum_of(known):
+        raise BadInputError(f"{path} is damaged, its attributes are not those that were written; start anew")
+
+
+def _check_job(path: Path, attributes: Mapping[str, Any], layout: Layout) -> None:
+    """Raise BadInputError unless the store is of this job and this version."""
+    if attributes["schema"] != layout.schema:
+        raise BadInputError(f"{path} is not a {layout.what} store of schema {layout.schema}")
     if attributes["identity"] != layout.identity:
         raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
-    begun, own = attributes.get("toolchain"), toolchain_version()
+    begun, own = attributes["toolchain"], toolchain_version()
     if begun != own:
         raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
-    return Store(group)
+
+
+def _checksum_of(attributes: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(attributes, sort_keys=True).encode())
 
 
 def store_in_sight(path: Path, mark: str) -> Store | None:
@@ -128,7 +238,7 @@ def store_in_sight(path: Path, mark: str) -> Store | None:
         group = zarr.open_group(str(path), mode="r+")
     except (ImportError, OSError, ValueError, KeyError):
         return None
-    return Store(group) if group.attrs.get("session") == mark else None
+    return Store(group, path) if group.attrs.get("session") == mark else None
 
 
 def _zarr() -> Any:

@@ -2,11 +2,13 @@
 
 A worker that sees the store, on the same disk or a shared one, writes its chunk itself, so that no process is the
 bottleneck of the others; from a worker that does not, the rows come back and are written here. Either way this
-process alone says that a chunk is complete, after its data.
+process alone says that a chunk is complete, after its data, and what its checksums are. A job that is continued
+computes again what does not match them.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
@@ -49,33 +51,41 @@ def stream(
     layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as crew:
         store = open_store(place, layout) if resume else create_store(place, layout)
-        total = -(-layout.rows // store.chunk)
+        if resume:
+            _reopen_damaged(store, path)
         missing = store.missing()
-        done = total - len(missing)
+        done = store.chunks - len(missing)
         with store.session() as mark:
             tasks = (
                 (number, (place, mark, number, job.function, _task(job, store.chunk, number))) for number in missing
             )
-            for number, rows in crew.run(run_and_write, tasks):
-                if rows is not None:
-                    store.write(number, rows)
-                store.complete(number)
+            for number, result in crew.run(run_and_write, tasks):
+                store.complete(number, store.write(number, result) if isinstance(result, Mapping) else result)
                 done += 1
                 if progress is not None:
-                    progress(done, total)
+                    progress(done, store.chunks)
     return store
+
+
+def _reopen_damaged(store: Store, path: Path) -> None:
+    damaged = store.damaged()
+    for number in damaged:
+        store.reopen(number)
+    if damaged:
+        text = f"{path}: {len(damaged)} of {store.chunks} chunks were damaged and are computed again"
+        warnings.warn(text, stacklevel=3)
 
 
 def run_and_write(
     path: Path, mark: str, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
-) -> Mapping[str, np.ndarray] | None:
-    """Compute one chunk and write it where the store is in sight; else return it. What a worker runs."""
+) -> Mapping[str, np.ndarray] | list[int]:
+    """Compute one chunk and write it where the store is in sight, for its checksums; else return it.
+
+    What a worker runs.
+    """
     rows = function(*task)
     store = store_in_sight(path, mark)
-    if store is None:
-        return rows
-    store.write(number, rows)
-    return None
+    return rows if store is None else store.write(number, rows)
 
 
 def _task(job: Job, chunk: int, number: int) -> Task:

@@ -133,11 +133,40 @@ def workers(count: int = 1, scheduler: str | None = None) -> Iterator[Workers | 
     elif count == 1:
         yield _InThisProcess()
     else:
-        import multiprocessing
+        with _pool(count) as make:
+            yield Workers(make, count)
 
-        # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
-        context = multiprocessing.get_context("spawn")
-        yield Workers(lambda: ProcessPoolExecutor(count, mp_context=context), count)
+
+@contextmanager
+def _pool(count: int) -> Iterator[Callable[[], Executor]]:
+    """Makes pools of `count` processes, which end with this one, and at once where the block ends by an exception."""
+    import multiprocessing
+
+    # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
+    context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
+    try:
+        yield lambda: ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that started it is gone, however that ended."""
+    import multiprocessing
+    import os
+    import threading
+
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _dask_losses() -> tuple[type[BaseException], ...]:

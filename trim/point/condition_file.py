@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.input_files import read_toml
 from hfa_model.vectors import UNITS
 from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
 
@@ -77,22 +77,15 @@ def load_condition(name: str) -> NamedCondition:
     with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
     likewise. BadInputError names the file, the entry and what is wrong with it.
     """
-    if name in NAMED:
-        text = files("trim.conditions").joinpath(NAMED[name]).read_text(encoding="utf-8")
-    else:
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise BadInputError(
-                f"{name}: no condition of that name and no readable file; the names are {', '.join(NAMED)}"
-            ) from error
     try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise BadInputError(f"{name}: is not a TOML file ({error})") from error
+        data = read_toml(str(files("trim.conditions").joinpath(NAMED[name])) if name in NAMED else name)
+    except OSError as error:
+        raise BadInputError(
+            f"{name}: no condition of that name and no readable file; the names are {', '.join(NAMED)}"
+        ) from error
     unknown = sorted(set(data) - set(_KEYS))
     if unknown:
-        raise BadInputError(f"{name}: unknown entry {unknown[0]!r}; a condition has {', '.join(_KEYS)}")
+        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a condition has {', '.join(_KEYS)}")
     return NamedCondition(
         name=name,
         imposed=dict(_imposed(name, key, value) for key, value in _table(name, data, "impose").items()),
@@ -104,7 +97,7 @@ def load_condition(name: str) -> NamedCondition:
 def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
     table = data.get(key, {})
     if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {key} is {table!r}; make it the table [{key}]")
+        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
     return table
 
 
@@ -112,7 +105,9 @@ def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, fl
     """The variable that a key names, and the factor from its unit."""
     name = key.removesuffix("_deg")
     if name not in (*VARIABLES, *also):
-        raise BadInputError(f"{where}: unknown trim variable {key!r}; choose from {', '.join((*VARIABLES, *also))}")
+        raise BadInputError(
+            f"{where}: unknown trim variable {shown(key)}; choose from {', '.join((*VARIABLES, *also))}"
+        )
     if name == key:
         return name, 1.0
     if not UNITS[name].startswith("rad"):
@@ -126,7 +121,7 @@ def _imposed(where: str, key: str, value: Any) -> tuple[str, tuple[tuple[float, 
         return name, ((), (_number(where, key, value) * factor,))
     rows = [row if isinstance(row, list) and len(row) == 2 else None for row in value]
     if len(rows) < 2 or None in rows:
-        raise BadInputError(f"{where}: {key} is {value!r}; give a number or at least two [dihedral, value] rows")
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a number or at least two [dihedral, value] rows")
     angles = tuple(_number(where, key, row[0]) * math.pi / 180.0 for row in rows if row)
     if any(later <= earlier for earlier, later in pairwise(angles)):
         raise BadInputError(f"{where}: the dihedral angles of {key} do not increase; sort its rows")
@@ -136,14 +131,14 @@ def _imposed(where: str, key: str, value: Any) -> tuple[str, tuple[tuple[float, 
 def _limits(where: str, key: str, value: Any) -> tuple[str, tuple[float, float]]:
     name, factor = _variable(where, key, ("pitch",))
     if not isinstance(value, list) or len(value) != 2:
-        raise BadInputError(f"{where}: the limits of {key} are {value!r}; give [lowest, highest]")
+        raise BadInputError(f"{where}: the limits of {key} are {shown(value)}; give [lowest, highest]")
     lowest, highest = (_number(where, key, each) * factor for each in value)
     return name, (lowest, highest)
 
 
 def _free(where: str, value: Any) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise BadInputError(f"{where}: free is {value!r}; give a list of names in quotes")
+        raise BadInputError(f"{where}: free is {shown(value)}; give a list of names in quotes")
     return tuple(_variable(where, name)[0] for name in value)
 
 
@@ -154,5 +149,5 @@ def _number(where: str, key: str, value: Any) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise BadInputError(f"{where}: {key} is {value!r}; give a finite number")
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a finite number")
     return number

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -10,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
+from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import json_text
 from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
@@ -97,11 +98,9 @@ def save_operating_point(point: OperatingPoint, path: Path) -> None:
 def load_operating_point(path: Path) -> OperatingPoint:
     """Read a saved point, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
-    except ValueError as error:
-        raise BadInputError(f"{path}: is not JSON ({error})") from error
     if isinstance(data, dict):
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
@@ -112,9 +111,9 @@ def load_operating_point(path: Path) -> OperatingPoint:
         residuals = {name: float(value) for name, value in data["residuals"].items()}
         dynamics, status = str(data["dynamics"]), str(data["status"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadInputError(f"{path}: {error} is missing or not a number") from error
+        raise BadInputError(f"{path}: {shortened(str(error))} is missing or not a number") from error
     if not np.isfinite([*states, *inputs, *residuals.values()]).all():
         raise BadInputError(f"{path}: holds a number that is not finite; trim again and save the point")
     if status not in tuple(Status):
-        raise BadInputError(f"{path}: has the status {status!r}; it must be one of {', '.join(Status)}")
+        raise BadInputError(f"{path}: has the status {shown(status)}; it must be one of {', '.join(Status)}")
     return OperatingPoint(states, inputs, residuals, dynamics, Status(status))

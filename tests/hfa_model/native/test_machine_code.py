@@ -61,3 +61,51 @@ def test_machine_code_is_compiled_once_and_gives_the_same_numbers(
     assert libraries[0].stat().st_mtime_ns == stamp
     point = np.array([0.3, -1.0, 2.0])
     assert np.array(compiled(point)) == pytest.approx(np.array(function(point)), rel=1e-15)
+
+
+@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.parametrize("damage", ["cut", "flipped", "link", "writable"])
+def test_a_library_that_is_not_what_was_compiled_is_compiled_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, damage: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    x = ca.SX.sym("x")
+    function = ca.Function("cube", [x], [x**3])
+    generated.machine_code(function)
+    (library,) = tmp_path.rglob("*.so")
+    content = library.read_bytes()
+    library.unlink()
+    if damage == "link":
+        (tmp_path / "elsewhere.so").write_bytes(content)
+        library.symlink_to(tmp_path / "elsewhere.so")
+    else:
+        flipped = content[:5000] + bytes([content[5000] ^ 1]) + content[5001:]
+        library.write_bytes({"cut": content[:1000], "flipped": flipped, "writable": content}[damage])
+        library.chmod(0o777 if damage == "writable" else 0o700)
+    assert float(generated.machine_code(function)(2.0)) == 8.0
+    (again,) = (tmp_path / "cache").rglob("*.so")
+    assert (again.is_symlink(), again.read_bytes(), again.stat().st_mode & 0o022) == (False, content, 0)
+
+
+def test_the_cache_of_another_user_is_not_used(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(generated, "_compiler", lambda: "cc")
+    monkeypatch.setattr(generated.os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    generated._say.cache_clear()
+    x = ca.SX.sym("x")
+    function = ca.Function("plain", [x], [ca.sin(x)])
+    assert generated.machine_code(function) is function
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "hfa-toolchain belongs to another user" in said
+
+
+@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+def test_the_cache_is_closed_to_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    generated.cache_folder().mkdir(mode=0o777)
+    x = ca.SX.sym("x")
+    generated.machine_code(ca.Function("plain", [x], [ca.sin(x)]))
+    assert generated.cache_folder().stat().st_mode & 0o777 == 0o700

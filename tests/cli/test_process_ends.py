@@ -1,0 +1,110 @@
+"""How a run ends from outside: SIGTERM as Ctrl-C, workers with their parent, nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from cli import SCRIPT, hfa, hfa_process
+from game_files import small
+
+from hfa_cli.main import INTERRUPTED, TERMINATED
+
+LONG = {
+    "sweep": ("sweep", "--dihedral", "0:20:1", "--vary", "panel_mass=0.1:2:0.00002", "--workers", "2", "-o", "a.zarr"),
+    "monte-carlo": ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "100000", "--workers", "2"),
+}
+proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
+
+
+def _stat(process: int) -> list[str]:
+    """State, parent, ... of a process; "X" for one that is gone."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ["X", "0"]
+
+
+def _workers(parent: int) -> list[int]:
+    """Worker processes of a run; the one that looks after semaphores is none."""
+    found = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
+    children = [each for each in found if int(_stat(each)[1]) == parent]
+    return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def _until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.05)
+    return holds()
+
+
+@proc
+@pytest.mark.parametrize(
+    ("name", "number", "code", "said"),
+    [
+        ("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
+        ("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
+        ("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
+        ("sweep", signal.SIGKILL, -signal.SIGKILL, None),
+    ],
+)
+def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
+    tmp_path: Path, name: str, number: signal.Signals, code: int, said: str | None
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    run = subprocess.Popen(
+        [SCRIPT, *LONG[name]],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert _until(lambda: len(_workers(run.pid)) == 2)
+        workers = _workers(run.pid)
+        time.sleep(1.0)
+        run.send_signal(number)
+        out, err = run.communicate(timeout=30)
+    finally:
+        run.kill()
+    assert _until(lambda: all(_stat(worker)[0] in "XZ" for worker in workers), 10.0)
+    assert (run.returncode, out) == (code, "")
+    if said is not None:
+        assert err == said
+        assert list((tmp_path / "temporary").iterdir()) == []
+
+
+def test_warnings_of_libraries_do_not_precede_a_refusal(tmp_path: Path) -> None:
+    plant = small(tmp_path / "plant.json", A=[[1e200, 1e200], [-1e200, 3e150]])
+    result = hfa_process("solve", "--model", plant, folder=tmp_path)
+    assert result.code in (1, 2)
+    assert result.err.count("\n") == 1, result.err
+
+
+@pytest.mark.filterwarnings("default")
+def test_warnings_of_libraries_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import warnings
+
+    from hfa_cli.commands import solve
+
+    plain = hfa("solve", "--model", small(tmp_path / "plant.json"))
+    run = solve.run
+
+    def warning(arguments) -> int:
+        for text in ("overflow\nin multiply", "overflow\nin multiply"):
+            warnings.warn(text, RuntimeWarning, stacklevel=1)
+        warnings.warn("two chunks were damaged", stacklevel=1)
+        return run(arguments)
+
+    monkeypatch.setattr(solve, "run", warning)
+    result = hfa("solve", "--model", str(tmp_path / "plant.json"))
+    notes = "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply; check the result\n"
+    assert (result.code, result.out, result.err) == (plain.code, plain.out, plain.err + notes)
+    assert hfa("solve", "--quiet", "--model", str(tmp_path / "plant.json")).err == ""
