@@ -39,6 +39,7 @@ from hfa_cli.flights import (
     tell,
 )
 from hfa_cli.learning import law_settings
+from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, check_target
 from hfa_cli.parser import add_named, add_value
 from hfa_model.support.errors import BadInputError
@@ -97,6 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
             count=arguments.workers or 1,
             scheduler=arguments.scheduler,
             resume=arguments.resume,
+            provenance=provenance().to_dict(),
             progress=Progress("fly"),
         )
         outcome = Outcome.of(plan, store, "members not kept" if target is None else f"members in {target}")

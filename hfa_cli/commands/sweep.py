@@ -123,6 +123,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         count=arguments.workers or 1,
         scheduler=arguments.scheduler,
         resume=arguments.resume,
+        provenance=provenance().to_dict(),
         progress=Progress("sweep"),
     )
     report = stored_sweep_report(plan, store, arguments.output)

@@ -160,8 +160,8 @@ def checksum(values: np.ndarray) -> int:
     return zlib.crc32(numbers.view(np.uint8).data)
 
 
-def create_store(path: Path, layout: Layout) -> Store:
-    """A new store; BadInputError when something is there already."""
+def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
+    """A new store; BadInputError when something is there already. provenance: where it comes from, JSON data."""
     zarr = _zarr()
     if path.exists():
         raise BadInputError(f"{path} exists; continue it with --resume, or choose another name")
@@ -175,6 +175,7 @@ def create_store(path: Path, layout: Layout) -> Store:
     size = {"rows": layout.rows, "chunk": layout.chunk, "arrays": names}
     known = {"identity": layout.identity, "plan": json.dumps(layout.plan), **size, **layout.attributes}
     known |= {"schema": layout.schema, "toolchain": toolchain_version()}
+    known |= {} if provenance is None else {"provenance": dict(provenance)}
     group.attrs.update(known | {"checksum": _checksum_of(known)})
     return Store(group, path)
 

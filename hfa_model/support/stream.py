@@ -11,7 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -41,16 +41,18 @@ def stream(
     count: int = 1,
     scheduler: str | None = None,
     resume: bool = False,
+    provenance: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Store:
     """Compute every row of the job that the store at `path` does not hold yet.
 
     count, scheduler: see `executors.workers`. resume: continue an interrupted job; else the store must be new.
-    progress is called with (chunks done, chunks in all). The results do not depend on where they were computed.
+    provenance: of a new store. progress is called with (chunks done, chunks in all). The results do not depend on
+    where they were computed.
     """
     layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as crew:
-        store = open_store(place, layout) if resume else create_store(place, layout)
+        store = open_store(place, layout) if resume else create_store(place, layout, provenance)
         if resume:
             _reopen_damaged(store, path)
         missing = store.missing()

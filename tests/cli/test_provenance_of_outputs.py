@@ -117,3 +117,16 @@ def test_a_named_set_is_named(name: str) -> None:
     found = json.loads(hfa("trim", "--dihedral", "5", "--parameters", name, "--json").out)["provenance"]
     assert found["parameters"] == name
     assert found["parameter_hash"] == parameter_hash(named_parameters(name).values)
+
+
+@pytest.mark.parametrize("command", ["sweep", "monte-carlo"])
+def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
+    import zarr
+
+    path = tmp_path / "out.zarr"
+    words = {
+        "sweep": ("--dihedral", "0:10:5"),
+        "monte-carlo": ("--dihedral", "12", "--members", "2", "--duration", "0.1"),
+    }
+    assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
+    assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(heavy)
