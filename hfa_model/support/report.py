@@ -89,7 +89,8 @@ class Report:
 
         shown = [_latex(part, level) for part in self.parts]
         heading = [f"\\{_SECTIONS[min(level, 4) - 1]}*{{{latex_text(_one_line(self.title))}}}"] if self.title else []
-        return "\n\n".join([*heading, *shown, *(latex_text(f"Note: {note}") for note in self.notes)])
+        said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
+        return "\n\n".join([*heading, *shown, *map(latex_text, said)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
@@ -102,6 +103,11 @@ class Report:
         from hfa_model.support.data_files import save_data
 
         save_data(path, self.data, self.records)
+
+    def without_pictures(self) -> Report:
+        """The same report where no picture can be put beside it."""
+        kept = [part for part in self.parts if not isinstance(part, Picture)]
+        return replace(self, parts=[each.without_pictures() if isinstance(each, Report) else each for each in kept])
 
     def pictures(self) -> Iterator[Picture]:
         """All pictures, those of the reports within it too."""

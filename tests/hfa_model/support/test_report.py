@@ -81,6 +81,13 @@ def test_a_text_draws_no_picture() -> None:
     assert drawn == []
 
 
+def test_pictures_can_be_left_out() -> None:
+    found = report([]).without_pictures()
+    assert list(found.pictures()) == []
+    assert found.text() == report([]).text()
+    assert found.markdown() == report([]).markdown().replace('\n\n![a "picture"](a.png)', "")
+
+
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
     found = report([]).with_data(more=[1])
     expected = {"schema": "hfa.test/1", "values": [0.1, None], "rows": [{"name": "a"}, {"name": "b"}], "more": [1]}
