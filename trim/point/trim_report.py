@@ -21,9 +21,9 @@ from hfa_model.support.text import (
 )
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
-from trim.point.margins import Margin, all_margins, margins, nearest_limits
 from trim.point.operating_point import BALANCE, OperatingPoint
 from trim.point.performance import PERFORMANCE_UNITS, Performance, performance
+from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
 
 TRIM_SCHEMA = "hfa.trim/1"
 
