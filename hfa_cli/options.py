@@ -65,7 +65,7 @@ def add_form(parser: argparse.ArgumentParser) -> None:
     """--json or --format: how the report is printed."""
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
-    add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text", default="text")
+    add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text")
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:

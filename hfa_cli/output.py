@@ -49,7 +49,7 @@ def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) 
     report = signed(report)
     if target is not None:
         report.save(target)
-    print(report.json() if arguments.json else FORMATS[arguments.format](report))
+    print(report.json() if arguments.json else FORMATS[arguments.format or "text"](report))
 
 
 def say_notes(warnings: Iterable[str]) -> None:

@@ -101,15 +101,17 @@ def _arrow(axes: Axes, start: np.ndarray, force: np.ndarray, color: str, text: s
 
 
 def _hinge(axes: Axes, place: np.ndarray, side: int, moment: float, span: float) -> None:
-    """A hinge and the arc of its moment, which lifts the outer panel where it is positive."""
+    """A hinge and the arc of its moment, if there is one: upward where the moment lifts the outer panel."""
+    shown = round(moment, 1) + 0.0
     axes.plot(*place, "o", color="black", markersize=7, markerfacecolor="white", zorder=3)
     reach = 0.16 * span
     below, above = place + np.array([[side, -0.6], [side, 1.1]]) * reach
     start, end = (below, above) if moment >= 0 else (above, below)
     bend = 0.35 * side * (1 if moment >= 0 else -1)
     style = {"arrowstyle": "-|>", "color": _MOMENT, "linewidth": 1.8, "connectionstyle": f"arc3,rad={bend}"}
-    axes.annotate("", xy=_pair(end), xytext=_pair(start), arrowprops=style)
-    _label(axes, below, f"{moment:.1f} ft lbf", _MOMENT, above=False)
+    if shown:
+        axes.annotate("", xy=_pair(end), xytext=_pair(start), arrowprops=style)
+    _label(axes, below, f"{shown:.1f} ft lbf", _MOMENT, above=False)
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, *, above: bool) -> None:
