@@ -8,6 +8,7 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import (
     Table,
@@ -205,9 +206,9 @@ def _variable_data(variable: Margin) -> dict[str, Any]:
         "value": variable.value,
         "unit": variable.unit,
         "role": variable.role,
-        "lowest": variable.lowest,
-        "highest": variable.highest,
-        "margin": variable.distance,
+        "lowest": finite_or_none(variable.lowest),
+        "highest": finite_or_none(variable.highest),
+        "margin": finite_or_none(variable.distance),
         "nearer": variable.nearer,
         "at_limit": variable.at_limit,
     }
