@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Length of the longest arrow, of the span of a panel.
 _LONGEST = 0.55
+#: The arc of a moment reaches this far to both sides of the panel, rad.
+_HALF_ARC = math.radians(30.0)
 _LIFT, _WEIGHT, _MOMENT = "C0", "0.35", "C3"
 
 
@@ -68,7 +71,7 @@ def trim_figure(aircraft: Aircraft, point: OperatingPoint) -> Figure:
         _arrow(axes, panel.middle, panel.lift * scale, _LIFT, f"{_signed_lift(panel):.1f} lbf")
         _arrow(axes, panel.middle, panel.weight * scale, _WEIGHT, f"{np.linalg.norm(panel.weight):.1f} lbf")
     for side in (-1, 1):
-        _hinge(axes, np.array([side * span / 2, 0.0]), side, hinge_moment, span)
+        _hinge(axes, side, hinge_moment, point.states.dihedral, span)
     for color, name in ((_LIFT, "lift"), (_WEIGHT, "weight"), (_MOMENT, "moment of loads and weight about the hinge")):
         axes.plot([], [], color=color, linewidth=2.0, label=name)
     axes.set_aspect("equal")
@@ -100,24 +103,27 @@ def _arrow(axes: Axes, start: np.ndarray, force: np.ndarray, color: str, text: s
     _label(axes, end, text, color, above=bool(force[1] >= 0))
 
 
-def _hinge(axes: Axes, place: np.ndarray, side: int, moment: float, span: float) -> None:
+def _hinge(axes: Axes, side: int, moment: float, dihedral: float, span: float) -> None:
     """A hinge and the arc of its moment, if there is one: upward where the moment lifts the outer panel."""
     shown = round(moment, 1) + 0.0
+    place = np.array([side * span / 2, 0.0])
     axes.plot(*place, "o", color="black", markersize=7, markerfacecolor="white", zorder=3)
-    reach = 0.16 * span
-    below, above = place + np.array([[side, -0.6], [side, 1.1]]) * reach
-    start, end = (below, above) if moment >= 0 else (above, below)
-    bend = 0.35 * side * (1 if moment >= 0 else -1)
-    style = {"arrowstyle": "-|>", "color": _MOMENT, "linewidth": 1.8, "connectionstyle": f"arc3,rad={bend}"}
+    below, above = (
+        place + 0.2 * span * np.array([side * np.cos(angle), np.sin(angle)])
+        for angle in (dihedral - _HALF_ARC, dihedral + _HALF_ARC)
+    )
     if shown:
+        start, end = (below, above) if shown > 0 else (above, below)
+        bend = math.copysign(0.3, side * shown)
+        style = {"arrowstyle": "-|>", "color": _MOMENT, "linewidth": 1.8, "connectionstyle": f"arc3,rad={bend}"}
         axes.annotate("", xy=_pair(end), xytext=_pair(start), arrowprops=style)
-    _label(axes, below, f"{shown:.1f} ft lbf", _MOMENT, above=False)
+    _label(axes, place, f"{shown:.1f} ft lbf", _MOMENT, above=dihedral < 0)  # where no panel is in the way
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, *, above: bool) -> None:
     """The text above or below a place, clear of it."""
     style: dict[str, Any] = {"color": color, "fontsize": 9, "ha": "center", "textcoords": "offset points"}
-    offset, side = (4, "bottom") if above else (-4, "top")
+    offset, side = (6, "bottom") if above else (-6, "top")
     axes.annotate(text, xy=_pair(place), xytext=(0, offset), va=side, **style)
 
 
