@@ -81,6 +81,17 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
     return convert
 
 
+def one_of(*words: str) -> Callable[[str], str]:
+    """The type of a word among those named."""
+
+    def convert(text: str) -> str:
+        if text not in words:
+            raise ArgumentTypeError(f"is {shortened(text)!r}; use one of {', '.join(words)}")
+        return text
+
+    return convert
+
+
 def parsed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
     """The type of what a function makes of a word; its BadInputError is the reason."""
 

@@ -142,7 +142,7 @@ def tell(
     told = report.with_data(warnings=notes)
     if target is not None:
         signed(told.with_data(**(only_in_files or {}))).save(target)
-    show(told, as_json=arguments.json, target=None)
+    show(told, arguments, target=None)
     sys.stdout.flush()
     say_notes(notes)
 

@@ -26,7 +26,7 @@ _MOST_NOTES = 5
 
 #: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
 COMMANDS = {
-    "trim": "trim the aircraft and report state, inputs, residuals, loads and margins",
+    "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
     "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
     "sweep": "trims and linear models over a grid, modes tracked",
     "identify": "find the aircraft's parameters from the printed matrices",

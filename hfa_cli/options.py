@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from hfa_cli.argument_types import PICTURES, angle, number, output_file, parsed, quantity, span, whole
-from hfa_cli.output import SUFFIXES
+from hfa_cli.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
+from hfa_cli.output import FORMATS, SUFFIXES
 from hfa_cli.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
@@ -55,10 +55,17 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
-    """--json, --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
-    parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
+    """--json, --format, --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
+    add_form(parser)
     about = f"also write {', '.join(SUFFIXES)}" + (f" or {', '.join(also)}{what}" if also else "")
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, *also), metavar="FILE", help=about)
+
+
+def add_form(parser: argparse.ArgumentParser) -> None:
+    """--json or --format: how the report is printed."""
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
+    add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text")
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:

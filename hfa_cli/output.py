@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from hfa_cli.origin import signed
 from hfa_model.support.data_files import SUFFIXES as SUFFIXES
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
+
+#: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.
+FORMATS: dict[str, Callable[[Report], str]] = {
+    "text": Report.text,
+    "markdown": lambda report: report.without_pictures().markdown(),
+    "latex": lambda report: report.without_pictures().latex(),
+    "html": Report.html,
+}
 
 
 def check_target(path: str | Path | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
@@ -35,12 +44,12 @@ def check_folder(path: str) -> Path:
     return folder
 
 
-def show(report: Report, *, as_json: bool, target: Path | None) -> None:
-    """Print the report or, with `as_json`, its data; write the file, if one was asked for, first."""
+def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) -> None:
+    """Print the report as --format says or, with --json, its data; write the file, if one was asked for, first."""
     report = signed(report)
     if target is not None:
         report.save(target)
-    print(report.json() if as_json else report.text())
+    print(report.json() if arguments.json else FORMATS[arguments.format or "text"](report))
 
 
 def say_notes(warnings: Iterable[str]) -> None:

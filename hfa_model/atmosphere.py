@@ -1,4 +1,4 @@
-"""Air density of the US Standard Atmosphere 1976 as a CasADi expression."""
+"""Density, temperature and speed of sound of the US Standard Atmosphere 1976 as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _SEA_LEVEL_TEMPERATURE = 288.15  # K
 _SEA_LEVEL_PRESSURE = 101_325.0  # Pa
 _LAPSE_RATE = 0.0065  # K/m, below the tropopause
 _TROPOPAUSE = 11_000.0  # m, geopotential
+_HEAT_CAPACITY_RATIO = 1.4
 
 _METRE_PER_FOOT = 0.3048
 _KILOGRAM_PER_SLUG = 14.593902937206364
@@ -28,15 +29,33 @@ def density(altitude: Quantity) -> Quantity:
     altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression.
     Returns the density in slug/ft^3. Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
-    height = altitude * _METRE_PER_FOOT
-    geopotential = _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
-    below = ca.fmin(geopotential, _TROPOPAUSE)
+    geopotential = _geopotential(altitude)
+    kelvin = _temperature(geopotential)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
-    temperature = _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * below
     exponent = _GRAVITY / (_GAS_CONSTANT * _LAPSE_RATE)
     pressure = (
         _SEA_LEVEL_PRESSURE
-        * (temperature / _SEA_LEVEL_TEMPERATURE) ** exponent
-        * ca.exp(-_GRAVITY * above / (_GAS_CONSTANT * temperature))
+        * (kelvin / _SEA_LEVEL_TEMPERATURE) ** exponent
+        * ca.exp(-_GRAVITY * above / (_GAS_CONSTANT * kelvin))
     )
-    return pressure / (_GAS_CONSTANT * temperature) * _METRE_PER_FOOT**3 / _KILOGRAM_PER_SLUG
+    return pressure / (_GAS_CONSTANT * kelvin) * _METRE_PER_FOOT**3 / _KILOGRAM_PER_SLUG
+
+
+def temperature(altitude: Quantity) -> Quantity:
+    """T(h) = T_0 - λ min(H, 11 km), K; altitude as for `density`. Source: the same, Eq. 23."""
+    return _temperature(_geopotential(altitude))
+
+
+def speed_of_sound(altitude: Quantity) -> Quantity:
+    """a(h) = sqrt(1.4 R T(h)), ft/s; altitude as for `density`. Source: the same, Eq. 50."""
+    return ca.sqrt(_HEAT_CAPACITY_RATIO * _GAS_CONSTANT * temperature(altitude)) / _METRE_PER_FOOT
+
+
+def _geopotential(altitude: Quantity) -> Quantity:
+    """H = r h / (r + h), m, of a geometric altitude in ft."""
+    height = altitude * _METRE_PER_FOOT
+    return _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
+
+
+def _temperature(geopotential: Quantity) -> Quantity:
+    return _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

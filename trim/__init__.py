@@ -31,7 +31,9 @@ if TYPE_CHECKING:
         load_operating_point as load_operating_point,
         save_operating_point as save_operating_point,
     )
+    from trim.point.performance import Performance as Performance, performance as performance
     from trim.point.solve import TrimError as TrimError, find_operating_point as find_operating_point
+    from trim.point.trim_figure import trim_figure as trim_figure
     from trim.point.trim_report import trim_report as trim_report
     from trim.sweeps.level_flights import (
         level_conditions as level_conditions,

@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None and target.suffix.lower() == PARAMETERS:
         save_fit(result.fit, target)
         target = None
-    show(identification_report(result), as_json=arguments.json, target=target)
+    show(identification_report(result), arguments, target=target)
     return 0
 
 

@@ -27,6 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         # Files hold the whole history; on a terminal it would drown the result.
         signed(learning_report(result, *names, history=True).with_data(**labels)).save(arguments.output)
-    show(learning_report(result, *names).with_data(**labels), as_json=arguments.json, target=None)
+    show(learning_report(result, *names).with_data(**labels), arguments, target=None)
     say_notes(named.warnings)
     return 0 if result.converged else 1

@@ -35,5 +35,5 @@ def run(arguments: argparse.Namespace) -> int:
     report = linear_model_report(model, bands, trust_in(bands))
     if printed is not None:
         report = beside_the_print(report, model, printed)
-    show(report, as_json=arguments.json, target=arguments.output)
+    show(report, arguments, target=arguments.output)
     return 0

@@ -37,5 +37,5 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid))
         target = None
-    show(lpv_report(grid, arguments.tolerance, family.aircraft.variant.name), as_json=arguments.json, target=target)
+    show(lpv_report(grid, arguments.tolerance, family.aircraft.variant.name), arguments, target=target)
     return 0

@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_signal(flight, "--disturbance", "added to the rate of a state")
     add_envelope(flight)
     options.add_workers(parser, "run of the same options")
-    parser.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
+    options.add_form(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="keep every member in this store (.zarr)")
 
 

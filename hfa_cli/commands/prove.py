@@ -89,7 +89,7 @@ def _check(arguments: argparse.Namespace) -> int:
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
     found = check_certificate(arguments.check, Progress("check"))
-    show(checked_report(found), as_json=arguments.json, target=arguments.output)
+    show(checked_report(found), arguments, target=arguments.output)
     return 0 if found.proved else 1
 
 
@@ -120,7 +120,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
     )
     file.save(result.loop, result.modes, finished=True)
     motion = prove_rate(family, file.table, low, high, progress=Progress("rate")) if arguments.rate else None
-    show(schedule_report(result, motion), as_json=arguments.json, target=None)
+    show(schedule_report(result, motion), arguments, target=None)
     return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1
 
 
@@ -130,7 +130,7 @@ def _solution(arguments: argparse.Namespace) -> int:
 
     named, family, degrees = _game(arguments)
     proof = prove_solution(named.game, family, degrees)
-    show(solution_proof_report(proof, named.states, named.origin), as_json=arguments.json, target=arguments.output)
+    show(solution_proof_report(proof, named.states, named.origin), arguments, target=arguments.output)
     return 0 if proof.proved else 1
 
 
@@ -150,7 +150,7 @@ def _critic(arguments: argparse.Namespace) -> int:
     except BadInputError as error:
         raise BadInputError(f"{arguments.file}: {error}") from error
     report = critic_proof_report(proof, str(arguments.file), named.origin)
-    show(report, as_json=arguments.json, target=arguments.output)
+    show(report, arguments, target=arguments.output)
     return 0
 
 

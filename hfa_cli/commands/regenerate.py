@@ -18,5 +18,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Regenerate, compare and judge; exit 1 when a check fails."""
     found = regenerate_all(options.aircraft_of(arguments))
-    show(found.report(), as_json=arguments.json, target=arguments.output)
+    show(found.report(), arguments, target=arguments.output)
     return 0 if found.ok else 1

@@ -21,6 +21,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
     report = solution_report(analyse_game(named.game), named.states, named.inputs, named.origin)
-    show(replace(report, data=dict(report.data) | named.labels()), as_json=arguments.json, target=arguments.output)
+    show(replace(report, data=dict(report.data) | named.labels()), arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0

@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     if folder is not None and arguments.resume:
         kept["known"] = folder.known
     rows = published_study(_names(arguments.only), Progress("study").say, **kept)
-    show(study_report(rows), as_json=arguments.json, target=target)
+    show(study_report(rows), arguments, target=target)
     return 0
 
 

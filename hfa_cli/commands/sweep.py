@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         from verification.meaning.game_sweep import sweep_games, with_games
 
         report = with_games(report, result, sweep_games(result, Progress("games"), **weights_of(arguments)))
-    _show(report, arguments.json, arguments.output)
+    _show(report, arguments, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
 
@@ -127,11 +127,11 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         progress=Progress("sweep"),
     )
     report = stored_sweep_report(plan, store, arguments.output)
-    _show(report, arguments.json, None)
+    _show(report, arguments, None)
     return 0 if report.data["counts"]["trimmed"] else 1
 
 
-def _show(report: Report, as_json: bool, target: Path | None) -> None:
+def _show(report: Report, arguments: argparse.Namespace, target: Path | None) -> None:
     """The notes on standard error: the table on standard output stays a table."""
-    show(replace(report, notes=()), as_json=as_json, target=target)
+    show(replace(report, notes=()), arguments, target=target)
     say_notes(report.notes)

@@ -1,10 +1,11 @@
-"""Trim the aircraft and report state, inputs, the residual of each equation, loads and margins to limits."""
+"""Trim the aircraft and report variables and their limits, what binds, each equation's verdict, loads, performance."""
 
 from __future__ import annotations
 
 import argparse
 
 from hfa_cli import options
+from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from trim.point.trim_report import trim_report
 
@@ -13,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa trim`."""
     options.add_condition(parser)
     options.add_aircraft(parser)
+    options.add_picture(parser, "the aircraft from the front with its loads")
     options.add_output(parser)
 
 
@@ -21,5 +23,10 @@ def run(arguments: argparse.Namespace) -> int:
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     report = trim_report(aircraft, options.condition_of(arguments), point)
-    show(report, as_json=arguments.json, target=arguments.output)
+    if arguments.picture is not None:
+        from hfa_model.support.figure import save
+        from trim.point.trim_figure import trim_figure
+
+        save(trim_figure(aircraft, point), arguments.picture, provenance().text())
+    show(report, arguments, target=arguments.output)
     return 0

@@ -19,5 +19,5 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.validation.comparison import validate
 
     found = validate(options.aircraft_of(arguments))
-    show(found.report(), as_json=arguments.json, target=arguments.output)
+    show(found.report(), arguments, target=arguments.output)
     return 0 if found.ok else 1

@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         _draw(check, named, result, time, arguments.picture)
     limit_cost = arguments.limit_cost
     report = check_report(check, named.states, named.inputs, named.origin, limit_cost).with_data(**named.labels())
-    show(report, as_json=arguments.json, target=arguments.output)
+    show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0 if (check.ok if limit_cost is None else check.flight.within(limit_cost)) else 1
 

@@ -1,4 +1,4 @@
-"""A report: what a result says, once, as text for a terminal, Markdown, HTML, and data for files."""
+"""A report: what a result says, once, as text for a terminal, Markdown, HTML, LaTeX, and data for files."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 NO_RECORDS = Table((), ())
+_SECTIONS = ("section", "subsection", "subsubsection", "paragraph")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,15 @@ class Report:
         said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
         return "\n".join([*heading, *shown, *(f"<p>{html.escape(line)}</p>" for line in said)])
 
+    def latex(self, level: int = 1) -> str:
+        """A fragment, sections from `level` on, every word escaped; pictures by their names (graphicx)."""
+        from hfa_model.support.latex import latex_text
+
+        shown = [_latex(part, level) for part in self.parts]
+        heading = [f"\\{_SECTIONS[min(level, 4) - 1]}*{{{latex_text(_one_line(self.title))}}}"] if self.title else []
+        said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
+        return "\n\n".join([*heading, *shown, *map(latex_text, said)])
+
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
         from hfa_model.support.jsonable import json_text
@@ -93,6 +103,11 @@ class Report:
         from hfa_model.support.data_files import save_data
 
         save_data(path, self.data, self.records)
+
+    def without_pictures(self) -> Report:
+        """The same report where no picture can be put beside it."""
+        kept = [part for part in self.parts if not isinstance(part, Picture)]
+        return replace(self, parts=[each.without_pictures() if isinstance(each, Report) else each for each in kept])
 
     def pictures(self) -> Iterator[Picture]:
         """All pictures, those of the reports within it too."""
@@ -162,6 +177,18 @@ def _html(part: Part, level: int) -> str:
         )
         return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
     return "\n".join(f"<p>{html.escape(line)}</p>" for line in part.split("\n"))
+
+
+def _latex(part: Part, level: int) -> str:
+    from hfa_model.support.latex import latex_table, latex_text
+
+    if isinstance(part, Report):
+        return part.latex(level + 1)
+    if isinstance(part, Block):
+        return "\n\n".join(_latex(each, level) for each in part.parts)
+    if isinstance(part, Picture):
+        return f"\\includegraphics[width=\\linewidth]{{{part.name}}}"
+    return latex_table(part) if isinstance(part, Table) else "\n\n".join(map(latex_text, part.split("\n")))
 
 
 def _cell(cell: Any) -> str:

@@ -34,7 +34,7 @@ class RowsMade(Sequence[tuple[Any, ...]]):
 
 def matrix_table(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> Table:
     """A matrix with its row and column names, four decimals like the paper's."""
-    body = [(row, *(_four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
+    body = [(row, *(four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
 
 
@@ -59,8 +59,8 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """A value with five decimals and its unit, as a person reads them."""
-    return shown_value(value, unit, ".5f"), shown_unit(unit)
+    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as a person reads them."""
+    return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
 def angle_text(angle: float) -> str:
@@ -87,7 +87,8 @@ def range_text(lowest: float, highest: float, infinite: str = "inf") -> str:
     return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in (lowest, highest)))
 
 
-def _four_decimals(value: float) -> str:
+def four_decimals(value: float) -> str:
+    """1.2346; what rounds to zero has no sign."""
     text = f"{value:.4f}"
     return "0.0000" if text == "-0.0000" else text
 

@@ -61,10 +61,24 @@ def test_trim_text(dynamics: str) -> None:
         shown = unit.replace("rad", "deg")
         assert re.search(rf"^{name} +-?\d+\.\d{{5}} +{shown}( |$)", said, re.M), name
     for name in BALANCED:
-        assert re.search(rf"^rate of {name} +-?\d\.\d\de[-+]\d\d ", said, re.M), name
-    for name in ("lift", "drag", "thrust", "lift/drag", "pitching moment", "hinge moment"):
+        assert re.search(rf"^rate of {name} +-?\d\.\d\de[-+]\d\d .* PASS$", said, re.M), name
+    for name in (
+        "weight",
+        "lift",
+        "drag",
+        "thrust",
+        "lift/drag",
+        "lift coefficient",
+        "pitching moment",
+        "hinge moment",
+    ):
         assert re.search(rf"^{name} +-?\d", said, re.M), name
-    assert re.search(r"^input +value +unit +margin$", said, re.M)
+    for name in ("dynamic pressure q", "Mach number", "load factor", "flight-path angle", "climb rate"):
+        assert re.search(rf"^{name} +-?\d", said, re.M), name
+    for kind in ("state", "input"):
+        assert re.search(rf"^{kind} +value +unit +is +lowest +highest +margin +to$", said, re.M)
+    assert re.search(r"^nearest limit +limit +margin +unit +of its range +verdict$", said, re.M)
+    assert max(map(len, said.splitlines()[:-1])) <= 100  # the last line says where it comes from
 
 
 def test_trim_json() -> None:

@@ -1,13 +1,16 @@
-"""The density against the standard's tables, an independent package, and hydrostatics."""
+"""Density and speed of sound against the standard's tables, an independent package, and hydrostatics."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from ambiance import Atmosphere
 
-from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
+from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
@@ -54,11 +57,37 @@ def test_density_equals_the_printed_table(metres: int, printed: float, half_unit
     assert abs(density(metres / METRE_PER_FOOT) * KG_PER_M3 - printed) <= half_unit
 
 
-def test_expression_equals_number() -> None:
+def test_temperature_and_speed_of_sound_equal_an_independent_package() -> None:
+    altitudes = np.linspace(0.0, HIGHEST_ALTITUDE, 400)
+    expected = Atmosphere(altitudes * METRE_PER_FOOT)
+    computed = np.array([(temperature(each), speed_of_sound(each) * METRE_PER_FOOT) for each in altitudes.tolist()])
+    np.testing.assert_allclose(computed[:, 0], expected.temperature, rtol=1e-9)
+    # The other molar mass of air (7e-7 relative) goes under the root.
+    np.testing.assert_allclose(computed[:, 1], expected.speed_of_sound, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("metres", "kelvin", "sound"),
+    # U.S. Standard Atmosphere, 1976, Tables I and III: temperature in K, speed of sound in m/s at geometric altitudes.
+    [
+        (0, 288.150, 340.29),
+        (1_000, 281.651, 336.43),
+        (5_000, 255.676, 320.55),
+        (10_000, 223.252, 299.53),
+        (15_000, 216.650, 295.07),
+    ],
+)
+def test_temperature_and_speed_of_sound_equal_the_printed_tables(metres: int, kelvin: float, sound: float) -> None:
+    assert abs(temperature(metres / METRE_PER_FOOT) - kelvin) <= 5.0001e-4
+    assert abs(speed_of_sound(metres / METRE_PER_FOOT) * METRE_PER_FOOT - sound) <= 5e-3
+
+
+@pytest.mark.parametrize("quantity", [density, temperature, speed_of_sound])
+def test_expression_equals_number(quantity: Callable[[Any], Any]) -> None:
     h = ca.SX.sym("h")
-    expression = ca.Function("density", [h], [density(h)])
+    expression = ca.Function("quantity", [h], [quantity(h)])
     for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 131).tolist():
-        assert float(expression(altitude)) == pytest.approx(density(altitude), rel=1e-15)
+        assert float(expression(altitude)) == pytest.approx(quantity(altitude), rel=1e-15)
 
 
 def test_derivative_is_hydrostatic(slope: ca.Function) -> None:

@@ -8,29 +8,25 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table, angle_text, degrees, in_degrees
-from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES, UNITS
+from hfa_model.support.text import (
+    Table,
+    angle_text,
+    degrees,
+    four_decimals,
+    in_degrees,
+    short_number,
+    shown_unit,
+    shown_value,
+)
+from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint
+from trim.point.performance import PERFORMANCE_UNITS, Performance, performance
+from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
 
 TRIM_SCHEMA = "hfa.trim/1"
-
-
-def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
-    """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
-
-    The pitch angle is there when alpha or gamma is free. What has no limits has no margin.
-    """
-    values = {**point.inputs._asdict(), **point.states._asdict(), "gamma": point.gamma}
-    result = {}
-    pitch = ("pitch",) if {"alpha", "gamma"} & set(condition.free) else ()
-    for name in dict.fromkeys((*INPUTS, *condition.free, *pitch)):
-        lowest, highest = condition.limits_of(name)
-        margin = min(values[name] - lowest, highest - values[name])
-        if math.isfinite(margin):
-            result[name] = margin
-    return result
 
 
 def warnings(point: OperatingPoint) -> list[str]:
@@ -44,36 +40,30 @@ def warnings(point: OperatingPoint) -> list[str]:
 
 
 def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """State, inputs, the residual of each equation, loads and margins; angles in degrees for people."""
+    """Every variable between its limits, the limits that bind, the verdict on each equation, loads and performance;
+    angles in degrees for people."""
     loads = aircraft.loads(point.states, point.inputs)
-    left = margins(condition, point)
-    # The flight-path angle is no state: it stands among them where it is an unknown.
-    states = point.states._asdict() | ({"gamma": point.gamma} if "gamma" in condition.free else {})
-    load_rows = [
-        ("lift", f"{loads.lift:.4f}", f"{loads.center.lift:.4f}", f"{loads.outer.lift:.4f}", "lbf"),
-        ("drag", f"{loads.drag:.4f}", f"{loads.center.drag:.4f}", f"{loads.outer.drag:.4f}", "lbf"),
-        ("thrust", f"{loads.thrust:.4f}", "", "", "lbf"),
-        ("lift/drag", f"{loads.lift / loads.drag:.3f}", "", "", "1"),
-        ("pitching moment", f"{loads.pitching_moment:.4f}", "", "", "ft lbf"),
-        ("hinge moment", "", "", f"{loads.hinge_moment:.4f}", "ft lbf"),
-    ]
+    numbers = performance(aircraft, point)
+    every = all_margins(condition, point)
     return Report(
         title=_title(point),
         parts=(
-            _values("state", states, left),
-            _values("input", point.inputs._asdict(), left),
-            _residuals(point),
-            Table(("load", "aircraft", "center panel", "outer panel", "unit"), load_rows),
+            _variables("state", [every[name] for name in (*STATES, "gamma")]),
+            _variables("input", [every[name] for name in INPUTS]),
+            _nearest(nearest_limits(condition, point)),
+            _equations(point),
+            _loads(loads, numbers),
+            _performance(numbers),
         ),
         notes=warnings(point),
-        data=_data(condition, point, loads),
+        data=_data(condition, point, loads, numbers),
         records=_records(point),
     )
 
 
 def operating_point_report(point: OperatingPoint) -> Report:
     """State, inputs and residuals: what a point knows of itself, without the aircraft and the condition."""
-    parts = _values("state", point.states._asdict()), _values("input", point.inputs._asdict()), _residuals(point)
+    parts = _values("state", point.states._asdict()), _values("input", point.inputs._asdict()), _equations(point)
     return Report(_title(point), parts, warnings(point), point.to_dict(), _records(point))
 
 
@@ -81,16 +71,103 @@ def _title(point: OperatingPoint) -> str:
     return f"Trim, {point.dynamics} dynamics: {point.status}"
 
 
-def _residuals(point: OperatingPoint) -> Table:
+def _variables(kind: str, standing: list[Margin]) -> Table:
     rows = [
-        (f"rate of {name}", f"{value:.2e}", getattr(RATE_UNITS, name), f"{point.scaled_residuals[name]:.2e}")
+        (
+            each.name,
+            *degrees(each.value, each.unit),
+            each.role,
+            *("" if math.isinf(limit) else shown_value(limit, each.unit) for limit in (each.lowest, each.highest)),
+            degrees(each.distance, each.unit)[0] if each.nearer else "",
+            each.nearer,
+        )
+        for each in standing
+    ]
+    return Table((kind, "value", "unit", "is", "lowest", "highest", "margin", "to"), rows)
+
+
+def _nearest(nearest: list[Margin]) -> Table:
+    rows = [
+        (
+            f"{each.name}, {each.nearer}",
+            shown_value(each.nearer_limit, each.unit),
+            degrees(each.distance, each.unit)[0],
+            shown_unit(each.unit),
+            f"{100 * each.share:.1f} %",
+            "BINDS" if each.binds else "held there" if each.at_limit else "-",
+        )
+        for each in nearest
+    ]
+    return Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), rows)
+
+
+def _equations(point: OperatingPoint) -> Table:
+    rows = [
+        (
+            f"rate of {name}",
+            f"{value:.2e}",
+            f"{_tolerance(name):.2e}",
+            getattr(RATE_UNITS, name),
+            f"{point.scaled_residuals[name]:.2e}",
+            "PASS" if _balances(name, point) else "FAIL",
+        )
         for name, value in point.residuals.items()
     ]
-    return Table(("equation", "residual", "unit", "scaled"), rows)
+    return Table(("equation", "residual", "tolerance", "unit", "scaled", "verdict"), rows)
 
 
-def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads) -> dict[str, Any]:
+def _tolerance(equation: str) -> float:
+    """The residual that an equation may have, in its own unit."""
+    return float(BALANCE * getattr(RATE_SCALES, equation))
+
+
+def _balances(equation: str, point: OperatingPoint) -> bool:
+    return abs(point.scaled_residuals[equation]) <= BALANCE
+
+
+def _loads(loads: Loads, numbers: Performance) -> Table:
+    """Of the aircraft, its center panel and one outer panel; the forces of a panel in its own axes."""
+    panel_weight, panel_pressure_area = numbers.weight / 3, numbers.dynamic_pressure * numbers.wing_area / 3
+    weights, coefficients = [numbers.weight, panel_weight, panel_weight], [numbers.lift_coefficient]
+    coefficients += [panel.lift / panel_pressure_area for panel in (loads.center, loads.outer)]
+    rows = [
+        ("weight", *map(four_decimals, weights), "lbf"),
+        ("lift", *map(four_decimals, (loads.lift, loads.center.lift, loads.outer.lift)), "lbf"),
+        ("drag", *map(four_decimals, (loads.drag, loads.center.drag, loads.outer.drag)), "lbf"),
+        ("thrust", four_decimals(loads.thrust), "", "", "lbf"),
+        ("lift/drag", f"{numbers.lift_over_drag:.3f}", "", "", "1"),
+        ("lift coefficient", *map(four_decimals, coefficients), "1"),
+        ("pitching moment", four_decimals(loads.pitching_moment), "", "", "ft lbf"),
+        ("hinge moment", "", "", four_decimals(loads.hinge_moment), "ft lbf"),
+        ("with hinge spring", "", "", four_decimals(numbers.hinge_moment_total), "ft lbf"),
+    ]
+    return Table(("load", "aircraft", "center panel", "outer panel", "unit"), rows)
+
+
+_SHOWN_PERFORMANCE = {
+    "dynamic_pressure": "dynamic pressure q",
+    "density": "air density",
+    "speed_of_sound": "speed of sound",
+    "mach": "Mach number",
+    "wing_area": "wing area S, without tails",
+    "drag_coefficient": "drag coefficient D/(q S)",
+    "load_factor": "load factor",
+    "gamma": "flight-path angle",
+    "climb_rate": "climb rate",
+}
+
+
+def _performance(numbers: Performance) -> Table:
+    rows = []
+    for name, shown in _SHOWN_PERFORMANCE.items():
+        unit = PERFORMANCE_UNITS[name]
+        rows.append((shown, short_number(getattr(numbers, name), unit), shown_unit(unit)))
+    return Table(("performance", "value", "unit"), rows)
+
+
+def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads, numbers: Performance) -> dict[str, Any]:
     """Radians, feet, pounds, as stored in the point."""
+    nearest = nearest_limits(condition, point)
     return {
         "schema": TRIM_SCHEMA,
         "dihedral_deg": in_degrees(point.states.dihedral),
@@ -105,7 +182,35 @@ def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads) -> dict
             for name in PanelLoads._fields
         },
         "margins": margins(condition, point),
+        "variables": {name: _variable_data(each) for name, each in all_margins(condition, point).items()},
+        "nearest_limits": [each.name for each in nearest],
+        "binding": [each.name for each in nearest if each.binds],
+        "equations": {
+            name: {
+                "imposed": condition.rates[name],
+                "residual": value,
+                "tolerance": _tolerance(name),
+                "unit": getattr(RATE_UNITS, name),
+                "ok": _balances(name, point),
+            }
+            for name, value in point.residuals.items()
+        },
+        "performance": numbers._asdict(),
+        "performance_units": PERFORMANCE_UNITS,
         "warnings": warnings(point),
+    }
+
+
+def _variable_data(variable: Margin) -> dict[str, Any]:
+    return {
+        "value": variable.value,
+        "unit": variable.unit,
+        "role": variable.role,
+        "lowest": finite_or_none(variable.lowest),
+        "highest": finite_or_none(variable.highest),
+        "margin": finite_or_none(variable.distance),
+        "nearer": variable.nearer,
+        "at_limit": variable.at_limit,
     }
 
 
@@ -119,11 +224,5 @@ def _records(point: OperatingPoint) -> Table:
     return Table(("kind", "name", "value", "unit"), rows)
 
 
-def _values(kind: str, values: Mapping[str, float], left: Mapping[str, float] = {}) -> Table:
-    """Values with their units, and margins where there are any."""
-    rows = [
-        (name, *degrees(value, UNITS[name]), degrees(left[name], UNITS[name])[0] if name in left else "")
-        for name, value in values.items()
-    ]
-    width = 4 if any(name in left for name in values) else 3
-    return Table((kind, "value", "unit", "margin")[:width], [row[:width] for row in rows])
+def _values(kind: str, values: Mapping[str, float]) -> Table:
+    return Table((kind, "value", "unit"), [(name, *degrees(value, UNITS[name])) for name, value in values.items()])

@@ -1,4 +1,4 @@
-"""A report says the same as text, Markdown, HTML and data; every word is escaped; a picture is drawn once."""
+"""A report says the same as text, Markdown, HTML, LaTeX and data; every word is escaped; a picture is drawn once."""
 
 from __future__ import annotations
 
@@ -62,13 +62,30 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert drawn == ["drawn"]
 
 
+def test_latex_has_sections_tabulars_and_pictures_by_name() -> None:
+    assert report([]).latex() == (
+        "\\section*{Title \\& more of it}\n\nfirst\n\n\\subsection*{Inner}\n\n"
+        "\\noindent\\begin{tabular}{lr}\nload & value \\\\\n\\hline\n"
+        "lift \\textless{}1\\textgreater{} & 2.5 \\\\\na\\textbar{}b & 10 \\\\\n\\end{tabular}\n\n"
+        "below the table\n\n\\includegraphics[width=\\linewidth]{a.png}\n\nNote: take care"
+    )
+
+
 def test_a_text_draws_no_picture() -> None:
     drawn: list[str] = []
     found = report(drawn)
     assert found.text()
     assert found.markdown()
+    assert found.latex()
     assert [each.name for each in found.pictures()] == ["a.png"]
     assert drawn == []
+
+
+def test_pictures_can_be_left_out() -> None:
+    found = report([]).without_pictures()
+    assert list(found.pictures()) == []
+    assert found.text() == report([]).text()
+    assert found.markdown() == report([]).markdown().replace('\n\n![a "picture"](a.png)', "")
 
 
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:

@@ -1,63 +1,131 @@
-"""A trim's margins: of the inputs, and of every limited variable that the condition leaves free."""
+"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same in numbers."""
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS
-from trim.point.condition import LIMITS, TrimCondition, level_flight, release
+from hfa_model.support.report import Report
+from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, UNITS, State
+from trim.point.condition import BALANCED, TrimCondition, level_flight, release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
-from trim.point.trim_report import margins, trim_report
+from trim.point.trim_margins import all_margins
+from trim.point.trim_report import trim_report
 
 BASE = level_flight(float(np.radians(10.0)))
 
 
-def solved(aircraft: Aircraft, condition: TrimCondition) -> tuple[TrimCondition, OperatingPoint]:
-    return condition, find_operating_point(aircraft, condition)
-
-
-def test_with_only_inputs_free_there_are_theirs_alone(published_aircraft: Aircraft) -> None:
-    condition, point = solved(published_aircraft, BASE)
-    assert tuple(margins(condition, point)) == INPUTS
-    assert "state                value   unit\n" in trim_report(published_aircraft, condition, point).text()
+def reported(aircraft: Aircraft, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
+    point = find_operating_point(aircraft, condition)
+    return point, trim_report(aircraft, condition, point)
 
 
 @pytest.mark.parametrize(
-    ("free", "hold"), [("alpha", "aileron_outer"), ("dihedral", "aileron_outer"), ("speed", "aileron_outer")]
+    "condition",
+    [
+        BASE,
+        release(BASE, free=("gamma",), hold={"throttle": 0.0}),
+        release(
+            BASE, free=("alpha", "aileron_center"), limits={"throttle": (-1e300, 1e300), "gamma": (-0.123456, 1.0)}
+        ),
+        level_flight(math.radians(-59.0), speed=200.0, altitude=65_000.0, alpha=-0.01, gamma=math.radians(-50.0)),
+    ],
+    ids=["level", "glide", "far limits", "far away"],
 )
-def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: Aircraft, free: str, hold: str) -> None:
-    known = find_operating_point(published_aircraft, BASE)
-    condition, point = solved(published_aircraft, release(BASE, free=(free,), hold={hold: getattr(known.inputs, hold)}))
-    found = margins(condition, point)
-    value, (lowest, highest) = getattr(point.states, free), LIMITS[free]
-    assert found[free] == min(value - lowest, highest - value)
-    shown = found[free] if free == "speed" else np.degrees(found[free])
-    assert re.search(rf"^{free} .*  {shown:.5f}$", trim_report(published_aircraft, condition, point).text(), re.M)
+def test_text_fits_100_columns(published_aircraft: Aircraft, condition: TrimCondition) -> None:
+    trimmed = find_operating_point(published_aircraft, BASE)
+    imposed = {name: value for name, value in condition.imposed.items() if name in STATES}
+    point = replace(trimmed, states=trimmed.states._replace(**imposed))
+    said = trim_report(published_aircraft, condition, point).text()
+    assert max(map(len, said.splitlines())) <= 100
 
 
-def test_a_free_flight_path_angle_has_what_pitch_leaves(published_aircraft: Aircraft) -> None:
-    condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
-    found = margins(condition, point)
-    assert found["gamma"] == pytest.approx(np.radians(60.0) - point.states.pitch)
-    assert found["pitch"] == pytest.approx(found["gamma"])
-    assert re.search(
-        r"^gamma +-2\.55286 +deg +59\.75286$", trim_report(published_aircraft, condition, point).text(), re.M
-    )
+def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(published_aircraft: Aircraft) -> None:
+    condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
+    point, report = reported(published_aircraft, condition)
+    said = report.text()
+    for name, margin in all_margins(condition, point).items():
+        factor = math.degrees(1.0) if UNITS[name].startswith("rad") else 1.0
+        limits = "" if math.isinf(margin.lowest) else f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
+        to = f" +{margin.distance * factor:.5f} +{margin.nearer}" if margin.nearer else ""
+        role = re.escape(margin.role)
+        assert re.search(rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", said, re.M), name
+    assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960 +highest$", said, re.M)
+    assert re.search(r"^pitch +3\.18040 +deg +alpha \+ gamma +-60 +60 +56\.81960 +highest$", said, re.M)
+    assert re.search(r"^aileron_outer +0\.00000 +deg +held +-20 +20 +20\.00000 +lowest$", said, re.M)
 
 
-def test_what_has_no_limit_has_no_margin(published_aircraft: Aircraft) -> None:
-    """A free pitch rate: the equation of the pitch angle holds it at zero."""
-    condition, point = solved(published_aircraft, release(BASE, free=("pitch_rate",)))
-    assert "pitch_rate" not in margins(condition, point)
+def test_what_binds_is_said(published_aircraft: Aircraft) -> None:
+    limited = level_flight(math.radians(10.0), limits={"elevator_outer": (math.radians(-2.0), 0.5)})
+    _, report = reported(published_aircraft, release(limited, free=("aileron_center",)))
+    assert re.search(r"^elevator_outer, lowest +-2 +0\.00000 +deg +0\.0 % +BINDS$", report.text(), re.M)
+    assert report.data["binding"] == ["elevator_outer"]
+    _, glide = reported(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
+    assert re.search(r"^throttle, lowest +0 +0\.00000 +1 +0\.0 % +held there$", glide.text(), re.M)
+    assert glide.data["binding"] == []
 
 
-def test_a_limit_that_is_set_counts(published_aircraft: Aircraft) -> None:
-    limited = level_flight(float(np.radians(10.0)), limits={"speed": (60.0, 69.0)})
-    known = find_operating_point(published_aircraft, limited).inputs.aileron_outer
-    condition, point = solved(published_aircraft, release(limited, free=("speed",), hold={"aileron_outer": known}))
-    assert margins(condition, point)["speed"] == pytest.approx(1.0)
+def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Aircraft) -> None:
+    """A residual planted just above the tolerance of one equation fails that one alone."""
+    point, report = reported(published_aircraft, BASE)
+    assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(BALANCED)
+    assert "FAIL" not in report.text()
+    assert all(each["ok"] for each in report.data["equations"].values())
+    for name in BALANCED:
+        tolerance = 1e-10 * getattr(RATE_SCALES, name)
+        assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
+        for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
+            planted = replace(point, residuals=point.residuals | {name: factor * tolerance})
+            found = trim_report(published_aircraft, BASE, planted)
+            assert re.search(rf"^rate of {name} .* {verdict}$", found.text(), re.M)
+            failed = [each for each, entry in found.data["equations"].items() if not entry["ok"]]
+            assert failed == ([name] if verdict == "FAIL" else [])
+
+
+def test_an_imposed_rate_stands_in_the_data(published_aircraft: Aircraft) -> None:
+    speeding = replace(BASE, rates={**BASE.rates, "speed": 0.5})
+    point, report = reported(published_aircraft, speeding)
+    entry = report.data["equations"]["speed"]
+    assert (entry["imposed"], entry["ok"], entry["unit"]) == (0.5, True, "ft/s^2")
+    assert published_aircraft.rates(point.states, point.inputs)[STATES.index("speed")] == pytest.approx(0.5)
+
+
+def test_loads_and_performance_agree_with_each_other(published_aircraft: Aircraft) -> None:
+    point, report = reported(published_aircraft, BASE)
+    said, loads = report.text(), published_aircraft.loads(point.states, point.inputs)
+    rows = {line.split("  ")[0]: re.findall(r"-?\d[\d.]*", line) for line in said.splitlines()}
+    weight, lift, coefficient = (np.array(rows[name][:3], float) for name in ("weight", "lift", "lift coefficient"))
+    np.testing.assert_allclose(lift, [loads.lift, loads.center.lift, loads.outer.lift], atol=6e-5)
+    pressure = float(rows["dynamic pressure q"][0])
+    np.testing.assert_allclose(coefficient * pressure * np.array([1920.0, 640.0, 640.0]), lift, rtol=5e-4)
+    assert weight[0] == pytest.approx(weight[1] + 2 * weight[2], abs=2e-4)
+    assert weight[0] == pytest.approx(loads.lift + loads.thrust * math.sin(point.states.alpha), abs=1e-3)
+    assert rows["Mach number"][0] == f"{68.0 / (295.07 / 0.3048):.4g}"
+    assert rows["with hinge spring"] == ["0.0000"]
+
+
+def test_the_data_say_what_the_text_says(published_aircraft: Aircraft) -> None:
+    condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
+    point, report = reported(published_aircraft, condition)
+    data = report.data
+    assert list(data["variables"]) == [*STATES, "gamma", *INPUTS]
+    for name, margin in data["margins"].items():
+        assert data["variables"][name]["margin"] == margin
+    throttle = data["variables"]["throttle"]
+    assert (throttle["role"], throttle["nearer"], throttle["at_limit"]) == ("held", "lowest", True)
+    assert data["variables"]["gamma"]["value"] == point.gamma == data["performance"]["gamma"]
+    assert list(data["performance"]) == list(data["performance_units"])
+    assert data["nearest_limits"][0] == "throttle"
+
+
+def test_a_point_alone_tells_its_verdicts(published_aircraft: Aircraft) -> None:
+    point = find_operating_point(published_aircraft, BASE)
+    assert repr(point).count("PASS") == len(BALANCED)
+    moved = replace(point, states=State(*(np.array(point.states) + 1e-3).tolist()), residuals={"speed": 1.0})
+    assert repr(moved).count("FAIL") == 1

@@ -1,0 +1,68 @@
+"""The aircraft from the front: where its panels are, and that the arrows are the loads, to one scale."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.figure import save
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from trim.point.trim_figure import panels_from_the_front, trim_figure
+
+
+def test_the_wing_hangs_together_at_the_dihedral_angle(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    right, center, left = panels_from_the_front(published_aircraft, point)
+    span = published_aircraft.parameters.panel_span
+    for panel in (right, center, left):
+        assert np.linalg.norm(panel.ends[1] - panel.ends[0]) == pytest.approx(span)
+        np.testing.assert_allclose(panel.middle, panel.ends.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(right.ends[0], center.ends[0])
+    np.testing.assert_allclose(left.ends[0], center.ends[1])
+    along = left.ends[1] - left.ends[0]
+    assert math.atan2(along[1], along[0]) == pytest.approx(math.radians(15.0))
+    np.testing.assert_allclose(right.ends, left.ends * [-1, 1])
+
+
+def test_the_lift_stands_across_each_panel_and_carries_the_weight(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    panels = panels_from_the_front(published_aircraft, point)
+    loads = published_aircraft.loads(point.states, point.inputs)
+    for panel, lift in zip(panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True):
+        assert np.linalg.norm(panel.lift) == pytest.approx(lift)
+        assert panel.lift @ (panel.ends[1] - panel.ends[0]) == pytest.approx(0.0, abs=1e-9)
+    lift, weight = (sum(getattr(panel, name) for panel in panels) for name in ("lift", "weight"))
+    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few thousandths.
+    np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
+def test_arrows_are_to_scale(published_aircraft: Aircraft, degrees: float) -> None:
+    point = find_operating_point(published_aircraft, level_flight(math.radians(degrees)))
+    panels = panels_from_the_front(published_aircraft, point)
+    axes = trim_figure(published_aircraft, point).axes[0]
+    drawn = [np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None]
+    forces = [force for panel in panels for force in (panel.lift, panel.weight)]
+    scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
+    np.testing.assert_allclose(drawn[:6], np.array(forces) * scale, atol=1e-9)
+    assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
+    moment = published_aircraft.loads(point.states, point.inputs).hinge_moment
+    label = f"{moment:.1f} ft lbf" if degrees else "0.0 ft lbf"
+    assert [each.get_text() for each in axes.texts].count(label) == 2
+    # The arc points up where the moment lifts the outer panel; a flat wing has none.
+    assert [math.copysign(1.0, arc[1]) for arc in drawn[6:]] == ([math.copysign(1.0, moment)] * 2 if degrees else [])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_the_same_trim_is_the_same_file(
+    published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path, suffix: str
+) -> None:
+    for name in ("a", "b"):
+        save(trim_figure(published_aircraft, point), tmp_path / f"{name}{suffix}")
+    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()

@@ -1,0 +1,105 @@
+"""A trim's margins: of the inputs, and of every limited variable that the condition leaves free; and what binds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import INPUTS, STATES
+from trim.point.condition import LIMITS, TrimCondition, level_flight, release
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
+
+BASE = level_flight(float(np.radians(10.0)))
+
+
+def solved(aircraft: Aircraft, condition: TrimCondition) -> tuple[TrimCondition, OperatingPoint]:
+    return condition, find_operating_point(aircraft, condition)
+
+
+def test_with_only_inputs_free_there_are_theirs_alone(published_aircraft: Aircraft) -> None:
+    assert tuple(margins(*solved(published_aircraft, BASE))) == INPUTS
+
+
+@pytest.mark.parametrize(
+    ("free", "hold"), [("alpha", "aileron_outer"), ("dihedral", "aileron_outer"), ("speed", "aileron_outer")]
+)
+def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: Aircraft, free: str, hold: str) -> None:
+    known = find_operating_point(published_aircraft, BASE)
+    condition, point = solved(published_aircraft, release(BASE, free=(free,), hold={hold: getattr(known.inputs, hold)}))
+    value, (lowest, highest) = getattr(point.states, free), LIMITS[free]
+    assert margins(condition, point)[free] == min(value - lowest, highest - value)
+    assert all_margins(condition, point)[free].role == "free"
+    assert all_margins(condition, point)[hold].role == "held"
+
+
+def test_a_free_flight_path_angle_has_what_pitch_leaves(published_aircraft: Aircraft) -> None:
+    condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
+    found = margins(condition, point)
+    assert found["gamma"] == pytest.approx(np.radians(60.0) - point.states.pitch)
+    assert found["pitch"] == pytest.approx(found["gamma"])
+    assert all_margins(condition, point)["pitch"].role == "alpha + gamma"
+
+
+def test_what_has_no_limit_has_no_margin(published_aircraft: Aircraft) -> None:
+    """A free pitch rate: the equation of the pitch angle holds it at zero."""
+    condition, point = solved(published_aircraft, release(BASE, free=("pitch_rate",)))
+    assert "pitch_rate" not in margins(condition, point)
+    unlimited = all_margins(condition, point)["pitch_rate"]
+    assert (unlimited.distance, unlimited.nearer, unlimited.at_limit) == (math.inf, "", False)
+
+
+def test_a_limit_that_is_set_counts(published_aircraft: Aircraft) -> None:
+    limited = level_flight(float(np.radians(10.0)), limits={"speed": (60.0, 69.0)})
+    known = find_operating_point(published_aircraft, limited).inputs.aileron_outer
+    condition, point = solved(published_aircraft, release(limited, free=("speed",), hold={"aileron_outer": known}))
+    assert margins(condition, point)["speed"] == pytest.approx(1.0)
+
+
+def test_every_variable_stands_between_its_limits(published_aircraft: Aircraft) -> None:
+    found = all_margins(*solved(published_aircraft, BASE))
+    assert tuple(found) == (*STATES, "gamma", *INPUTS)
+    for name, (lowest, highest) in LIMITS.items():
+        margin = found[name]
+        below, above = margin.value - lowest, highest - margin.value
+        if math.isfinite(lowest):
+            # A held angle is narrowed by what the pitch limits leave; here these are wider.
+            assert (margin.lowest, margin.highest) == (lowest, highest)
+            assert margin.distance == min(below, above)
+            assert margin.nearer == ("lowest" if below <= above else "highest")
+            assert margin.nearer_limit == (lowest if below <= above else highest)
+            assert margin.share == pytest.approx(min(below, above) / (highest - lowest))
+
+
+def test_the_nearest_limits_come_first(published_aircraft: Aircraft) -> None:
+    condition, point = solved(published_aircraft, BASE)
+    by_hand = sorted(margins(condition, point).items(), key=lambda item: item[1] / np.ptp(LIMITS[item[0]]))
+    assert [each.name for each in nearest_limits(condition, point)] == [name for name, _ in by_hand[:3]]
+    assert not any(each.at_limit for each in nearest_limits(condition, point))
+
+
+def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
+    """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays there."""
+    wanted = find_operating_point(published_aircraft, release(BASE, free=("aileron_center",))).inputs.elevator_outer
+    limit = math.radians(-2.0)
+    assert wanted < limit
+    limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
+    condition, point = solved(published_aircraft, release(limited, free=("aileron_center",)))
+    first, *others = nearest_limits(condition, point)
+    assert (first.name, first.nearer, first.nearer_limit, first.binds) == ("elevator_outer", "lowest", limit, True)
+    assert not any(each.at_limit for each in others)
+
+
+def test_a_control_held_at_its_limit_does_not_bind(published_aircraft: Aircraft) -> None:
+    condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
+    first = nearest_limits(condition, point)[0]
+    assert (first.name, first.at_limit, first.binds) == ("throttle", True, False)
+
+
+def test_a_variable_beyond_its_limit_is_at_it() -> None:
+    beyond = Margin("throttle", -1.0, "free", 0.0, 200.0)
+    assert (beyond.distance, beyond.nearer, beyond.binds) == (-1.0, "lowest", True)
