@@ -8,11 +8,11 @@ from typing import Any
 from benchmarks.report import FOLDER
 
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
-_REACHED, _MISSED = "#2a6f97", "#c1440e"
+_MET, _MISSED = "#2a6f97", "#c1440e"
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Bars of the ratios that have something to reach, with a mark there; curves of time and memory against size."""
+    """Bars of the ratios that have a target, with a mark there; curves of time and memory against size."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -41,7 +41,7 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
 
 
 def _ratios(axes: Any, bars: list[dict[str, Any]]) -> None:
-    colors = {"yes": _REACHED, "NO": _MISSED}
+    colors = {"yes": _MET, "NO": _MISSED}
     for place, figure in enumerate(reversed(bars)):
         axes.barh(place, figure["ratio"], height=0.6, color=colors[figure["reached"]])
         axes.text(1.04 * figure["ratio"], place, f"{figure['ratio']:.3g}", va="center", fontsize=8)
@@ -50,5 +50,5 @@ def _ratios(axes: Any, bars: list[dict[str, Any]]) -> None:
     axes.tick_params(axis="y", labelsize=7)
     axes.set_xscale("log")
     axes.set_xlim(0.3, 3000)
-    axes.set_xlabel("times faster than the peer; black: to reach; orange: not reached")
+    axes.set_xlabel("times faster than the peer; black: target; orange: target missed")
     axes.axvline(1.0, color="black", linewidth=0.5)

@@ -32,7 +32,7 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """One figure: the job, what it is compared with, times, the ratio to reach, and a remark.
+    """One figure: the job, what it is compared with, times, the target of the ratio, and a remark.
 
     target: None where the peer is there for orientation. unit: of the two values, "s" or "MB". sizes: how the job
     grows, where that is the question.
@@ -77,7 +77,7 @@ def text(rows: list[Row]) -> str:
         )
         for row in rows
     ]
-    header = ("job", "peer", "ours", "peer's", "ratio", "to reach", "reached")
+    header = ("job", "peer", "ours", "peer's", "ratio", "target", "met")
     remarks = [f"{row.job}, {row.peer}: {row.remark}" for row in rows if row.remark]
     return "\n".join([columns(header, table), "", *remarks])
 

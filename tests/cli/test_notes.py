@@ -26,8 +26,9 @@ COMMANDS = {
 LIMIT = np.radians(15.0)
 
 
-def sweep_note(points: int) -> str:
-    return f"{points} points lie beyond the paper's range of dihedral, which ends at 15 deg"
+def sweep_note(beyond: int, points: int) -> str:
+    verb = "lies" if beyond == 1 else "lie"
+    return f"{beyond} of {points} points {verb} beyond the paper's range of dihedral, which ends at 15 deg"
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -62,9 +63,9 @@ def test_a_schedule_says_so_when_it_ends_beyond() -> None:
 def test_a_sweep_has_its_notes_in_its_data_and_files(tmp_path: Path) -> None:
     path = tmp_path / "far.json"
     result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", str(path))
-    assert result.err == f"hfa: note: {sweep_note(3)}\n"
+    assert result.err == f"hfa: note: {sweep_note(3, 4)}\n"
     assert json.loads(result.out)["warnings"] == json.loads(path.read_text(encoding="utf-8"))["warnings"]
-    assert json.loads(result.out)["warnings"] == [sweep_note(3)]
+    assert json.loads(result.out)["warnings"] == [sweep_note(3, 4)]
     assert json.loads(hfa("sweep", "--dihedral", "0:15:5", "--json").out)["warnings"] == []
 
 
@@ -78,22 +79,22 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ranges", "points"),
+    ("ranges", "beyond", "points"),
     [
-        (("--dihedral", "14:20:2"), 3),
-        (("--dihedral", "14,16", "--speed", "66,67,68"), 3),
-        (("--dihedral", "16:18", "--samples", "5"), 5),
-        (("--dihedral", "0:15:5"), 0),
-        (("--speed", "66:70:1"), 0),
+        (("--dihedral", "14:20:2"), 3, 4),
+        (("--dihedral", "14,16", "--speed", "66,67,68"), 3, 6),
+        (("--dihedral", "16:18", "--samples", "5"), 5, 5),
+        (("--dihedral", "0:15:5"), 0, 4),
+        (("--speed", "66:70:1"), 0, 5),
     ],
     ids=["range", "list", "samples", "within", "no dihedral"],
 )
-def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], points: int) -> None:
+def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], beyond: int, points: int) -> None:
     import zarr
 
     path = tmp_path / "far.zarr"
     result = hfa("sweep", *ranges, "--json", "-o", str(path))
-    expected = [sweep_note(points)] if points else []
+    expected = [sweep_note(beyond, points)] if beyond else []
     assert result.err == "".join(f"hfa: note: {note}\n" for note in expected)
     assert json.loads(result.out)["warnings"] == expected
     assert zarr.open_group(str(path), mode="r").attrs["warnings"] == expected
@@ -111,5 +112,5 @@ def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str,
 )
 def test_a_grid_is_counted_as_if_its_points_were_made(axis: Steps) -> None:
     plan = SweepPlan({"speed": (66.0, 68.0), "dihedral": axis}, default_parameters().values, "published")
-    points = int((np.abs(plan.values(0, plan.count)[:, 1]) > LIMIT * (1 + 1e-9)).sum())
-    assert plan_warnings(plan) == ([sweep_note(points)] if points else [])
+    beyond = int((np.abs(plan.values(0, plan.count)[:, 1]) > LIMIT * (1 + 1e-9)).sum())
+    assert plan_warnings(plan) == ([sweep_note(beyond, plan.count)] if beyond else [])

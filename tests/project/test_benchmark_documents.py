@@ -8,47 +8,54 @@ import pytest
 from import_graph import ROOT
 
 from benchmarks import report
-from benchmarks.documents import arithmetic, growth_table, markdown
+from benchmarks.documents import HEADLINES, arithmetic, documented
 from benchmarks.jobs_size import growth
 from benchmarks.report import Row, Size
 from benchmarks.timing import Comparison
 
 
-def complaints_about(readme: str, scaling: str, data: dict) -> list[str]:
-    found = []
-    if markdown(data, with_target=True) not in readme:
-        found.append("README.md does not show the stored figures: paste `python -m benchmarks.documents`")
-    parts = (markdown(data, with_target=False), growth_table(data), arithmetic(data))
-    if not all(part in scaling for part in parts):
-        found.append("docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`")
+SCALING = "docs/scaling.md"
+
+
+def complaints_about(texts: dict[str, str], data: dict) -> list[str]:
+    found = [
+        f"{name} does not show the stored figures: paste `python -m benchmarks.documents`"
+        for name, parts in documented(data).items()
+        if not all(part in texts[name] for part in parts)
+    ]
     missed = [figure["job"] for figure in data["figures"] if figure["reached"] == "NO"]
-    return found + [f"docs/scaling.md does not explain {job!r}" for job in missed if f'"{job}"' not in scaling]
+    return found + [f"{SCALING} does not explain {job!r}" for job in missed if f'"{job}"' not in texts[SCALING]]
 
 
-def documents() -> tuple[str, str]:
-    return (ROOT / "README.md").read_text("utf-8"), (ROOT / "docs" / "scaling.md").read_text("utf-8")
+def documents() -> dict[str, str]:
+    return {name: (ROOT / name).read_text("utf-8") for name in ("README.md", SCALING)}
 
 
 def test_documents_show_the_stored_figures() -> None:
-    assert complaints_about(*documents(), report.stored()) == []
-    assert "docs/pictures/benchmarks.png" in documents()[0]
+    assert complaints_about(documents(), report.stored()) == []
+    assert "pictures/benchmarks.png" in documents()[SCALING]
+
+
+def test_the_readme_shows_one_row_for_each_headline() -> None:
+    (table,) = documented(report.stored())["README.md"]
+    assert len(table.splitlines()) == 2 + len(HEADLINES)
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
     changed = json.loads(json.dumps(report.stored()))
     for figure in changed["figures"]:
         figure["ratio"] *= 1.1
-    assert len(complaints_about(*documents(), changed)) == 2
+    assert len(complaints_about(documents(), changed)) == 2
     dearer = json.loads(json.dumps(report.stored()))
     for figure in dearer["figures"]:
         for size in figure["sizes"]:
             size["seconds"] *= 2.0
-    assert complaints_about(*documents(), dearer) == [
+    assert complaints_about(documents(), dearer) == [
         "docs/scaling.md does not show the stored figures: paste `python -m benchmarks.documents`"
     ]
     lost = json.loads(json.dumps(report.stored()))
     lost["figures"][0] |= {"reached": "NO", "job": "a job that nobody explains"}
-    assert any("does not explain" in complaint for complaint in complaints_about(*documents(), lost))
+    assert any("does not explain" in complaint for complaint in complaints_about(documents(), lost))
 
 
 def test_the_arithmetic_of_scale() -> None:

@@ -99,7 +99,7 @@ def sweep_warnings(result: Sweep) -> list[str]:
     """What a user should know before trusting the sweep."""
     if "dihedral" not in result.variables:
         return []
-    return _range_warnings(_beyond(result.values[:, result.variables.index("dihedral")]))
+    return _range_warnings(_beyond(result.values[:, result.variables.index("dihedral")]), len(result.values))
 
 
 def plan_warnings(plan: SweepPlan) -> list[str]:
@@ -108,23 +108,25 @@ def plan_warnings(plan: SweepPlan) -> list[str]:
         return []
     dihedral = plan.axes["dihedral"]
     if plan.samples:
-        return _range_warnings(_beyond(plan.values(0, plan.count)[:, plan.variables.index("dihedral")]))
+        return _range_warnings(_beyond(plan.values(0, plan.count)[:, plan.variables.index("dihedral")]), plan.count)
     if not isinstance(dihedral, Steps):
-        return _range_warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)))
+        return _range_warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)), plan.count)
     # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
     first = max(math.ceil((-_LIMIT - dihedral.start) / dihedral.step), 0)
     last = min(math.floor((_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
-    return _range_warnings((dihedral.count - max(last - first + 1, 0)) * (plan.count // dihedral.count))
+    beyond = dihedral.count - max(last - first + 1, 0)
+    return _range_warnings(beyond * (plan.count // dihedral.count), plan.count)
 
 
 def _beyond(dihedral: np.ndarray) -> int:
     return int(np.count_nonzero(np.abs(dihedral) > _LIMIT))
 
 
-def _range_warnings(beyond: int) -> list[str]:
+def _range_warnings(beyond: int, count: int) -> list[str]:
     if not beyond:
         return []
-    return [f"{beyond} points lie beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"]
+    points = f"{beyond} of {count} points {'lies' if beyond == 1 else 'lie'}" if count > 1 else "the point lies"
+    return [f"{points} beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"]
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:

@@ -60,7 +60,9 @@ def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
     [
         ([0.0, 15.0], []),
         ([-15.0, 15.0], []),
-        ([-16.0, 15.0, 16.0], ["2 points lie beyond the paper's range of dihedral, which ends at 15 deg"]),
+        ([16.0], ["the point lies beyond the paper's range of dihedral, which ends at 15 deg"]),
+        ([15.0, 16.0], ["1 of 2 points lies beyond the paper's range of dihedral, which ends at 15 deg"]),
+        ([-16.0, 15.0, 16.0], ["2 of 3 points lie beyond the paper's range of dihedral, which ends at 15 deg"]),
     ],
 )
 def test_a_sweep_warns_beyond_the_papers_range(
