@@ -1,4 +1,4 @@
-"""What the commands that fly share: options of the scenario and of the law, and how the outcome is told."""
+"""What the simulation commands share: options of the scenario and of the law, and how the outcome is told."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from verification.experiments.configuration import section5_configuration
 if TYPE_CHECKING:
     from controller.flight.gain_plan import GainPlan
 
-#: Laws that fly: the exact gain, or a learned one that comes with certificates.
+#: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
-#: In place of NAME=...: what the paper flies in Section 5, as `verification/experiments/section5.toml` reads it.
+#: In place of NAME=...: what the paper simulates in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
 #: How help shows colon-separated numbers.
 _LAG_RATE, _GUST, TURBULENCE = "LAG:RATE", "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
@@ -51,7 +51,7 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     add_initial(parser)
     add_signal(parser, "--disturbance", "added to the rate of a state")
     add_signal(parser, "--noise", "added to what a sensor says")
-    missed = "a parameter of the flown aircraft that the design misses"
+    missed = "factor on a parameter of the simulated aircraft, unknown to the design"
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
     about = "first-order actuators, s and deg/s, within the trim's control limits"
     add_value(parser, "--actuators", numbers(_LAG_RATE, 2), _LAG_RATE, about)
@@ -117,7 +117,7 @@ def check_learning(arguments: argparse.Namespace) -> None:
 
 
 def gain_plan_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> GainPlan:
-    """The gain that flies: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
+    """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
     from controller.flight.gain_plan import GainPlan, frozen_plan, learned_value, online_plan
     from verification.riccati.gare import solve_game
 

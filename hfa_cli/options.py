@@ -27,7 +27,7 @@ _MOST_WORKERS = 1000
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
-    equations = "published (regenerates the print; default) or newton (first principles)"
+    equations = "published (regenerates the printed matrices; default) or newton (first principles)"
     add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
     add_parameters(parser)
 

@@ -73,7 +73,7 @@ def _learning(plan: GainPlan) -> str:
     taking_over = f"at {plan.certified_from:g} s" if np.isfinite(plan.certified_from) else "never"
     last = plan.learned.times[-1]
     return (
-        f"learning in flight: the baseline flies until the first stabilizing certificate, {taking_over}; "
+        f"learning in flight: the baseline gain is used until the first stabilizing certificate, {taking_over}; "
         f"then the last certified gain of each tick; at {last:g} s, the end of the learning, every certificate holds"
     )
 

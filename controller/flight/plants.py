@@ -80,7 +80,7 @@ class LinearPlant(_Known):
     def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """A x + B u + d."""
         if not (isinstance(updraft, float) and updraft == 0.0):
-            raise BadInputError("the six-state linear model knows no gusts; fly the linearized or nonlinear aircraft")
+            raise BadInputError("the six-state linear model has no gust input: use the linearized or nonlinear one")
         return ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + d
 
     def seen(self, x: Any) -> Any:

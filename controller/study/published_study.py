@@ -286,8 +286,8 @@ STUDY: dict[str, _Row] = {
     ),
     "learning alone, re-evaluated, implicit": _Row(
         lambda: _reevaluated_alone(box=False),
-        "With a stabilizing start, policies re-evaluated, an implicit step and a stack spread as the plant spreads"
-        " its states, the law finds the game's value.",
+        "With a stabilizing start, policies re-evaluated, an implicit step and states sampled"
+        " with the plant's stationary deviations, the law finds the game's value.",
     ),
     "learning alone, re-evaluated, implicit, poorer stack": _Row(
         lambda: _reevaluated_alone(box=True),

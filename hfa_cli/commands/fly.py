@@ -1,7 +1,7 @@
-"""Fly a policy on the full seven-state nonlinear aircraft, beside what the linear model predicts.
+"""Simulate a policy on the seven-state nonlinear aircraft and compare with the prediction of its linear model.
 
-Exit code 0 when the flight stays in its envelope, 1 when it leaves it (the report says which state left first).
-A slow change of dihedral is `hfa schedule`; how far from trim the policy holds says `hfa map`.
+Exit code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first). See
+`hfa schedule` for a slow change of dihedral and `hfa map` for how far from trim the policy works.
 """
 
 from __future__ import annotations
@@ -40,7 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser)
-    parser.add_argument("--online", action="store_true", help="learn in flight; a baseline flies until certified")
+    parser.add_argument(
+        "--online",
+        action="store_true",
+        help="learn in flight; a baseline gain until certified",
+    )
     add_signal(parser, "--reference", "what a state shall follow")
     add_scenario(parser)
     parser.add_argument(
@@ -64,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments, point)
     envelope = envelope_of(arguments, aircraft, point)
     plan = gain_plan_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
-    result = fly(aircraft, point, plan, scenario, envelope, progress=Progress("fly"))
+    result = fly(aircraft, point, plan, scenario, envelope, progress=Progress("simulate"))
     checks: tuple[Check, ...] = ()
     if arguments.check:
         from verification.flights.agreement import agreement_checks

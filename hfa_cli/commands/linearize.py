@@ -1,4 +1,4 @@
-"""Exact linear model A, B at a trim: modes, offsets, uncertainty bands, and the print beside it where it exists."""
+"""Exact linear model A, B at a trim: modes, offsets, uncertainty bands, and the printed matrices where they exist."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""How far from trim u = -K z holds: from many starts and to many commands, nonlinear and linear.
+"""How far from trim u = -K z works: many initial states and commands, simulated nonlinear and linear.
 
-Both sets of equations are flown. A trial lasts eight time constants of the slowest mode of the linear loop.
+A trial lasts eight time constants of the slowest mode of the linear loop.
 """
 
 from __future__ import annotations

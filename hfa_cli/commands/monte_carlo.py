@@ -1,4 +1,4 @@
-"""Fly many members of one flight, each with its own parameter errors, sensor noise and turbulence.
+"""Simulate many members of one flight, each with its own parameter errors, sensor noise and turbulence.
 
 Member k is decided by --seed and k alone: any number of workers gives the same bits. The members go to a Zarr store
 (-o FILE.zarr), which can be continued after an interruption (--resume). Exit code 0 when at least one member stays in
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser, (*LAWS, *_CRITICS))
-    parser.add_argument("--gain", metavar="FILE", help="fly the gain K in this file (.json .npz .mat) instead of a law")
+    parser.add_argument("--gain", metavar="FILE", help="use the gain K in this file (.json .npz .mat) instead of a law")
     add_value(
         parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
     )
@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
             scheduler=arguments.scheduler,
             resume=arguments.resume,
             provenance=provenance().to_dict(),
-            progress=Progress("fly"),
+            progress=Progress("simulate"),
         )
         outcome = Outcome.of(plan, store, "members not kept" if target is None else f"members in {target}")
     report = outcome.report()
@@ -192,5 +192,5 @@ def _stored_gain(path: str) -> np.ndarray:
 
     K = load_critic(path).K
     if K is None:
-        raise BadInputError(f"{path}: there is no K; --gain flies a gain, so give a file that holds one")
+        raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
     return K

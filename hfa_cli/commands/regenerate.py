@@ -1,4 +1,4 @@
-"""Regenerate both printed pairs (A, B) from one aircraft and compare them with the print, entry by entry."""
+"""Regenerate both printed pairs (A, B) from one aircraft and compare them with the printed ones, entry by entry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Regenerate, compare and judge; exit 1 when a check fails."""
+    """Regenerate and compare; exit 1 when a check fails."""
     found = regenerate_all(options.aircraft_of(arguments))
     show(found.report(), arguments, target=arguments.output)
     return 0 if found.ok else 1

@@ -1,5 +1,5 @@
 """The main job on one page: both printed pairs regenerated, the linear models from 0 to 20 degrees, and a learned
-critic held against the exact game solution."""
+critic compared with the exact game solution."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compute, write, say where; exit 1 when the print was not regenerated or a learned critic is wrong."""
+    """Compute, write, say where; exit 1 when the printed matrices were not regenerated or a learned critic is wrong."""
     places = sum(place is not None for place in (arguments.output, arguments.folder))
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")

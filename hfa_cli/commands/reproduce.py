@@ -2,7 +2,7 @@
 
 Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim
 that is not confirmed is a result, not a failure. Exit code 0 when every flight was simulated, 1 when a law
-of this project lost a flight or was not certified, or a game has no solution.
+of this project lost the aircraft or was not certified, or a game has no solution.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Fly the nonlinear aircraft through a slow change of dihedral under a schedule of certified gains.
+"""Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of certified gains.
 
 At every point of a grid of dihedrals there is a level trim and a gain with its certificate, linear in between. Exit
-code 0 when the flight stays in its envelope, 1 when it leaves it (the report says which state left first).
+code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments, find_operating_point(aircraft, level_flight(start)), LEAD + over + REST)
     if scenario.duration < LEAD + over:
         raise BadInputError(
-            f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; fly longer"
+            f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; extend it"
         )
     certified = certified_schedule(
         aircraft,
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress=Progress("certify"),
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
-    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("fly"))
+    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("simulate"))
     report = schedule_report(result, certified, change, arguments.law)
     draw_flight(result, report, arguments.picture)
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, history(result))

@@ -1,4 +1,4 @@
-"""The exact solution of the zero-sum game, with its certificate, the smallest delta, and what it means in flight."""
+"""The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations of its policies."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The paper's update law as printed, and modified until it learns: every setting on both printed models.
 
-Takes minutes. With --folder each row is kept as it is finished, and --resume takes up what is there.
+Takes minutes. With --folder each row is kept as it is finished, and --resume continues from the rows that are there.
 """
 
 from __future__ import annotations

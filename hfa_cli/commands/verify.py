@@ -1,6 +1,6 @@
-"""Hold a critic against the exact game solution: our own laws, or weights, P or K from elsewhere.
+"""Compare a critic with the exact game solution: our own laws, or weights, P or K from elsewhere.
 
-Exit code 0 only when every check holds, or with --limit-cost when the critic costs no more than that.
+Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more than that.
 """
 
 from __future__ import annotations

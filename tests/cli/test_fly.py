@@ -77,7 +77,7 @@ def test_the_command_learns_in_flight() -> None:
     )
     result = hfa(*words)
     assert result.code == 0
-    assert "the baseline flies until the first stabilizing certificate, at 0." in result.out
+    assert "the baseline gain is used until the first stabilizing certificate, at 0." in result.out
 
 
 @pytest.mark.parametrize(

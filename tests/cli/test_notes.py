@@ -89,7 +89,9 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
     ],
     ids=["range", "list", "samples", "within", "no dihedral"],
 )
-def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], beyond: int, points: int) -> None:
+def test_a_stored_sweep_has_them_in_its_store(
+    tmp_path: Path, ranges: tuple[str, ...], beyond: int, points: int
+) -> None:
     import zarr
 
     path = tmp_path / "far.zarr"

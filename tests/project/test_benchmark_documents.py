@@ -13,7 +13,6 @@ from benchmarks.jobs_size import growth
 from benchmarks.report import Row, Size
 from benchmarks.timing import Comparison
 
-
 SCALING = "docs/scaling.md"
 
 

@@ -26,12 +26,12 @@ ASSUMED: dict[str, tuple[float, str, str]] = {
     "chord": (
         8.0,
         "assumed",
-        "the print knows area times coefficient only; Gibson et al. 2011, Table 1, has a chord of 8 ft",
+        "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table 1, has a chord of 8 ft",
     ),
     "thrust_per_throttle": (
         1.0,
         "assumed",
-        "the print knows forces per mass only; counting throttle in lbf of total thrust fixes the mass scale",
+        "the printed matrices determine forces per mass; counting throttle in lbf of total thrust fixes the mass scale",
     ),
     "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
 }

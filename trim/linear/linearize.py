@@ -83,7 +83,7 @@ def linearize(aircraft: Aircraft, point: OperatingPoint, *, full: bool = False) 
     """
     if point.dynamics != aircraft.variant.name:
         raise BadInputError(
-            f"the operating point was trimmed with {point.dynamics!r} dynamics, the aircraft flies "
+            f"the operating point was trimmed with {point.dynamics!r} dynamics, the aircraft has "
             f"{aircraft.variant.name!r}; trim it again"
         )
     _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))

@@ -166,7 +166,7 @@ CLAIMS = (
     Claim(
         "5.3-17",
         "Fig. 20: the Bellman residual drops by several orders of magnitude and stays near zero",
-        "largest residual at the flown error after the learning time over the one at the start",
+        "largest residual at the simulated error after the learning time over the one at the start",
         residual_drop(_all),
         "<=",
         "orders",

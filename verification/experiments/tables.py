@@ -39,7 +39,7 @@ def claims_markdown(table: dict[str, Any]) -> str:
         parts=(
             "\n".join(f"- {law}: {text}" for law, text in table["laws"].items()),
             f"Matrices: {table['setting']['matrices']}. {verdicts}; {_lost_text(table)}. A number in bold fulfils the "
-            f'claim. Verdicts are about "{MODIFIED}", because the law as printed does not fly, or about what the claim '
+            f'claim. Verdicts are about "{MODIFIED}", because the law as printed overflows, or about what the claim '
             "names.",
             Table((*_WORDS, *laws, "verdict", "reason"), rows),
         ),

@@ -156,7 +156,7 @@ CLAIMS = (
     Claim(
         "5.1-13",
         "Fig. 9: the Bellman residual is not forced to zero but stays bounded afterward",
-        "largest residual at the flown error after the learning time over the largest before",
+        "largest residual at the simulated error after the learning time over the largest before",
         residual_growth(_both),
         "<=",
         "bounded",

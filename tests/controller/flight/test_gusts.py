@@ -244,5 +244,5 @@ def test_the_six_state_linear_model_refuses_a_gust() -> None:
         nothing,
         OneMinusCosine(100.0, 1.0, 68.0),
     )
-    with pytest.raises(BadInputError, match="knows no gusts"):
+    with pytest.raises(BadInputError, match="has no gust input"):
         CompiledLoop(loop)

@@ -144,7 +144,7 @@ def test_to_control_keeps_names_and_numbers(model: LinearModel) -> None:
 
 
 def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
-    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft flies 'newton'"):
+    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
         linearize(Aircraft(parameters, "newton"), model.point)
 
 

@@ -73,4 +73,4 @@ def test_monte_carlo_flies_the_gain_of_a_solution(parts: dict[str, Any]) -> None
     assert given["held"] == exact["held"] == 1
     said = hfa(*words, "--gain", stored("P.npz", P=parts["P"]))
     assert said.code == BAD_INPUT
-    assert said.err == "hfa: P.npz: there is no K; --gain flies a gain, so give a file that holds one\n"
+    assert said.err == "hfa: P.npz: there is no K; --gain needs a file that holds one\n"
