@@ -32,7 +32,7 @@ Contestant = Callable[[], np.ndarray]
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest difference of two histories, in parts of the largest value of that state, or of any weight.
+    """Largest difference of two histories, as a fraction of the largest value of that state, or of any weight.
 
     The power 1 - eta of Eq. (46) has an infinite slope where a residual is 0: there a rounding error of 1e-16 becomes
     1e-16 to that power, and two orders of summation differ by far more than rounding.

@@ -49,7 +49,7 @@ class _Times(NamedTuple):
 
 
 def rows(quick: bool = False) -> list[Row]:
-    """As many processes as there are cores on either side. The cluster stands; the pool is started by each job."""
+    """As many processes as there are cores on either side. The cluster is running; the pool is started by each job."""
     workers = max(2, os.cpu_count() or 1)
     with _cluster(workers) as address:
         return [*_members(workers, address, quick), _empty_chunks(workers, address, quick)]
@@ -70,7 +70,7 @@ def _cluster(workers: int) -> Iterator[str]:
 def _members(workers: int, address: str, quick: bool) -> list[Row]:
     members, duration, repeats = (3 * workers * _CHUNK, 0.05, 1) if quick else (1000, 20.0, 7)
     plan = gain_plan(members, duration)
-    _flown(plan, workers, scheduler=address)  # uncounted: the workers of a cluster that stands have their imports
+    _flown(plan, workers, scheduler=address)  # uncounted: the workers of a running cluster have their imports
     pairs = [(_flown(plan, workers, scheduler=address), _flown(plan, workers, count=workers)) for _ in range(repeats)]
     whole = Comparison.of([ours.whole for ours, _ in pairs], [peer.whole for _, peer in pairs])
     steady = Comparison.of([ours.steady for ours, _ in pairs], [peer.steady for _, peer in pairs])

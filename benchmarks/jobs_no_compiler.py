@@ -27,7 +27,7 @@ def rows(quick: bool = False) -> list[Row]:
 
 
 def _limits(case: FlightCase, quick: bool) -> list[Row]:
-    """What compiled code makes of the loop, in parts of NumPy's time."""
+    """What compiled code makes of the loop, as a fraction of NumPy's time."""
     steps, peer_steps = (500, 100) if quick else (STEPS, 1000)
     contestants: dict[str, Callable[..., Contestant]] = {"numba": numba_flight, "JAX": jax_flight}
     if _compiler() is not None:

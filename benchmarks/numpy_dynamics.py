@@ -1,6 +1,6 @@
 """The published dynamics written a second time, plainly in Python floats, as a user of python-control would write them.
 
-The peers of the benchmarks trim and linearize this function. A test holds it against `hfa_model.dynamics`.
+The peers of the benchmarks trim and linearize this function. A test compares it with `hfa_model.dynamics`.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def compiled_dynamics(variant: Variant) -> CompiledDynamics:
 
 
 class Aircraft:
-    """Parameters, by default the identified ones, and a variant of the equations, bound together: what flies.
+    """Parameters, by default the identified ones, and a variant of the equations, bound together.
 
     `rates`, `jacobians` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
     shape is wrong, an entry is not finite or the state lies outside the model.

@@ -18,7 +18,7 @@ from trim.point.operating_point import OperatingPoint
 
 #: Altitude that a flight may gain or lose, ft.
 ALTITUDE_BAND = 1000.0
-#: Slowest and fastest flight, in parts of the trimmed speed.
+#: Slowest and fastest flight, as fractions of the trimmed speed.
 SLOWEST, FASTEST = 0.5, 2.0
 
 

@@ -1,4 +1,4 @@
-"""Which gain flies at each tick: one for the whole flight, or the one that is being learned."""
+"""Which gain is used at each tick: one for the whole flight, or the one that is being learned."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from controller.laws.run import Progress
 from controller.samples.recording import natural_spread
 from hfa_model.support.errors import NoSolutionError
 
-#: The baseline that flies while nothing is certified: the LQR of the game's Q and this many times its R.
+#: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
 BASELINE_EFFORT = 100.0
 
 
@@ -87,7 +87,7 @@ def online_plan(game: Game, law: str, learned: LearningResult, tick: float) -> G
     """Learning in flight: in each tick of `tick` seconds the last gain that was certified by then.
 
     A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`); until there is
-    one, the baseline flies. What has been learned at t is known at t: nothing of the later run is used.
+    one, the baseline is used. What has been learned at t is known at t: nothing of the later run is used.
     """
     functions = basis(learned.basis, len(game.A))
     current, first, scales = baseline_gain(game), np.inf, natural_spread(game)

@@ -66,7 +66,7 @@ class SevenStates:
 class LinearPlant(_Known):
     """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5).
 
-    It knows nothing of moving air: BadInputError when it is flown through a gust (`LinearizedAircraft` can be).
+    It knows nothing of moving air: BadInputError when it is simulated in a gust (`LinearizedAircraft` can be).
     """
 
     A: np.ndarray

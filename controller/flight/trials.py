@@ -26,7 +26,7 @@ STEP = 0.005
 #: come back from there.
 _LOST_WIDTHS, _LOST_SPEED = 100.0, 0.1
 _CHUNK_SECONDS = 1.0
-#: A flight has come to rest on its target when each state is this close to it, in parts of its scale.
+#: A flight has come to rest on its target when each state is this close to it, as a fraction of its scale.
 CLOSE = 0.01
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _N, _M = len(LINEAR_STATES), len(INPUTS)

@@ -32,7 +32,7 @@ class Uncertainty:
     turbulence: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Name what is wrong before anything flies."""
+        """Name what is wrong before the simulation."""
         for what, given, names in (
             ("parameter", self.errors, Parameters._fields),
             ("noise of state", self.noise, LINEAR_STATES),

@@ -1,4 +1,4 @@
-"""A loop that sums up as it flies and watches the envelope: many flights in one compiled function, no history."""
+"""A loop that accumulates statistics and watches the envelope: many flights in one compiled function, no history."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class MonteCarlo:
     envelope: Envelope
 
     def __post_init__(self) -> None:
-        """Name what is wrong before anything flies."""
+        """Name what is wrong before the simulation."""
         for name, lowest in (("members", 1), ("seed", 0)):
             if getattr(self, name) < lowest:
                 raise BadInputError(f"{name} is {getattr(self, name)}; it must be at least {lowest}")
@@ -107,7 +107,7 @@ class MonteCarlo:
         return self.scenario.drawn(self.seed, number, self.point.states.speed)
 
     def parameters_of(self, member: Scenario) -> np.ndarray:
-        """The parameters that a member flies, (18,)."""
+        """The parameters of a member, (18,)."""
         return np.array([value * member.errors.get(name, 1.0) for name, value in self.parameters._asdict().items()])
 
     def to_dict(self) -> dict[str, Any]:

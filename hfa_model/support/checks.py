@@ -20,7 +20,7 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 
 
 class Check(NamedTuple):
-    """A named number with the limit it was held against; `reason` is empty when `ok`."""
+    """A named number with the limit it is compared with; `reason` is empty when `ok`."""
 
     name: str
     value: float

@@ -97,7 +97,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
     "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
     "sign of K": ("K", lambda game: -gain(game), "the gain has the wrong sign: the policy is u = -K z"),
-    "swapped weights": ("W", swapped, "weights 4 and 8 stand in each other's place"),
+    "swapped weights": ("W", swapped, "weights 4 and 8 are interchanged"),
     "no factor 2": ("W", without_the_factor, "the weights of products z_i z_j lack their factor 2"),
     "half cost, P": ("P", lambda game: value(game) / 2, "the value is half the exact one"),
     "half cost, W": ("W", lambda game: weights_of(value(game)) / 2, "the value is half the exact one"),

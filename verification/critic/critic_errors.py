@@ -24,7 +24,7 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: States and inputs of the aircraft's linear model.
 AIRCRAFT_SHAPE = (6, 5)
 REACH = 10.0
-#: An entry below this part of the largest is held against that part.
+#: An entry below this part of the largest is compared with that part.
 SMALL = 1e-5
 
 
@@ -130,5 +130,5 @@ def box_errors(
 
 
 def _weights_of(candidate: Candidate, P: np.ndarray) -> np.ndarray:
-    """W of V = W'ψ(z), (M,); z'Pz knows (P + P')/2 alone."""
+    """W of V = W'ψ(z), (M,); z'Pz depends on (P + P')/2 alone."""
     return candidate.functions.weights((P + P.T) / 2.0) if candidate.weights is None else candidate.weights

@@ -44,7 +44,7 @@ def diagnose(
     if all(check.ok for check in value_errors(game, P, exact.P, limit)):
         return _beyond(candidate) or _of_gain(game, exact, K) or _not_together(game, P, K, limit)
     return (
-        ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz knows (P + P')/2 alone")
+        ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz depends on (P + P')/2 alone")
         or _of_value(game, exact, candidate, symmetric)
         or _not_together(game, P, K, limit)
         or _of_another_game(game, exact, symmetric, K, at_dihedral)

@@ -44,7 +44,7 @@ def repaired_weights(weights: np.ndarray, exact: np.ndarray, functions: Basis) -
         swapped = given.copy()
         swapped[wrong] = given[wrong[::-1]]
         first, second = sorted(int(place) + 1 for place in wrong)
-        yield Repair(f"weights {first} and {second} stand in each other's place", functions.matrix(swapped))
+        yield Repair(f"weights {first} and {second} are interchanged", functions.matrix(swapped))
     halved = np.where(row == column, 1.0, 2.0) * given
     yield Repair("the weights of products z_i z_j lack their factor 2: they are 2 P_ij", functions.matrix(halved))
 

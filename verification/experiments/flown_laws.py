@@ -1,4 +1,4 @@
-"""The laws that fly in Section 5: what each hands to the loop, and what it learns on the way."""
+"""The laws simulated in Section 5: what each hands to the loop, and what it learns on the way."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Critic:
 class Pilot:
     """policy with its constants by tick and its start; critic: from its memory at the ticks (N, k) to what it learned.
 
-    learned_from: s, when the learned gain takes over; 0 when it flies from the start.
+    learned_from: s, when the learned gain takes over; 0 when it is used from the start.
     """
 
     policy: Policy
@@ -143,7 +143,7 @@ def _published(
 
 
 def _learned(setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal) -> Pilot:
-    """K(t) from a learning run that goes on beside the flight; a baseline flies until K(t) is certified."""
+    """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
     tick = setting.configuration.flight.tick
     plan = (
         _integral_plan(setting, case, tick)

@@ -18,12 +18,12 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint
 
-#: Deviations of the slope study in parts of `DIRECTION`; large enough that rounding does not show.
+#: Deviations of the slope study as fractions of `DIRECTION`; large enough that rounding does not show.
 SIZES = (0.001, 0.002, 0.004, 0.008, 0.016)
 #: 1 ft/s, 1 deg and 1 deg/s at once: every state takes part.
 DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 LOWEST_SLOPE, HIGHEST_SLOPE = 1.9, 2.1
-#: Largest difference from the adaptive integrator, in parts of the largest deviation of that state.
+#: Largest difference from the adaptive integrator, as a fraction of the largest deviation of that state.
 INTEGRATION = 1e-6
 #: A deviation below this part of `STATE_SCALES` counts as that large: a flight at rest leaves rounding, some 1e-11.
 AT_REST = 1e-3

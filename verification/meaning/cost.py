@@ -1,4 +1,4 @@
-"""What a pair of linear policies costs: in closed form and by flying it."""
+"""What a pair of linear policies costs: in closed form and by simulation."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray
 
 
 def cost_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """The policies of P cost z0'P z0, by a Lyapunov equation and by flying them from z0 = initial, (n,)."""
+    """The policies of P cost z0'P z0, by a Lyapunov equation and by simulation from z0 = initial, (n,)."""
     K, L = game.gain(P), game.disturbance_gain(P)
     claimed = float(initial @ P @ initial)
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):

@@ -1,7 +1,7 @@
-"""How much gain and phase the loop of a policy u = -K z stands at the plant input.
+"""How much gain and phase the loop of a policy u = -K z tolerates at the plant input.
 
 L(s) = K (sI - A)⁻¹ B is the loop broken at the input, S = (I + L)⁻¹. The margins concern the gain alone: learned
-and exact gains are judged by the same numbers. Gains are factors (not dB), phases degrees, frequencies rad/s.
+and exact gains are compared by the same numbers. Gains are factors (not dB), phases degrees, frequencies rad/s.
 """
 
 from __future__ import annotations

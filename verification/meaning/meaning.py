@@ -1,4 +1,4 @@
-"""Does P mean what the value of the game means? One call for every test that flies or analyses its policies."""
+"""Does P mean what the value of the game means? One call for every test that simulates or analyses its policies."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ SCHEMA = "hfa.game-solution/1"
 
 @dataclass(frozen=True, eq=False)
 class AnalysedGame:
-    """The certified solution, the smallest delta, what the policies do when flown, and their margins."""
+    """The certified solution, the smallest delta, what the policies do in simulation, and their margins."""
 
     solution: GameSolution
     delta_min: DeltaMin
@@ -34,7 +34,7 @@ class AnalysedGame:
 
 
 def analyse_game(game: Game) -> AnalysedGame:
-    """Solve, then fly and analyse the solution, in balanced units of state and with R = I: the verdict must not depend
+    """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not depend
     on the user's units, and the flight starts at one unit of each.
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.

@@ -1,4 +1,4 @@
-"""A critic learned on one linear model and held against its exact game solution, in one call."""
+"""A critic learned on one linear model and compared with its exact game solution, in one call."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def test_two_weights_in_each_others_place_are_named(game):
     weights[[3, 7]] = weights[[7, 3]]
     check = check_critic(game, from_weights(game, weights, QUADRATIC))
     assert not check.ok
-    assert "weights 4 and 8 stand in each other's place" in check.diagnosis
+    assert "weights 4 and 8 are interchanged" in check.diagnosis
 
 
 def test_a_gain_of_the_wrong_sign_is_named(game):

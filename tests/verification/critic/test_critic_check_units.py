@@ -68,7 +68,7 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
     assert judged(game, from_gain(game, exact.K * [1.0, -1.0])).diagnosis == "state 2 has the wrong sign"
     assert judged(game, from_gain(game, exact.K * [-1.0, 1.0])).diagnosis == "state 1 has the wrong sign"
     swapped = QUADRATIC.weights(exact.P)[[1, 0, 2]]
-    assert "weights 1 and 2 stand" in judged(game, from_weights(game, swapped, QUADRATIC)).diagnosis
+    assert "weights 1 and 2 are interchanged" in judged(game, from_weights(game, swapped, QUADRATIC)).diagnosis
 
 
 def test_the_command_compares_policies_in_the_plants_own_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
