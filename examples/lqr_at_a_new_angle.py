@@ -1,7 +1,7 @@
 """An LQR at a dihedral angle that the paper does not print, and a step of its speed command.
 
 Trims and linearizes at 10 deg, weighs each state and input with the deviation that counts as large (Bryson's rule), and
-commands 1 ft/s more speed. The target is another trim, a state that the aircraft can keep. Run it with
+commands 1 ft/s more speed. The target is another trim, so that it can be held. Run it with
 .venv/bin/python; it prints
 
     slowest closed-loop pole -0.1757 1/s

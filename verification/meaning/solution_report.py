@@ -34,8 +34,8 @@ class AnalysedGame:
 
 
 def analyse_game(game: Game) -> AnalysedGame:
-    """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not depend
-    on the user's units, and the flight starts at one unit of each.
+    """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not
+    depend on the user's units, and the flight starts at one unit of each.
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
