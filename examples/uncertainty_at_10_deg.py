@@ -1,8 +1,8 @@
 """How far the linear model at 10 deg can be trusted: the widest bands, and what they do to the modes.
 
-The band of an entry is two standard errors from the rounding of the print. The modes are computed again for 1000 draws
-of A within its bands. Entries are drawn one by one; the entries of one row really move together, so the ranges are
-rather too wide than too narrow. Run it with .venv/bin/python; it prints
+The band of an entry is two standard errors from the rounding of the printed matrices. The modes are computed again for
+1000 draws of A within its bands. Entries are drawn independently although those of a row are correlated, so the ranges
+are rather too wide than too narrow. Run it with .venv/bin/python; it prints
 
     published
       A(pitch_rate, alpha)             -155.6092 ± 9.0e-05
