@@ -1,0 +1,86 @@
+"""`--design` of `hfa solve`, `learn` and `verify`: the game of the design model, its names, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from game_answers import AT_15, QUICK, answer
+
+from controller.design.design_file import NAMED, load_design
+from controller.design.design_model import design_model
+from hfa_model import Aircraft
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+AT_11 = ("--dihedral", "11")
+PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
+def test_the_exact_gain_of_a_design_with_names_and_units(name: str, size: int, published_aircraft: Aircraft) -> None:
+    data = answer("solve", "--design", name, *AT_11)
+    theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
+    assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
+    assert data["certificate"]["ok"] is True
+    assert (data["delta"], len(data["states"])) == (None, size)
+    point = find_operating_point(published_aircraft, level_flight(math.radians(11.0)))
+    built = design_model(published_aircraft, linearize(published_aircraft, point), load_design(name))
+    for key in ("states", "inputs", "state_units", "input_units"):
+        assert data[key] == list(getattr(built, key))
+    assert data["plant"] == f"design {name} of the aircraft at dihedral 11 deg, published dynamics"
+
+
+def test_the_paper_s_design_is_the_default_game() -> None:
+    one, other = answer("solve", "--design", "paper", *AT_15), answer("solve", *AT_15)
+    assert {key for key in one if one[key] != other[key]} == {"plant"}
+
+
+def test_a_file_and_the_options_that_count_before_it() -> None:
+    packaged = Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]
+    Path("own.toml").write_text(packaged.read_text(encoding="utf-8"), encoding="utf-8")
+    data = answer("solve", "--design", "own.toml", *AT_11)
+    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11)["K"]
+    changed = answer("solve", "--design", "own.toml", *AT_11, "--R", "5,5", "--delta", "400", "--Q", ",".join("1" * 10))
+    assert changed["delta"] == 400.0
+    assert changed["K"] != data["K"]
+
+
+def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
+    learned = answer("learn", "--design", "simvfa-1", *AT_11, *QUICK, "-o", "servo.npz")
+    assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
+    checked = answer("verify", "--design", "simvfa-1", *AT_11, "--weights", "servo.npz")
+    assert checked["ok"] is True
+    assert max(checked["P_rel_error"], checked["K_rel_error"]) <= 1e-8
+    run = answer("verify", "--design", "simvfa-1", *AT_11, *QUICK)
+    assert run["P_rel_error"] == checked["P_rel_error"]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("--design servo --dihedral 11", "servo: no design of that name and no readable file; the names are paper"),
+        ("--design simvfa-1", "name the plant: either --dihedral DEG or --model FILE"),
+        ("--design simvfa-1 --model plant.npz", "--design belongs to the aircraft; leave it out with --model"),
+        (
+            "--design simvfa-1 --dihedral 11 --R 1,1,1",
+            "design simvfa-1: R is 3 x 3; with this A and B",
+        ),
+        ("--design own.toml --dihedral 11", "own.toml: unknown entry 'gain'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
+def test_a_design_that_does_not_fit_is_one_line(command: str, words: str, named: str) -> None:
+    np.savez("plant.npz", A=np.eye(2), B=np.eye(2))
+    Path("own.toml").write_text("gain = 3\n", encoding="utf-8")
+    assert_refused(hfa(command, *words.split()), 2, named)
