@@ -84,3 +84,63 @@ def test_a_design_that_does_not_fit_is_one_line(command: str, words: str, named:
     np.savez("plant.npz", A=np.eye(2), B=np.eye(2))
     Path("own.toml").write_text("gain = 3\n", encoding="utf-8")
     assert_refused(hfa(command, *words.split()), 2, named)
+
+
+# From measured outputs.
+
+SENSORS = """
+[sensors]
+vertical_acceleration_short_period_integral = 1e-2
+dihedral_integral = 1e-4
+load_factor = 1e-3
+"""
+
+
+def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
+    """A file with the settings of `simvfa-1`, some words changed, and sensors."""
+    text = (Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]).read_text(encoding="utf-8")
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new)
+    Path(name).write_text(text + sensors, encoding="utf-8")
+    return name
+
+
+def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
+    words = ("--design", own("own.toml"), *AT_11, "--delta", "200")
+    data = answer("solve", *words)
+    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11, "--delta", "200")["K"]
+    measured = data["output_feedback"]
+    assert measured["sensors"] == ["vertical_acceleration_short_period_integral", "dihedral_integral", "load_factor"]
+    assert measured["sensor_units"] == ["ft/s^2 s", "rad s", "1"]
+    assert data["delta_min"] < measured["delta_min"] < 200.0
+    assert (measured["delta_min_condition"], measured["noise"]) == ("coupling condition", [1e-2, 1e-4, 1e-3])
+    assert all(check["ok"] for check in measured["checks"])
+    assert np.shape(measured["Ak"]) == (10, 10)
+    below = 0.5 * (data["delta_min"] + measured["delta_min"])
+    result = hfa("solve", *words[:-1], str(below))
+    assert_refused(result, 1, "is below delta_min = ", "where the coupling condition fails")
+    assert "From measured outputs alone: delta 200, smallest possible" in hfa("solve", *words).out
+    assert "output_feedback" not in answer("solve", "--design", "simvfa-1", *AT_11)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "changed", "code", "named"),
+    [
+        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; choose from speed"),
+        ("[sensors]\nspeed = 0", {}, 2, "the noise of sensor speed is 0; it must be a positive number"),
+        ("[sensors]\nspeed = 'x'", {}, 2, "the noise of speed is 'x'; give a number that is not negative"),
+        ("[sensors]\npitch_rate = 1", {}, 1, "the sensors do not see the mode with eigenvalue 0.0000"),
+        (SENSORS, {"delta = inf": 'disturbance = "updraft"'}, 2, "sensor load_factor sees the updraft itself"),
+        (
+            "[sensors]\npitch_rate = 1\ndihedral_integral = 1\nvertical_acceleration_short_period_integral = 1",
+            {"delta = inf": 'disturbance = "updraft"'},
+            1,
+            "the disturbance does not reach the mode with eigenvalue 0.0000",
+        ),
+        ("", {"vertical_acceleration_short_period": "pitch_rate"}, 2, "output pitch_rate: no input moves it at rest"),
+        ("", {"vertical_acceleration_short_period": "altitude"}, 2, "integrated output altitude: no input moves it"),
+    ],
+)
+def test_what_no_controller_can_do_is_one_line(sensors: str, changed: dict[str, str], code: int, named: str) -> None:
+    assert_refused(hfa("solve", "--design", own("own.toml", sensors, **changed), *AT_11), code, named)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hfa_model.support.checks import checks_block
+from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
@@ -15,8 +16,13 @@ def output_report(problem: OutputGame, sensors: tuple[str, ...], units: tuple[st
     Raises NoSolutionError that names the condition that fails.
     """
     smallest, condition = minimum_output_delta(problem)
-    found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()
     delta = problem.game.delta
+    if delta < smallest:
+        raise NoSolutionError(
+            f"from measured outputs alone delta = {delta:.9g} is below delta_min = {smallest:.7g}, where the "
+            f"{condition} fails; ask for a larger delta, or measure more"
+        )
+    found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()
     rows = [(name, f"{value:.4g}", f"({unit})^2 s") for name, value, unit in zip(sensors, noise, units, strict=True)]
     return Report(
         title=f"From measured outputs alone: delta {delta:.6g}, smallest possible {smallest:.7g}"
