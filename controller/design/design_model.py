@@ -97,12 +97,8 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
     model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor sees the
     updraft itself: its noise must not depend on the disturbance.
     """
-    n, k, names, watched = (
-        len(LINEAR_STATES),
-        len(design.integrals),
-        design.states,
-        (*design.integrals, *design.sensors),
-    )
+    n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
+    watched = (*design.integrals, *design.sensors)
     columns = [model.inputs.index(name) for name in design.inputs]
     of_x, of_a, of_w, wind = _watched(aircraft, model, watched)
     A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
@@ -124,7 +120,9 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
         E = np.vstack([wind, np.zeros((len(names) - n - k, 1)), of_w[:k]])
         for name, seen in zip(design.sensors, of_w[k:, 0], strict=True):
             if seen != 0.0:
-                raise BadInputError(f"sensor {name} sees the updraft itself; measure what follows from the states")
+                raise BadInputError(
+                    f"design {design.name}: sensor {name} sees the updraft itself; measure what follows from the states"
+                )
     units = dict(zip(model.inputs, model.input_units, strict=True))
     of_inputs = tuple(units[name] for name in design.inputs)
     return DesignModel(design, model, A, B, E, C[k:], D[k:], _units(design, model), of_inputs)
@@ -149,9 +147,8 @@ def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> 
     Of a short-period output alpha and the inputs count only.
     """
     plain = [name.removesuffix(SHORT_PERIOD) for name in names]
-    found = output_model(
-        aircraft, model.point, tuple(dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS)))
-    )
+    known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
+    found = output_model(aircraft, model.point, tuple(known))
     C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
     for row, (name, output) in enumerate(zip(names, plain, strict=True)):
         if output in found.outputs:

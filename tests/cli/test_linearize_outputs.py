@@ -51,7 +51,8 @@ def test_the_text_and_the_csv_show_C_and_D_when_outputs_were_asked_for() -> None
     result = hfa("linearize", *AT_15, *CHOSEN, "-o", "model.csv")
     assert "y = C x + D u" in result.out.splitlines()[0]
     assert {line.split()[0] for line in result.out.splitlines() if line[:2] in ("C ", "D ")} == {"C", "D"}
-    rows = list(csv.DictReader(Path("model.csv").read_text(encoding="utf-8").splitlines()[1:]))
+    lines = Path("model.csv").read_text(encoding="utf-8").splitlines()
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     found = {(row["matrix"], row["row"], row["column"]): row for row in rows}
     data = answer("linearize", *AT_15, *CHOSEN)
     entry = found["C", "load_factor", "alpha"]
