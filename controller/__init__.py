@@ -10,6 +10,9 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
     raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
+    from controller.design.design import Actuator as Actuator, Design as Design
+    from controller.design.design_file import load_design as load_design
+    from controller.design.design_model import DesignModel as DesignModel, design_model as design_model
     from controller.flight.actuators import Actuators as Actuators
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
     from controller.flight.gain_plan import GainPlan as GainPlan

@@ -92,6 +92,21 @@ def one_of(*words: str) -> Callable[[str], str]:
     return convert
 
 
+def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
+    """The type of names with commas between them, each one known and named once."""
+
+    def convert(text: str) -> tuple[str, ...]:
+        names = tuple(text.split(","))
+        for name in names:
+            if name not in known:
+                raise ArgumentTypeError(f"names {shortened(name)!r}; choose from {', '.join(known)}")
+            if names.count(name) > 1:
+                raise ArgumentTypeError(f"names {name} twice; name it once")
+        return names
+
+    return convert
+
+
 def parsed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
     """The type of what a function makes of a word; its BadInputError is the reason."""
 

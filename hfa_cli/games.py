@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from controller.design.design_file import NAMED as DESIGNS, load_design
+from controller.design.design_model import DesignModel, design_model
 from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
@@ -23,7 +25,7 @@ MATRIX_FILES = (".json", ".npz", ".mat")
 
 @dataclass(frozen=True, eq=False)
 class NamedGame:
-    """A game with the names of its states and inputs, and where it comes from."""
+    """A game with the names of its states and inputs, and where it comes from; `built` when that is a design."""
 
     game: Game
     states: tuple[str, ...]
@@ -32,6 +34,7 @@ class NamedGame:
     input_units: tuple[str, ...]
     origin: str
     warnings: tuple[str, ...] = ()
+    built: DesignModel | None = None
 
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""
@@ -41,10 +44,12 @@ class NamedGame:
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
-    """--dihedral or --model, and the weights."""
+    """--dihedral, with a design or without, or --model, and the weights."""
     options.add_condition(parser, dihedral_required=False)
     options.add_aircraft(parser)
     about = f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})"
+    design = f"actuators, integrals, weights: {', '.join(DESIGNS)} (default: paper), or a .toml file"
+    add_value(parser, "--design", parsed(load_design), "NAME", design)
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
 
@@ -69,7 +74,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     changes = weights_of(arguments)
     if arguments.model is not None:
-        of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters")
+        of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
         game, notes = stored_game(arguments.model, **changes)
@@ -80,6 +85,19 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point)
     origin = f"the aircraft at dihedral {math.degrees(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
+    if arguments.design is not None:
+        return _designed(design_model(aircraft, model, arguments.design), origin, changes)
     game = published_game(model.A, model.B, **changes)
     units = model.state_units, model.input_units
     return NamedGame(game, model.states, model.inputs, *units, origin, tuple(warnings(point)))
+
+
+def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:
+    """The game of a design model, with the weights that the options change."""
+    try:
+        game = replace(built.game(), **changes)
+    except BadInputError as error:
+        raise BadInputError(f"design {built.design.name}: {error}") from error
+    names = built.states, built.inputs, built.state_units, built.input_units
+    where = f"design {built.design.name} of {origin}"
+    return NamedGame(game, *names, where, tuple(warnings(built.model.point)), built)

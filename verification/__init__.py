@@ -50,6 +50,11 @@ if TYPE_CHECKING:
     from verification.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
     from verification.riccati.gare_batch import solve_games as solve_games
     from verification.riccati.l2_gain import bounded_real_gain as bounded_real_gain
+    from verification.riccati.output_feedback import (
+        OutputGame as OutputGame,
+        minimum_output_delta as minimum_output_delta,
+        solve_output_feedback as solve_output_feedback,
+    )
     from verification.validation.comparison import Validation as Validation, validate as validate
     from verification.validation.outside import released_trims as released_trims
 

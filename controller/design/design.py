@@ -58,18 +58,20 @@ class Design:
     state_weights: Mapping[str, float] = field(default_factory=dict)
     input_weights: Mapping[str, float] = field(default_factory=dict)
     delta: float = math.inf
+    sensors: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is built."""
         if not self.inputs:
             raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
-        known = (*STATES, *OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
+        outputs = (*OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
         for what, names, choices in (
             ("input", self.inputs, INPUTS),
-            ("integrated output", self.integrals, known),
+            ("integrated output", self.integrals, (*STATES, *outputs)),
             ("actuator", tuple(self.actuators), self.inputs),
             ("weight of a state", tuple(self.state_weights), self.states),
             ("weight of an input", tuple(self.input_weights), self.inputs),
+            ("sensor", tuple(self.sensors), (*self.states, *outputs)),
             ("disturbance", (self.disturbance,), DISTURBANCES),
         ):
             for name in names:
@@ -79,6 +81,11 @@ class Design:
                     )
                 if names.count(name) > 1:
                     raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
+        for name, intensity in self.sensors.items():
+            if not (math.isfinite(intensity) and intensity > 0.0):
+                raise BadInputError(
+                    f"design {self.name}: the noise of sensor {name} is {intensity:g}; it must be a positive number"
+                )
         missing = [name for name in self.inputs if name not in self.input_weights]
         if missing:
             raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")

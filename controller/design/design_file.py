@@ -16,7 +16,7 @@ from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.
 NAMED = {"paper": "paper.toml", "simvfa-1": "simvfa_1.toml", "simvfa-2": "simvfa_2.toml"}
-_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta", "actuators", "weights")
+_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta", "actuators", "weights", "sensors")
 
 
 def load_design(name: str) -> Design:
@@ -24,7 +24,8 @@ def load_design(name: str) -> Design:
 
     inputs, integrals: lists of names. disturbance: "states" or "updraft". delta: a number, inf for none.
     [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name =
-    weight. BadInputError names the file, the entry and what is wrong with it.
+    weight. [sensors]: output or state = intensity of its noise.
+    BadInputError names the file, the entry and what is wrong with it.
     """
     data = _read(name)
     unknown = sorted(set(data) - set(_KEYS))
@@ -46,8 +47,9 @@ def load_design(name: str) -> Design:
         disturbance=str(data.get("disturbance", "states")),
         delta=float(delta),
         actuators={key: _actuator(name, key, table) for key, table in _table(name, data, "actuators").items()},
-        state_weights=_weights(name, weights, "states"),
-        input_weights=_weights(name, weights, "inputs"),
+        state_weights=_numbers(name, weights, "states", "weight"),
+        input_weights=_numbers(name, weights, "inputs", "weight"),
+        sensors=_numbers(name, data, "sensors", "noise"),
     )
 
 
@@ -86,13 +88,13 @@ def _actuator(where: str, key: str, table: Any) -> Actuator:
     return Actuator(**table)
 
 
-def _weights(where: str, data: Mapping[str, Any], key: str) -> dict[str, float]:
+def _numbers(where: str, data: Mapping[str, Any], key: str, what: str) -> dict[str, float]:
     found = {}
     for name, value in _table(where, data, key).items():
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and 0.0 <= value < 1e100):
             raise BadInputError(
-                f"{where}: the weight of {shortened(name)} is {shown(value)}; give a number that is not negative"
+                f"{where}: the {what} of {shortened(name)} is {shown(value)}; give a number that is not negative"
             )
         found[name] = float(value)
     return found

@@ -9,17 +9,23 @@ import numpy as np
 from controller.design.design import SHORT_PERIOD, Design
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model.outputs import OUTPUTS, unit_of
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.linear.linearize import LinearModel
-from trim.linear.output_model import OutputModel, output_model
+from trim.linear.output_model import output_model
+
+#: Rows whose smallest singular value is below this, in units in which rows and columns have size 1, are dependent.
+RANK = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class DesignModel:
-    """z' = A z + B u + E w of `design` about the operating point of `model`.
+    """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of `model`.
 
     z: the states of the linear model, then actuator positions, rates and integrals (`states`). A: (n, n). B: (n, m).
-    E: (n, 6) or (n, 1). Units: those of the linear model; an integral has its output's times s.
+    E: (n, 6) or (n, 1). C: (p, n), D: (p, m) of the sensors. Units: those of the linear model; an integral has its
+    output's times s.
     """
 
     design: Design
@@ -27,6 +33,8 @@ class DesignModel:
     A: np.ndarray
     B: np.ndarray
     E: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
     state_units: tuple[str, ...]
     input_units: tuple[str, ...]
 
@@ -40,38 +48,84 @@ class DesignModel:
         """Names of the commands, in order."""
         return self.design.inputs
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of y, in order."""
+        return tuple(self.design.sensors)
+
+    @property
+    def sensor_units(self) -> tuple[str, ...]:
+        """Unit of each sensor, in order."""
+        of_states = dict(zip(self.states, self.state_units, strict=True))
+        return tuple(of_states.get(name) or unit_of(name.removesuffix(SHORT_PERIOD)) for name in self.sensors)
+
+    @property
+    def V(self) -> np.ndarray:
+        """Intensity of the noise of the sensors, (p, p)."""
+        return np.diag([float(value) for value in self.design.sensors.values()]).reshape(2 * (len(self.sensors),))
+
     def game(self) -> Game:
-        """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design."""
+        """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
+
+        BadInputError when an integrated output cannot be brought to a value of choice and held there.
+        """
+        self._check_integrals()
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])
         R = np.diag([float(self.design.input_weights[name]) for name in self.inputs])
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta)
 
+    def _check_integrals(self) -> None:
+        """[A B; C D] of the integrated outputs has full row rank: without it the plant has a zero at 0."""
+        names = self.design.integrals
+        plant = len(self.states) - len(names)
+        rows = np.hstack([self.A[:, :plant], self.B])
+        if not _full_rank(rows[:plant]):
+            return  # a mode of the plant itself at 0, which the solver names
+        for k, name in enumerate(names):
+            alone = _full_rank(rows[[*range(plant), plant + k]])
+            if not alone or not _full_rank(rows[: plant + k + 1]):
+                others = f" apart from {', '.join(names[:k])}" if alone else ""
+                raise BadInputError(
+                    f"integrated output {name}: no input moves it at rest{others} (a transmission zero at 0); "
+                    "leave it out of integrals"
+                )
+
 
 def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> DesignModel:
-    """x' = A x + B a + E w,  actuators from commands to a,  e' = C x + D a + F w.
+    """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a state of z.
 
-    model: of six states, made of this aircraft. BadInputError when an output is not one.
+    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor sees the
+    updraft itself: its noise must not depend on the disturbance.
     """
-    plain = tuple(name.removesuffix(SHORT_PERIOD) for name in design.integrals)
-    outputs = output_model(aircraft, model.point, plain)
-    n, names = len(LINEAR_STATES), design.states
+    n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
+    watched = (*design.integrals, *design.sensors)
     columns = [model.inputs.index(name) for name in design.inputs]
-    C, D, F = _integrated(design, outputs)
+    of_x, of_a, of_w, wind = _watched(aircraft, model, watched)
     A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
-    A[:n, :n] = model.A
-    integrals = slice(len(names) - len(design.integrals), len(names))
-    A[integrals, :n] = C
+    C, D = np.zeros((len(watched), len(names))), np.zeros((len(watched), len(columns)))
+    A[:n, :n], C[:, :n] = model.A, of_x
     for number, (name, column) in enumerate(zip(design.inputs, columns, strict=True)):
-        acting = A[:, names.index(f"{name}_position")] if name in design.actuators else B[:, number]
-        acting[:n], acting[integrals] = model.B[:, column], D[:, column]
-        if name in design.actuators:
+        moved = name in design.actuators
+        place = names.index(f"{name}_position") if moved else number
+        (A if moved else B)[:n, place], (C if moved else D)[:, place] = model.B[:, column], of_a[:, column]
+        if moved:
             _connect(A, B, number, names, name, design)
-    E = np.zeros((len(names), n if design.disturbance == "states" else 1))
-    E[:n] = np.eye(n) if design.disturbance == "states" else outputs.E
+    integrals = slice(len(names) - k, len(names))
+    A[integrals], B[integrals] = C[:k], D[:k]
+    for row, name in enumerate(watched[k:], k):
+        if name in names:
+            C[row, names.index(name)] = 1.0
+    E = np.eye(len(names), n)
     if design.disturbance == "updraft":
-        E[integrals] = F
+        E = np.vstack([wind, np.zeros((len(names) - n - k, 1)), of_w[:k]])
+        for name, seen in zip(design.sensors, of_w[k:, 0], strict=True):
+            if seen != 0.0:
+                raise BadInputError(
+                    f"design {design.name}: sensor {name} sees the updraft itself; measure what follows from the states"
+                )
     units = dict(zip(model.inputs, model.input_units, strict=True))
-    return DesignModel(design, model, A, B, E, _units(design, model, outputs), tuple(units[i] for i in design.inputs))
+    of_inputs = tuple(units[name] for name in design.inputs)
+    return DesignModel(design, model, A, B, E, C[k:], D[k:], _units(design, model), of_inputs)
 
 
 def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], name: str, design: Design) -> None:
@@ -87,22 +141,37 @@ def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], 
     B[rate, number] = w**2 * actuator.effectiveness
 
 
-def _integrated(design: Design, outputs: OutputModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """C, D, F of the integrated outputs; of a short-period one alpha and the inputs only."""
-    C, D, F = outputs.C.copy(), outputs.D.copy(), outputs.F.copy()
-    for row, name in enumerate(design.integrals):
+def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
+    """C, D, F of the named outputs, rows of zeros for other names, and E of the updraft, (6, 1).
+
+    Of a short-period output alpha and the inputs count only.
+    """
+    plain = [name.removesuffix(SHORT_PERIOD) for name in names]
+    known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
+    found = output_model(aircraft, model.point, tuple(known))
+    C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
+    for row, (name, output) in enumerate(zip(names, plain, strict=True)):
+        if output in found.outputs:
+            source = found.outputs.index(output)
+            C[row], D[row], F[row] = found.C[source], found.D[source], found.F[source]
         if name.endswith(SHORT_PERIOD):
-            C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
-            F[row] = 0.0
-    return C, D, F
+            C[row, [state != "alpha" for state in LINEAR_STATES]] = F[row] = 0.0
+    return C, D, F, found.E
 
 
-def _units(design: Design, model: LinearModel, outputs: OutputModel) -> tuple[str, ...]:
+def _full_rank(rows: np.ndarray) -> bool:
+    """Whether the rows are independent by more than rounding, whatever the units of rows and columns."""
+    scaled = rows.copy()
+    for axis in (1, 0, 1, 0, 1):
+        size = np.linalg.norm(scaled, axis=axis, keepdims=True)
+        scaled = scaled / np.where(size > 0.0, size, 1.0)
+    return bool(len(rows) <= rows.shape[1] and np.linalg.svd(scaled, compute_uv=False)[-1] > RANK)
+
+
+def _units(design: Design, model: LinearModel) -> tuple[str, ...]:
     inputs = dict(zip(model.inputs, model.input_units, strict=True))
     found = dict(zip(model.states, model.state_units, strict=True))
     found |= {f"{name}_position": unit for name, unit in inputs.items()}
     found |= {f"{name}_rate": f"{unit}/s" for name, unit in inputs.items()}
-    found |= {
-        f"{name}_integral": f"{unit} s" for name, unit in zip(design.integrals, outputs.output_units, strict=True)
-    }
+    found |= {f"{name}_integral": f"{unit_of(name.removesuffix(SHORT_PERIOD))} s" for name in design.integrals}
     return tuple(found[name] for name in design.states)

@@ -57,6 +57,8 @@ def stored_game(
     """
     stored = read_arrays(path)
     given = {key: stored[key] for key in MODEL_KEYS if key in stored}
+    if "disturbances" in stored:
+        given.pop("E", None)  # the wind's column in a file of `hfa linearize`; the game of such a file is the paper's
     given |= {key: value for key, value in (("Q", Q), ("R", R), ("delta", delta)) if value is not None}
     for key in ("A", "B"):
         if key not in given:

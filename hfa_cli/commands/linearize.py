@@ -1,12 +1,16 @@
-"""Exact linear model A, B at a trim: modes, offsets, uncertainty bands, and the printed matrices where they exist."""
+"""Exact linear model at a trim: A, B, C, D, modes, offsets, error bands, and the printed matrices where they exist."""
 
 from __future__ import annotations
 
 import argparse
 
 from hfa_cli import options
+from hfa_cli.argument_types import some_of
 from hfa_cli.output import show
+from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
+from hfa_model.outputs import OUTPUTS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.linear.bands import bands_known, entry_bands
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
@@ -17,21 +21,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa linearize`."""
     options.add_condition(parser)
     parser.add_argument("--full", action="store_true", help="seven states, with altitude")
+    for name, known, default in (
+        ("states", STATES, "the six without altitude"),
+        ("inputs", INPUTS, "all five"),
+        ("outputs", (*STATES, *OUTPUTS), "the states, C = I"),
+    ):
+        add_value(parser, f"--{name}", some_of(*known), "a,b,...", f"{name} of the model, in order; default: {default}")
     options.add_aircraft(parser)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize and report."""
+    if arguments.states is not None:
+        options.refuse(arguments, ("full",), "names the states too; leave it out, or --states")
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    model = linearize(aircraft, point, full=arguments.full)
-    # The bands are of the six printed states.
-    known = bands_known(parameters) and not arguments.full
-    bands = entry_bands(parameters, condition, model) if known else None
-    printed = printed_at(point) if not arguments.full else None
+    states = arguments.states or (STATES if arguments.full else LINEAR_STATES)
+    model = linearize(aircraft, point, full=True, outputs=arguments.outputs or states)
+    model = model.select(states, arguments.inputs)
+    # The bands and the print are of the six states and all inputs.
+    whole = (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
+    bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
+    printed = printed_at(point) if whole else None
     report = linear_model_report(model, bands, trust_in(bands))
     if printed is not None:
         report = beside_the_print(report, model, printed)

@@ -1,4 +1,7 @@
-"""The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations of its policies."""
+"""The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations of its policies.
+
+A design with sensors is solved from their measurements too.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from dataclasses import replace
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.output import say_notes, show
+from verification.meaning.output_report import output_report
 from verification.meaning.solution_report import analyse_game, solution_report
+from verification.riccati.output_feedback import OutputGame
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +26,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
     report = solution_report(analyse_game(named.game), named.states, named.inputs, named.origin)
-    show(replace(report, data=dict(report.data) | named.labels()), arguments, target=arguments.output)
+    report = report.with_data(**named.labels())
+    built = named.built
+    if built is not None and built.sensors:
+        problem = OutputGame(named.game, built.C, built.D, built.V)
+        measured = output_report(problem, built.sensors, built.sensor_units)
+        report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
+    show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0

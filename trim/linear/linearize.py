@@ -12,6 +12,7 @@ from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.linear.output_model import OutputModel, output_model
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(ByValue, Reported):
-    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9).
+    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9), and y - Y0 = C x + D u where outputs were asked for.
 
-    A: (n, n), B: (n, 5). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0.
+    A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
+    point: the operating point, whose values are the offsets X0, U0. output_part: None when the outputs are the states.
     """
 
     A: np.ndarray
@@ -31,6 +32,27 @@ class LinearModel(ByValue, Reported):
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     point: OperatingPoint
+    output_part: OutputModel | None = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Name of each output, in order: the states unless others were asked for."""
+        return self.states if self.output_part is None else self.output_part.outputs
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output, in order."""
+        return self.state_units if self.output_part is None else self.output_part.output_units
+
+    @property
+    def C(self) -> np.ndarray:
+        """(k, n), the identity when the outputs are the states."""
+        return np.eye(len(self.states)) if self.output_part is None else self.output_part.C
+
+    @property
+    def D(self) -> np.ndarray:
+        """(k, m), zero when the outputs are the states."""
+        return np.zeros(self.B.shape) if self.output_part is None else self.output_part.D
 
     @property
     def state_units(self) -> tuple[str, ...]:
@@ -52,13 +74,20 @@ class LinearModel(ByValue, Reported):
         """U0, (5,)."""
         return np.array([getattr(self.point.inputs, name) for name in self.inputs])
 
-    def select(self, states: tuple[str, ...]) -> LinearModel:
-        """The model of the named states alone, the others held at their offsets."""
-        unknown = [name for name in states if name not in self.states]
-        if unknown:
-            raise BadInputError(f"the model has no state {unknown[0]!r}; choose from {', '.join(self.states)}")
-        rows = [self.states.index(name) for name in states]
-        return replace(self, A=self.A[np.ix_(rows, rows)], B=self.B[rows], states=states)
+    def select(self, states: tuple[str, ...] | None = None, inputs: tuple[str, ...] | None = None) -> LinearModel:
+        """The model of the named states and inputs alone, the others held at their offsets; None keeps all.
+
+        BadInputError when the model has no such name, or it comes twice.
+        """
+        rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
+        return replace(
+            self,
+            A=self.A[np.ix_(rows, rows)],
+            B=self.B[np.ix_(rows, columns)],
+            states=tuple(self.states[i] for i in rows),
+            inputs=tuple(self.inputs[i] for i in columns),
+            output_part=None if self.output_part is None else self.output_part.part(rows, columns),
+        )
 
     def report(self) -> Report:
         """A, B, offsets and modes."""
@@ -67,19 +96,21 @@ class LinearModel(ByValue, Reported):
         return linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
-        """The same model as python-control's `StateSpace`, every state an output, names kept."""
+        """The same model as python-control's `StateSpace`, names kept."""
         import control
 
-        n, m = self.B.shape
-        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.states)}
-        return control.ss(self.A, self.B, np.eye(n), np.zeros((n, m)), **names)
+        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
-def linearize(aircraft: Aircraft, point: OperatingPoint, *, full: bool = False) -> LinearModel:
-    """A = ∂f/∂X, B = ∂f/∂U at (X0, U0), by algorithmic differentiation (exact to rounding).
+def linearize(
+    aircraft: Aircraft, point: OperatingPoint, *, full: bool = False, outputs: tuple[str, ...] | None = None
+) -> LinearModel:
+    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U at (X0, U0), by algorithmic differentiation (exact to rounding).
 
     Returns the six states of the paper's model (Section 2.2), or all seven with altitude when `full`.
-    BadInputError when the point belongs to other dynamics than the aircraft.
+    outputs: names of `hfa_model.outputs` or of states; None for the states of the model.
+    BadInputError when the point belongs to other dynamics than the aircraft, or an output is unknown.
     """
     if point.dynamics != aircraft.variant.name:
         raise BadInputError(
@@ -87,5 +118,17 @@ def linearize(aircraft: Aircraft, point: OperatingPoint, *, full: bool = False) 
             f"{aircraft.variant.name!r}; trim it again"
         )
     _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))
-    model = LinearModel(A, B, STATES, INPUTS, point)
+    watched = None if outputs is None else output_model(aircraft, point, outputs, STATES)
+    model = LinearModel(A, B, STATES, INPUTS, point, watched)
     return model if full else model.select(LINEAR_STATES)
+
+
+def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
+    """Where the names stand among the known ones; None names all."""
+    chosen = known if names is None else names
+    for name in chosen:
+        if name not in known:
+            raise BadInputError(f"the model has no {what} {name!r}; choose from {', '.join(known)}")
+        if chosen.count(name) > 1:
+            raise BadInputError(f"{what} {name} is named twice; name it once")
+    return [known.index(name) for name in chosen]

@@ -8,10 +8,11 @@ from typing import Any
 
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
+from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS, entry_unit
 from trim.linear.bands import Bands
 from trim.linear.linearize import LinearModel
 from trim.linear.modes import Mode, modes_of
+from trim.linear.output_model import DISTURBANCE_UNITS, DISTURBANCES
 from trim.point.trim_report import warnings
 
 #: Why a model comes without bands.
@@ -21,11 +22,11 @@ LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 
 def linear_model_report(model: LinearModel, bands: Bands | None = None, trust: str = "") -> Report:
     """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for."""
-    point = model.point
+    point, watched = model.point, model.outputs != model.states
     return Report(
         title=f"Linear model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics "
-        f"(x' = A x + B u, x = X - X0, u = U - U0)\n"
-        "A and B in rad, ft, s; the offsets X0 and U0 in the units beside them",
+        f"(x' = A x + B u,{' y = C x + D u,' * watched} x = X - X0, u = U - U0)\n"
+        f"A{', B, C and D' if watched else ' and B'} in rad, ft, s; the offsets X0 and U0 in the units beside them",
         parts=(*matrices(model), *filter(None, [trust]), _offsets(model), modes_table(modes_of(model.A, model.states))),
         notes=warnings(point),
         data=_data(model, bands),
@@ -50,11 +51,18 @@ def bands_report(bands: Bands) -> Report:
     return Report("Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables)
 
 
-def matrices(model: LinearModel) -> tuple[Table, Table]:
-    """A and B with their names."""
-    return (
+def matrices(model: LinearModel) -> tuple[Table, ...]:
+    """A and B with their names, C and D where the outputs are not the states."""
+    found = (
         matrix_table("A", model.states, model.states, model.A),
         matrix_table("B", model.states, model.inputs, model.B),
+    )
+    if model.outputs == model.states:
+        return found
+    return (
+        *found,
+        matrix_table("C", model.outputs, model.states, model.C),
+        matrix_table("D", model.outputs, model.inputs, model.D),
     )
 
 
@@ -107,16 +115,23 @@ def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
         "input_offsets": model.input_offsets.tolist(),
         "A": model.A.tolist(),
         "B": model.B.tolist(),
+        "outputs": list(model.outputs),
+        "output_units": list(model.output_units),
+        "C": model.C.tolist(),
+        "D": model.D.tolist(),
         "modes": [mode.to_dict() for mode in modes_of(model.A, model.states)],
         "warnings": warnings(point),
     }
+    if (part := model.output_part) is not None:
+        data |= {"disturbances": list(DISTURBANCES), "disturbance_units": list(DISTURBANCE_UNITS)}
+        data |= {"E": part.E.tolist(), "F": part.F.tolist(), "output_offsets": part.offsets.tolist()}
     if bands is not None:
         data["A_band"], data["B_band"] = bands.A.tolist(), bands.B.tolist()
     return data
 
 
 def _records(model: LinearModel, bands: Bands | None) -> Table:
-    """Header and rows (matrix, row, column, value, unit, band) of A and B, then the offsets."""
+    """Header and rows (matrix, row, column, value, unit, band) of A and B, C and D as in the text, then the offsets."""
     rows: list[tuple[Any, ...]] = []
     for name, column_names, values, band in (
         ("A", model.states, model.A, None if bands is None else bands.A),
@@ -126,6 +141,13 @@ def _records(model: LinearModel, bands: Bands | None) -> Table:
             for j, column in enumerate(column_names):
                 unit = entry_unit(row, column)
                 rows.append((name, row, column, values[i, j], unit, "" if band is None else band[i, j]))
+    if model.outputs != model.states:
+        for name, column_names, values in (("C", model.states, model.C), ("D", model.inputs, model.D)):
+            for i, (row, unit) in enumerate(zip(model.outputs, model.output_units, strict=True)):
+                rows += [
+                    (name, row, column, values[i, j], f"({unit})/({UNITS[column]})", "")
+                    for j, column in enumerate(column_names)
+                ]
     offsets = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
     rows += [("X0", name, "", value, unit, "") for name, value, unit in offsets]
     controls = zip(model.inputs, model.input_offsets.tolist(), model.input_units, strict=True)

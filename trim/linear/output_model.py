@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -10,18 +10,23 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import by_name, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 
+#: What w is.
+DISTURBANCES = ("updraft",)
+DISTURBANCE_UNITS = ("ft/s",)
+
 
 @dataclass(frozen=True, eq=False)
-class OutputModel:
-    """y - Y0 = C x + D u + F w,  x' = A x + B u + E w  for the six states of the linear model.
+class OutputModel(ByValue):
+    """y - Y0 = C x + D u + F w,  x' = A x + B u + E w  beside the A and B of a linear model.
 
-    C: (k, 6). D: (k, 5). F: (k, 1). E: (6, 1). w: updraft of the air, ft/s, positive up. offsets: Y0, (k,).
+    C: (k, n). D: (k, m). F: (k, 1). E: (n, 1). w: updraft of the air, ft/s, positive up. offsets: Y0, (k,).
     outputs, output_units: names and units, in order.
     """
 
@@ -33,10 +38,17 @@ class OutputModel:
     E: np.ndarray
     offsets: np.ndarray
 
+    def part(self, states: list[int], inputs: list[int]) -> OutputModel:
+        """What is left when only the states and inputs at these positions move."""
+        return replace(self, C=self.C[:, states], D=self.D[:, inputs], E=self.E[states])
 
-def output_model(aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> OutputModel:
+
+def output_model(
+    aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...], states: tuple[str, ...] = LINEAR_STATES
+) -> OutputModel:
     """C = ∂y/∂X, D = ∂y/∂U, F = ∂y/∂w, E = ∂f/∂w at the operating point in still air, exact to rounding.
 
+    states: those of the linear model, in its order; the others are held at their offsets.
     BadInputError when a name is neither an output nor a state, or named twice.
     """
     for name in names:
@@ -48,7 +60,7 @@ def output_model(aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ..
         np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
     )
     offsets, C, D, F, E = (np.array(ca.DM(part)) for part in found)
-    rows = [STATES.index(name) for name in LINEAR_STATES]
+    rows = [STATES.index(name) for name in states]
     return OutputModel(names, tuple(map(unit_of, names)), C[:, rows], D, F, E[rows], offsets.ravel())
 
 

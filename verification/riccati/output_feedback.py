@@ -10,11 +10,13 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.support.checks import Check, at_most, below
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.riccati.existence import has_value
+from hfa_model.support.text import eigenvalue_text
+from verification.riccati.existence import RANK, has_value
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.l2_gain import gain_is_below
 from verification.riccati.spectrum import spectrum
+from verification.riccati.units import normal_form
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
 DERIVATIONS_AGREE = 1e-8
@@ -87,6 +89,7 @@ def solve_output_feedback(problem: OutputGame) -> OutputFeedback:
     delta = inf is LQG. Raises NoSolutionError that names which of the three conditions fails, or the check.
     Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
     """
+    _check_modes(problem)
     X = _solved(problem.game, "control").P
     Y = _solved(problem.dual, "filter").P
     delta = problem.game.delta
@@ -109,6 +112,7 @@ def minimum_output_delta(problem: OutputGame) -> tuple[float, str]:
 
     Bisection on the three conditions; NoSolutionError when they fail without disturbance.
     """
+    _check_modes(problem)
     _solved(problem.game.with_delta(math.inf), "control")
     _solved(problem.dual.with_delta(math.inf), "filter")
     upper = 1.0
@@ -202,6 +206,31 @@ def _response_difference(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, .
     return apart
 
 
+def _check_modes(problem: OutputGame) -> None:
+    """[A - λI; C] has full rank at every λ of A that is not stable, [A - λI, E] at every λ with Re λ = 0.
+
+    NoSolutionError names the λ where not: without that the filter's equation has no stabilizing solution.
+    """
+    form = normal_form(problem.dual.with_delta(math.inf))
+    size = float(np.linalg.norm(form.A, 2)) or 1.0
+    for value in np.linalg.eigvals(form.A):
+        text = f"the mode with eigenvalue {eigenvalue_text(value)}"
+        if value.real >= -RANK * size and _dependent(form.A, value, form.B.T, size):
+            raise NoSolutionError(f"the sensors do not see {text}, which is not stable; measure more")
+        if abs(value.real) <= RANK * size and _dependent(form.A.T, value, form.Q, size):
+            raise NoSolutionError(
+                f"the disturbance does not reach {text}, which does not decay, so its estimate would never settle; "
+                "let the disturbance enter there"
+            )
+
+
+def _dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
+    """Whether [A' - λI; rows] has no full column rank, the rows brought to the size of A first."""
+    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    return bool(np.linalg.svd(stacked, compute_uv=False)[-1] <= RANK * size)
+
+
 def _solved(game: Game, which: str) -> GameSolution:
     try:
         return solve_game(game)
@@ -211,10 +240,9 @@ def _solved(game: Game, which: str) -> GameSolution:
 
 def _obstacle(problem: OutputGame) -> str:
     """Which of the three conditions fails, empty when none does; without certificates, so that it stays sharp."""
-    if not has_value(problem.game):
-        return "control Riccati equation"
-    if not has_value(problem.dual):
-        return "filter Riccati equation"
+    for which, game in (("control", problem.game), ("filter", problem.dual)):
+        if not (found := has_value(game)):
+            return f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
     try:
         X, Y = schur_solution(problem.game), schur_solution(problem.dual)
     except NoSolutionError:

@@ -19,6 +19,8 @@ from trim import find_operating_point, level_flight, linearize
 from trim.linear.output_model import output_model
 from verification import solve_game
 
+#: Weights that no actuator or integral needs.
+BARE: dict = {"integrals": (), "state_weights": {}}
 PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
 
 
@@ -72,6 +74,45 @@ def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircr
     assert gusty.E[-1, 0] == pytest.approx(found.F[0, 0])
     assert found.F[0, 0] == pytest.approx(68.0 * found.E[1, 0], rel=1e-9)  # V alpha'
     assert gusty.E[6:-1].any() == np.False_
+
+
+def test_sensors_are_states_or_outputs_in_the_order_of_their_names(published_aircraft: Aircraft) -> None:
+    names = ("dihedral_integral", "load_factor", "pitch_rate", "aileron_outer_position", "alpha_air_outer")
+    design = replace(load_design("simvfa-1"), sensors={name: 0.1 * (k + 1) for k, name in enumerate(names)})
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.sensors == names
+    assert built.sensor_units == ("rad s", "1", "rad/s", "rad", "rad")
+    np.testing.assert_allclose(built.V, np.diag([0.1, 0.2, 0.3, 0.4, 0.5]))
+    for row in (0, 2, 3):
+        np.testing.assert_array_equal(built.C[row], [float(name == names[row]) for name in built.states])
+    found = output_model(published_aircraft, built.model.point, ("load_factor",))
+    columns = [built.model.inputs.index(name) for name in built.inputs]
+    through_actuators = np.hstack([found.C[0], found.D[0, columns]])
+    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=1e-12)
+    np.testing.assert_array_equal(built.D, np.zeros((5, 2)))
+    direct = design_at(published_aircraft, replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE), 11.0)
+    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=1e-12)
+    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
+
+
+def test_an_output_and_its_short_period_part_may_both_be_named(published_aircraft: Aircraft) -> None:
+    name = "vertical_acceleration"
+    design = replace(load_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.C[0, 0] != 0.0 == built.C[1, 0]
+    assert built.C[0, 1] == built.C[1, 1]
+
+
+def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Aircraft) -> None:
+    one = replace(
+        load_design("simvfa-1"),
+        actuators={},
+        inputs=("elevator_center",),
+        input_weights={"elevator_center": 1.0},
+        **BARE,
+    )
+    with pytest.raises(BadInputError, match="gamma: no input moves it at rest apart from dihedral"):
+        design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -143,6 +143,32 @@ def test_to_control_keeps_names_and_numbers(model: LinearModel) -> None:
         np.testing.assert_array_equal(there, here)
 
 
+def test_outputs_go_with_the_model(model: LinearModel, published_aircraft: Aircraft) -> None:
+    names = ("load_factor", "speed")
+    watched = linearize(published_aircraft, model.point, outputs=names)
+    assert (watched.outputs, watched.output_units, watched.C.shape, watched.D.shape) == (
+        names,
+        ("1", "ft/s"),
+        (2, 6),
+        (2, 5),
+    )
+    part = watched.select(("alpha", "speed"), ("throttle",))
+    np.testing.assert_array_equal(part.C, watched.C[:, [1, 0]])
+    np.testing.assert_array_equal(part.D, watched.D[:, [0]])
+    np.testing.assert_array_equal(part.C[1], [0.0, 1.0])
+    system = part.to_control()
+    assert (tuple(system.output_labels), tuple(system.input_labels)) == (names, ("throttle",))
+    np.testing.assert_array_equal(system.C, part.C)
+    np.testing.assert_array_equal(system.D, part.D)
+    assert part == linearize(published_aircraft, model.point, outputs=names).select(("alpha", "speed"), ("throttle",))
+    with pytest.raises(BadInputError, match="unknown output 'lift'; choose from speed"):
+        linearize(published_aircraft, model.point, outputs=("lift",))
+    with pytest.raises(BadInputError, match="no input 'flaps'"):
+        model.select(inputs=("flaps",))
+    with pytest.raises(BadInputError, match="state speed is named twice"):
+        model.select(("speed", "speed"))
+
+
 def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
     with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
         linearize(Aircraft(parameters, "newton"), model.point)

@@ -174,8 +174,22 @@ def test_a_planted_error_in_the_controller_is_seen(
 
 
 def test_an_unstable_mode_that_is_not_measured_is_named() -> None:
-    with pytest.raises(NoSolutionError, match="the filter Riccati equation: "):
+    with pytest.raises(NoSolutionError, match=r"the sensors do not see the mode with eigenvalue 0\.5000"):
         solve_output_feedback(scalar(3.0, c=0.0))
+    with pytest.raises(NoSolutionError, match="measure more"):
+        minimum_output_delta(scalar(3.0, c=0.0))
+
+
+def test_an_integral_that_no_disturbance_drives_is_named(servo: OutputGame) -> None:
+    calm = replace(servo, game=replace(servo.game, E=servo.game.E[:, [1]]))
+    with pytest.raises(NoSolutionError, match=r"the disturbance does not reach the mode with eigenvalue -?0\.0000, "):
+        solve_output_feedback(calm)
+
+
+def test_what_rounding_leaves_open_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output_feedback, "has_value", lambda game: None)
+    with pytest.raises(NoSolutionError, match=r"control Riccati equation \(rounding leaves it open\)"):
+        minimum_output_delta(scalar(3.0))
 
 
 def test_wrong_shapes_are_refused(servo: OutputGame) -> None:

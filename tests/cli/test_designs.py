@@ -1,0 +1,146 @@
+"""`--design` of `hfa solve`, `learn` and `verify`: the game of the design model, its names, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from game_answers import AT_15, QUICK, answer
+
+from controller.design.design_file import NAMED, load_design
+from controller.design.design_model import design_model
+from hfa_model import Aircraft
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+
+AT_11 = ("--dihedral", "11")
+PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
+def test_the_exact_gain_of_a_design_with_names_and_units(name: str, size: int, published_aircraft: Aircraft) -> None:
+    data = answer("solve", "--design", name, *AT_11)
+    theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
+    assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
+    assert data["certificate"]["ok"] is True
+    assert (data["delta"], len(data["states"])) == (None, size)
+    point = find_operating_point(published_aircraft, level_flight(math.radians(11.0)))
+    built = design_model(published_aircraft, linearize(published_aircraft, point), load_design(name))
+    for key in ("states", "inputs", "state_units", "input_units"):
+        assert data[key] == list(getattr(built, key))
+    assert data["plant"] == f"design {name} of the aircraft at dihedral 11 deg, published dynamics"
+
+
+def test_the_paper_s_design_is_the_default_game() -> None:
+    one, other = answer("solve", "--design", "paper", *AT_15), answer("solve", *AT_15)
+    assert {key for key in one if one[key] != other[key]} - {"provenance"} == {"plant"}
+
+
+def test_a_file_and_the_options_that_count_before_it() -> None:
+    packaged = Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]
+    Path("own.toml").write_text(packaged.read_text(encoding="utf-8"), encoding="utf-8")
+    data = answer("solve", "--design", "own.toml", *AT_11)
+    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11)["K"]
+    changed = answer("solve", "--design", "own.toml", *AT_11, "--R", "5,5", "--delta", "400", "--Q", ",".join("1" * 10))
+    assert changed["delta"] == 400.0
+    assert changed["K"] != data["K"]
+
+
+def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
+    learned = answer("learn", "--design", "simvfa-1", *AT_11, *QUICK, "-o", "servo.npz")
+    assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
+    checked = answer("verify", "--design", "simvfa-1", *AT_11, "--weights", "servo.npz")
+    assert checked["ok"] is True
+    assert max(checked["P_rel_error"], checked["K_rel_error"]) <= 1e-8
+    run = answer("verify", "--design", "simvfa-1", *AT_11, *QUICK)
+    assert run["P_rel_error"] == checked["P_rel_error"]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("--design servo --dihedral 11", "servo: no design of that name and no readable file; the names are paper"),
+        ("--design simvfa-1", "name the plant: either --dihedral DEG or --model FILE"),
+        ("--design simvfa-1 --model plant.npz", "--design belongs to the aircraft; leave it out with --model"),
+        (
+            "--design simvfa-1 --dihedral 11 --R 1,1,1",
+            "design simvfa-1: R is 3 x 3; with this A and B",
+        ),
+        ("--design own.toml --dihedral 11", "own.toml: unknown entry 'gain'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
+def test_a_design_that_does_not_fit_is_one_line(command: str, words: str, named: str) -> None:
+    np.savez("plant.npz", A=np.eye(2), B=np.eye(2))
+    Path("own.toml").write_text("gain = 3\n", encoding="utf-8")
+    assert_refused(hfa(command, *words.split()), 2, named)
+
+
+# From measured outputs.
+
+SENSORS = """
+[sensors]
+vertical_acceleration_short_period_integral = 1e-2
+dihedral_integral = 1e-4
+load_factor = 1e-3
+"""
+
+
+def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
+    """A file with the settings of `simvfa-1`, some words changed, and sensors."""
+    text = (Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]).read_text(encoding="utf-8")
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new)
+    Path(name).write_text(text + sensors, encoding="utf-8")
+    return name
+
+
+def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
+    words = ("--design", own("own.toml"), *AT_11, "--delta", "200")
+    data = answer("solve", *words)
+    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11, "--delta", "200")["K"]
+    measured = data["output_feedback"]
+    assert measured["sensors"] == ["vertical_acceleration_short_period_integral", "dihedral_integral", "load_factor"]
+    assert measured["sensor_units"] == ["ft/s^2 s", "rad s", "1"]
+    assert data["delta_min"] < measured["delta_min"] < 200.0
+    assert (measured["delta_min_condition"], measured["noise"]) == ("coupling condition", [1e-2, 1e-4, 1e-3])
+    assert all(check["ok"] for check in measured["checks"])
+    assert np.shape(measured["Ak"]) == (10, 10)
+    below = 0.5 * (data["delta_min"] + measured["delta_min"])
+    result = hfa("solve", *words[:-1], str(below))
+    assert_refused(result, 1, "is below delta_min = ", "where the coupling condition fails")
+    assert "From measured outputs alone: delta 200, smallest possible" in hfa("solve", *words).out
+    assert "output_feedback" not in answer("solve", "--design", "simvfa-1", *AT_11)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "changed", "code", "named"),
+    [
+        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; choose from speed"),
+        ("[sensors]\nspeed = 0", {}, 2, "the noise of sensor speed is 0; it must be a positive number"),
+        ("[sensors]\nspeed = 'x'", {}, 2, "the noise of speed is 'x'; give a number that is not negative"),
+        ("[sensors]\npitch_rate = 1", {}, 1, "the sensors do not see the mode with eigenvalue 0.0000"),
+        (SENSORS, {"delta = inf": 'disturbance = "updraft"'}, 2, "sensor load_factor sees the updraft itself"),
+        (
+            "[sensors]\npitch_rate = 1\ndihedral_integral = 1\nvertical_acceleration_short_period_integral = 1",
+            {"delta = inf": 'disturbance = "updraft"'},
+            1,
+            "the disturbance does not reach the mode with eigenvalue 0.0000",
+        ),
+        ("", {"vertical_acceleration_short_period": "pitch_rate"}, 2, "output pitch_rate: no input moves it at rest"),
+        ("", {"vertical_acceleration_short_period": "altitude"}, 2, "integrated output altitude: no input moves it"),
+    ],
+)
+def test_what_no_controller_can_do_is_one_line(sensors: str, changed: dict[str, str], code: int, named: str) -> None:
+    assert_refused(hfa("solve", "--design", own("own.toml", sensors, **changed), *AT_11), code, named)
