@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
     options.add_output(parser)
-    parser.set_defaults(condition=None, free=None, hold=None, limit=None, start=None)
+    parser.set_defaults(condition=None, free=None, hold=None, limit=None, start=None, design=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
