@@ -59,7 +59,7 @@ def say_notes(warnings: Iterable[str]) -> None:
 
 
 #: Seconds: of work by which its length is judged, and from which it is announced.
-_TRIAL, _LONG = 3.0, 60.0
+_TRIAL, _LONG = 3.0, 300.0
 
 
 class Progress:
