@@ -102,12 +102,13 @@ def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float)
 
 def test_less_dihedral_stands_more_lag() -> None:
     one, other = (rounded_down(largest_lag(trimmed(14.0).model, gain(weights))) for weights in WEIGHTS)
-    assert f"At 14 degrees more is stood, {one:.3f} s and {other:.3f} s." in DOCUMENT.read_text(encoding="utf-8")
+    text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+    assert f"At 14 degrees more is tolerated, {one:.3f} s and {other:.3f} s." in text
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(weights: str) -> None:
-    limit = stated("lag of all actuators, flown 200 s")[WEIGHTS.index(weights)]
+    limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert flown(weights, limit, 200.0).departure is None
     assert flown(weights, limit + 0.002, 200.0).departure is not None
 
