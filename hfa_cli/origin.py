@@ -7,13 +7,11 @@ import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import replace
 from typing import TYPE_CHECKING
-
-from hfa_model.support.report import Report
 
 if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
+    from hfa_model.support.report import Report
 
 _RUN: ContextVar[tuple[str, argparse.Namespace] | None] = ContextVar("run", default=None)
 
@@ -55,6 +53,8 @@ def provenance() -> Provenance:
 
 def signed(report: Report) -> Report:
     """The report with the provenance of the run, as its last line and in its data."""
+    from dataclasses import replace
+
     origin = provenance()
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
