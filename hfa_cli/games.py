@@ -16,6 +16,7 @@ from hfa_cli import options
 from hfa_cli.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.text import numbered
 from trim.linear.linearize import linearize
 from trim.point.trim_report import warnings
 
@@ -77,10 +78,12 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-        game, notes = stored_game(arguments.model, **changes)
+        game, notes, names = stored_game(arguments.model, **changes)
         n, m = game.B.shape
-        states, inputs = (tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", n), ("u", m)))
-        return NamedGame(game, states, inputs, ("",) * n, ("",) * m, str(arguments.model), notes)
+        plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
+        return NamedGame(
+            game, **(plain | {"input_units": ("",) * m} | names), origin=str(arguments.model), warnings=notes
+        )
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point)

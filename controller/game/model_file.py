@@ -15,6 +15,8 @@ from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
+#: Keys of names and units, used where they are.
+_NAMES = ("states", "inputs", "state_units", "input_units")
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50
 
@@ -28,15 +30,19 @@ class StoredCritic(NamedTuple):
 
 
 class StoredGame(NamedTuple):
-    """The game of a file, and what to know of it: entries that were not used, defaults that were taken."""
+    """The game of a file, and what to know of it: entries that were not used, defaults that were taken.
+
+    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out.
+    """
 
     game: Game
     notes: tuple[str, ...]
+    names: dict[str, tuple[str, ...]]
 
 
 def load_game(path: str | Path, **changes: Any) -> Game:
     """The game of `stored_game`, whose notes become warnings."""
-    game, notes = stored_game(path, **changes)
+    game, notes, _ = stored_game(path, **changes)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return game
@@ -82,15 +88,26 @@ def stored_game(
         given.setdefault(key, np.diag(diagonal).astype(float))
     given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
     try:
-        return StoredGame(Game(**given), notes)
+        game = Game(**given)
+        return StoredGame(game, notes, _names(stored, *game.B.shape))
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
+
+
+def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:
+    sizes = {"states": states, "state_units": states, "inputs": inputs, "input_units": inputs}
+    found = {key: np.ravel(stored[key]).tolist() for key in sizes if key in stored}
+    return {
+        key: tuple(words)
+        for key, words in found.items()
+        if len(words) == sizes[key] and all(isinstance(word, str) for word in words)
+    }
 
 
 def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> tuple[str, ...]:
     """Which entries were not used, unless this project wrote them, and which defaults were taken."""
     notes = []
-    unused = sorted(set(stored) - set(MODEL_KEYS))
+    unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
     if unused and not "".join(np.ravel(stored.get("schema", ""))[:1].astype(str)).startswith("hfa."):
         named = shortened(", ".join(unused), 200)
         notes.append(f"{path}: {named} not used; a model file holds {', '.join(MODEL_KEYS)}")

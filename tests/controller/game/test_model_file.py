@@ -63,7 +63,7 @@ def test_what_is_missing_comes_from_the_paper(tmp_path: Path, model: dict[str, n
 def test_an_argument_counts_before_the_file(tmp_path: Path) -> None:
     path = _json(tmp_path / "plant.json", {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 5.0})
     assert stored_game(path).game.delta == 5.0
-    game, _ = stored_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
+    game, *_ = stored_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
     assert np.array_equal(game.Q, np.eye(2))
     assert game.R[0, 0] == 9.0
     assert game.delta == math.inf
@@ -81,7 +81,7 @@ def test_another_size_needs_its_own_weights(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
 def test_misnamed_entries_and_defaults_are_told(tmp_path: Path, suffix: str) -> None:
     path = stored(tmp_path / f"plant{suffix}", A=A2, B=B2, Q=Q2, R=R1, D=[[1.0], [0.0]], gamma=7.0)
-    game, notes = stored_game(path)
+    game, notes, _ = stored_game(path)
     assert game.delta == 200.0
     assert notes == (
         f"{path}: D, gamma not used; a model file holds A, B, E, Q, R, delta",
