@@ -145,7 +145,7 @@ class Store:
         """`done` of chunks first .. last - 1: 0, 1, or anything else where it is damaged."""
         try:
             return np.asarray(self._done[first:last])
-        except Exception:
+        except Exception:  # whatever Zarr and its codecs make of a damaged flag: it is told as unreadable, one by one
             if last - first == 1:
                 return np.array([_UNREADABLE], dtype=np.uint8)
         return np.concatenate([self._flags(number, number + 1) for number in range(first, last)])

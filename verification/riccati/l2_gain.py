@@ -79,7 +79,7 @@ def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
     found = spectrum(loop)
     if found.abscissa >= 0.0:
         return SweptGain(math.inf, float(abs(found.eigenvalues[-1].imag)))
-    C = np.vstack([_square_root(game.Q), _square_root(game.R) @ K])
+    C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
     grid = frequency_grid(found.eigenvalues)
     gains = _gains(loop, game.E, C, grid)
     peak = int(np.argmax(gains))
@@ -133,7 +133,7 @@ def _gains(loop: np.ndarray, E: np.ndarray, C: np.ndarray, frequencies: np.ndarr
     return np.linalg.norm(response, ord=2, axis=(1, 2))
 
 
-def _square_root(matrix: np.ndarray) -> np.ndarray:
+def square_root(matrix: np.ndarray) -> np.ndarray:
     """M^½ of a symmetric positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
     return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

@@ -14,7 +14,7 @@ from hfa_model.support.text import eigenvalue_text
 from verification.riccati.existence import RANK, has_value
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.gare_schur import schur_solution
-from verification.riccati.l2_gain import gain_is_below
+from verification.riccati.l2_gain import gain_is_below, square_root
 from verification.riccati.spectrum import spectrum
 from verification.riccati.units import normal_form
 
@@ -53,7 +53,7 @@ class OutputGame:
         return Game(
             A=self.game.A.T,
             B=self.C.T,
-            E=_square_root(self.game.Q),
+            E=square_root(self.game.Q),
             Q=self.game.S_disturbance,
             R=self.V,
             delta=self.game.delta,
@@ -136,14 +136,14 @@ def closed_loop(problem: OutputGame, controller: tuple[np.ndarray, np.ndarray, n
     """(A, B, C) from (d, v) to (Q^½ z, R^½ u) of plant and controller, states [z; x̂]."""
     Ak, Bk, Ck = controller
     game = problem.game
-    noise = Bk @ _square_root(problem.V)
+    noise = Bk @ square_root(problem.V)
     loop = np.block([[game.A, game.B @ Ck], [Bk @ problem.C, Ak + Bk @ problem.D @ Ck]])
     zeros = np.zeros
     into = np.block([[game.E, zeros((len(game.A), noise.shape[1]))], [zeros((len(Ak), game.E.shape[1])), noise]])
     paid = np.block(
         [
-            [_square_root(game.Q), zeros((len(game.A), len(Ak)))],
-            [zeros((len(game.R), len(game.A))), _square_root(game.R) @ Ck],
+            [square_root(game.Q), zeros((len(game.A), len(Ak)))],
+            [zeros((len(game.R), len(game.A))), square_root(game.R) @ Ck],
         ]
     )
     return loop, into, paid
@@ -252,11 +252,5 @@ def _obstacle(problem: OutputGame) -> str:
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> float:
     """ρ(XY), real and not negative for X, Y >= 0."""
-    half = _square_root(Y)
+    half = square_root(Y)
     return float(np.linalg.eigvalsh(half @ X @ half)[-1])
-
-
-def _square_root(matrix: np.ndarray) -> np.ndarray:
-    """M^½ of a symmetric positive semidefinite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

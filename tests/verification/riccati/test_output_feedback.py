@@ -124,7 +124,7 @@ def hinfsyn(problem: OutputGame) -> tuple[float, float]:
     pytest.importorskip("slycot")
     game = problem.game
     (n, m), p, k = game.B.shape, len(problem.C), game.E.shape[1]
-    paid = np.vstack([output_feedback._square_root(game.Q), np.zeros((m, n)), problem.C])
+    paid = np.vstack([output_feedback.square_root(game.Q), np.zeros((m, n)), problem.C])
     through = np.zeros((n + m + p, k + p + m))
     through[n : n + m, k + p :], through[n + m :, k : k + p] = np.sqrt(game.R), np.sqrt(problem.V)
     into = np.hstack([game.E, np.zeros((n, p)), game.B])
