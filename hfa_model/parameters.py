@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +16,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
 from hfa_model.support.report import Report, Reported
+from hfa_model.support.toml_file import finite_number
 from hfa_model.vectors import Quantity
 
 
@@ -186,20 +186,10 @@ def _value(path: Path, name: str, table: Any) -> float:
         raise BadInputError(f"{path}: [{name}] has source {shown(table['source'])}; choose one of {', '.join(SOURCES)}")
     if not isinstance(table.get("note", ""), str):
         raise BadInputError(f"{path}: [{name}] has note {shown(table['note'])}; put it in quotes")
-    value = _number(path, name, table["value"])
+    value = finite_number(str(path), f"[{name}]", table["value"])
     if spec.positive and value <= 0.0:
         raise BadInputError(f"{path}: [{name}] is {value}; the {spec.meaning} must be positive")
     return value
-
-
-def _number(path: Path, name: str, value: Any) -> float:
-    try:
-        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float)) else float(value)
-    except OverflowError:  # TOML's integers have no limit, Python's floats do
-        number = math.inf
-    if not math.isfinite(number):
-        raise BadInputError(f"{path}: [{name}] is {shown(value)}; give a finite number")
-    return number
 
 
 def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.resources import files
 from typing import Any
 
 from controller.design.design import Actuator, Design
 from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.input_files import read_toml
+from hfa_model.support.toml_file import names_of, read_named, table_of
 from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.
@@ -27,11 +26,8 @@ def load_design(name: str) -> Design:
     weight. [sensors]: output or state = intensity of its noise.
     BadInputError names the file, the entry and what is wrong with it.
     """
-    data = _read(name)
-    unknown = sorted(set(data) - set(_KEYS))
-    if unknown:
-        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a design has {', '.join(_KEYS)}")
-    weights = _table(name, data, "weights")
+    data = read_named("design", name, NAMED, "controller.designs", _KEYS)
+    weights = table_of(name, data, "weights")
     odd = sorted(set(weights) - {"states", "inputs"})
     if odd:
         raise BadInputError(
@@ -42,38 +38,15 @@ def load_design(name: str) -> Design:
         raise BadInputError(f"{name}: delta is {shown(delta)}; give a positive number, or inf for no disturbance")
     return Design(
         name=name,
-        inputs=_names(name, data, "inputs", INPUTS),
-        integrals=_names(name, data, "integrals", ()),
+        inputs=names_of(name, data, "inputs", INPUTS),
+        integrals=names_of(name, data, "integrals"),
         disturbance=str(data.get("disturbance", "states")),
         delta=float(delta),
-        actuators={key: _actuator(name, key, table) for key, table in _table(name, data, "actuators").items()},
+        actuators={key: _actuator(name, key, table) for key, table in table_of(name, data, "actuators").items()},
         state_weights=_numbers(name, weights, "states", "weight"),
         input_weights=_numbers(name, weights, "inputs", "weight"),
         sensors=_numbers(name, data, "sensors", "noise"),
     )
-
-
-def _read(name: str) -> dict[str, Any]:
-    try:
-        return read_toml(str(files("controller.designs").joinpath(NAMED[name])) if name in NAMED else name)
-    except OSError as error:
-        raise BadInputError(
-            f"{name}: no design of that name and no readable file; the names are {', '.join(NAMED)}"
-        ) from error
-
-
-def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
-    table = data.get(key, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
-    return table
-
-
-def _names(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...]) -> tuple[str, ...]:
-    value = data.get(key, list(default))
-    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-        raise BadInputError(f"{where}: {key} is {shown(value)}; give a list of names in quotes")
-    return tuple(value)
 
 
 def _actuator(where: str, key: str, table: Any) -> Actuator:
@@ -90,7 +63,7 @@ def _actuator(where: str, key: str, table: Any) -> Actuator:
 
 def _numbers(where: str, data: Mapping[str, Any], key: str, what: str) -> dict[str, float]:
     found = {}
-    for name, value in _table(where, data, key).items():
+    for name, value in table_of(where, data, key).items():
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and 0.0 <= value < 1e100):
             raise BadInputError(

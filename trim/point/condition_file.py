@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.input_files import read_toml
+from hfa_model.support.toml_file import finite_number, names_of, read_named, table_of
 from hfa_model.vectors import UNITS
 from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
 
@@ -77,28 +76,13 @@ def load_condition(name: str) -> NamedCondition:
     with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
     likewise. BadInputError names the file, the entry and what is wrong with it.
     """
-    try:
-        data = read_toml(str(files("trim.conditions").joinpath(NAMED[name])) if name in NAMED else name)
-    except OSError as error:
-        raise BadInputError(
-            f"{name}: no condition of that name and no readable file; the names are {', '.join(NAMED)}"
-        ) from error
-    unknown = sorted(set(data) - set(_KEYS))
-    if unknown:
-        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a condition has {', '.join(_KEYS)}")
+    data = read_named("condition", name, NAMED, "trim.conditions", _KEYS)
     return NamedCondition(
         name=name,
-        imposed=dict(_imposed(name, key, value) for key, value in _table(name, data, "impose").items()),
-        free=_free(name, data.get("free", [])),
-        limits=dict(_limits(name, key, value) for key, value in _table(name, data, "limits").items()),
+        imposed=dict(_imposed(name, key, value) for key, value in table_of(name, data, "impose").items()),
+        free=tuple(_variable(name, key)[0] for key in names_of(name, data, "free")),
+        limits=dict(_limits(name, key, value) for key, value in table_of(name, data, "limits").items()),
     )
-
-
-def _table(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
-    table = data.get(key, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
-    return table
 
 
 def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, float]:
@@ -118,36 +102,19 @@ def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, fl
 def _imposed(where: str, key: str, value: Any) -> tuple[str, tuple[tuple[float, ...], tuple[float, ...]]]:
     name, factor = _variable(where, key)
     if not isinstance(value, list):
-        return name, ((), (_number(where, key, value) * factor,))
+        return name, ((), (finite_number(where, key, value) * factor,))
     rows = [row if isinstance(row, list) and len(row) == 2 else None for row in value]
     if len(rows) < 2 or None in rows:
         raise BadInputError(f"{where}: {key} is {shown(value)}; give a number or at least two [dihedral, value] rows")
-    angles = tuple(_number(where, key, row[0]) * math.pi / 180.0 for row in rows if row)
+    angles = tuple(finite_number(where, key, row[0]) * math.pi / 180.0 for row in rows if row)
     if any(later <= earlier for earlier, later in pairwise(angles)):
         raise BadInputError(f"{where}: the dihedral angles of {key} do not increase; sort its rows")
-    return name, (angles, tuple(_number(where, key, row[1]) * factor for row in rows if row))
+    return name, (angles, tuple(finite_number(where, key, row[1]) * factor for row in rows if row))
 
 
 def _limits(where: str, key: str, value: Any) -> tuple[str, tuple[float, float]]:
     name, factor = _variable(where, key, ("pitch",))
     if not isinstance(value, list) or len(value) != 2:
         raise BadInputError(f"{where}: the limits of {key} are {shown(value)}; give [lowest, highest]")
-    lowest, highest = (_number(where, key, each) * factor for each in value)
+    lowest, highest = (finite_number(where, key, each) * factor for each in value)
     return name, (lowest, highest)
-
-
-def _free(where: str, value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise BadInputError(f"{where}: free is {shown(value)}; give a list of names in quotes")
-    return tuple(_variable(where, name)[0] for name in value)
-
-
-def _number(where: str, key: str, value: Any) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    try:
-        number = float(value) if is_number else math.nan
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise BadInputError(f"{where}: {key} is {shown(value)}; give a finite number")
-    return number
