@@ -1,0 +1,121 @@
+"""A controller scheduled on the measured dihedral: the value that a design makes, a file keeps, a flight flies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from controller.design.design import SHORT_PERIOD
+from hfa_model.aircraft import Aircraft
+from hfa_model.outputs import OUTPUTS
+from hfa_model.provenance import parameter_hash
+from hfa_model.support.by_value import ByValue
+from hfa_model.support.echo import shown
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, STATES
+
+#: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.
+COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
+#: rad; angles of a file closer than this to the ends of its range are inside.
+_AT_THE_END = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduledController(ByValue):
+    """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,   x(0) = 0.
+
+    η is the measured dihedral, rad; every matrix is linear in it between `dihedrals` and constant beyond the ends.
+    y = [measured; told]: `measurements` are states or outputs of the aircraft and, as INPUT_position and INPUT_rate,
+    of its actuators, as deviations from their values at the trim X0, U0 in which the flight begins; `commands` are
+    OUTPUT_command r (deviation from the same trim), OUTPUT_command_rate r', and OUTPUT_command_end, the value that
+    the command filter is on its way to. The controller itself integrates measured minus commanded value. u: `inputs`,
+    the others stay at U0. u_applied: u after the limits, equal to u where there are none.
+
+    dihedrals: (N,), rad, increasing. A: (N, n, n). B: (N, n, p). C: (N, m, n). D: (N, m, p). W: (N, n, m).
+    states: names of x. trim_states (N, 7), trim_inputs (N, 5): level trims at the angles. feedback: "state" or
+    "output". dynamics, parameters: the variant and the `parameter_hash` of the aircraft. command_filter: bandwidth
+    (rad/s) and damping of the filter that the controller knows, or (). about: the table of its design, provenance.
+    BadInputError when a shape, an order or a name is wrong.
+    """
+
+    name: str
+    feedback: str
+    dihedrals: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    states: tuple[str, ...]
+    measurements: tuple[str, ...]
+    commands: tuple[str, ...]
+    inputs: tuple[str, ...]
+    trim_states: np.ndarray
+    trim_inputs: np.ndarray
+    dynamics: str
+    parameters: str
+    command_filter: tuple[float, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check once what every flight relies on."""
+        count, n = len(self.dihedrals), len(self.states)
+        p, m = len(self.measurements) + len(self.commands), len(self.inputs)
+        shapes = {"dihedrals": (count,), "A": (count, n, n), "B": (count, n, p), "C": (count, m, n)}
+        shapes |= {"D": (count, m, p), "W": (count, n, m)}
+        shapes |= {"trim_states": (count, len(STATES)), "trim_inputs": (count, len(INPUTS))}
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if np.shape(values) != shape:
+                raise BadInputError(f"controller {self.name}: {name} is {np.shape(values)}; it must be {shape}")
+            if not np.all(np.isfinite(values)):
+                raise BadInputError(f"controller {self.name}: {name} has a number that is not finite")
+        if count < 1 or np.any(np.diff(self.dihedrals) <= 0.0):
+            raise BadInputError(f"controller {self.name}: dihedrals must increase, from at least one on")
+        outputs = (*STATES, *OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
+        moving = tuple(f"{name}_{what}" for name in INPUTS for what in ("position", "rate"))
+        told = tuple(f"{name}{signal}" for name in outputs for signal in COMMAND_SIGNALS)
+        for what, names, known in (
+            ("measurement", self.measurements, (*outputs, *moving)),
+            ("command", self.commands, told),
+            ("input", self.inputs, INPUTS),
+        ):
+            for name in names:
+                if name not in known:
+                    raise BadInputError(f"controller {self.name}: unknown {what} {shown(name)}")
+
+    def weights(self, dihedral: float) -> np.ndarray:
+        """Share of each angle of the table in the matrices at η, (N,): two neighbours, or one end."""
+        weights: np.ndarray = np.array(
+            [np.interp(dihedral, self.dihedrals, column) for column in np.eye(len(self.dihedrals))]
+        )
+        return weights
+
+    def at(self, dihedral: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, C, D at η, rad."""
+        share = self.weights(dihedral)
+        A, B, C, D = (np.tensordot(share, stack, 1) for stack in (self.A, self.B, self.C, self.D))
+        return A, B, C, D
+
+    def refuse_other(self, aircraft: Aircraft, lowest: float, highest: float) -> None:
+        """BadInputError when it was made for another aircraft, or lowest to highest (rad) leaves its angles."""
+        if aircraft.variant.name != self.dynamics:
+            raise BadInputError(
+                f"controller {self.name} was designed for {self.dynamics} dynamics, the aircraft has "
+                f"{aircraft.variant.name}; design it for them, or choose --dynamics {self.dynamics}"
+            )
+        if parameter_hash(aircraft.parameters) != self.parameters:
+            raise BadInputError(
+                f"controller {self.name} was designed for an aircraft with other parameters ({self.parameters}); "
+                "design it for this one"
+            )
+        first, last = float(self.dihedrals[0]), float(self.dihedrals[-1])
+        if lowest < first - _AT_THE_END or highest > last + _AT_THE_END:
+            raise BadInputError(
+                f"controller {self.name} covers dihedral {math.degrees(first):g} to {math.degrees(last):g} deg; "
+                f"{math.degrees(lowest):g} to {math.degrees(highest):g} deg is asked for: design it for these angles"
+            )

@@ -1,0 +1,36 @@
+"""Scheduled controllers for tests: small, and made of plain numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller import ScheduledController
+from hfa_model import Aircraft
+from hfa_model.provenance import parameter_hash
+
+
+def small_controller(aircraft: Aircraft, **changed: object) -> ScheduledController:
+    """Three angles, one integral, one input; every matrix 10 times its number at the first angle plus the angle's."""
+    angles = np.radians([5.0, 10.0, 20.0])
+    shapes = {"A": (1, 1), "B": (1, 4), "C": (1, 1), "D": (1, 4), "W": (1, 1)}
+    stacks = {
+        name: np.arange(3.0)[:, None, None] + 10.0 * number * np.ones(shape)
+        for number, (name, shape) in enumerate(shapes.items())
+    }
+    settings = {
+        "name": "small",
+        "feedback": "output",
+        "dihedrals": angles,
+        **stacks,
+        "states": ("dihedral_integral",),
+        "measurements": ("pitch_rate", "dihedral"),
+        "commands": ("dihedral_command", "dihedral_command_rate"),
+        "inputs": ("aileron_outer",),
+        "trim_states": np.ones((3, 7)),
+        "trim_inputs": np.ones((3, 5)),
+        "dynamics": aircraft.variant.name,
+        "parameters": parameter_hash(aircraft.parameters),
+        "command_filter": (0.5, 2.0),
+        "about": {"description": "a test"},
+    }
+    return ScheduledController(**(settings | changed))  # type: ignore[arg-type]
