@@ -37,6 +37,7 @@ COMMANDS = {
     "verify": "compare a learned critic with the exact game solution",
     "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
     "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
+    "export": "the aircraft for other tools: C source, FMU, MATLAB",
     "study": "the paper's update law as printed, every setting, with causes; takes minutes",
     "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
     "schedule": "simulate a slow change of dihedral under a schedule of certified gains",

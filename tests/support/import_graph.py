@@ -28,6 +28,7 @@ ROOMS = (
     "controller.flight",
     "controller.study",
     "controller.monte_carlo",
+    "controller.export",
     "verification.physics",
     "verification.riccati",
     "verification.meaning",

@@ -28,7 +28,7 @@ CONDITION = ("dihedral", "speed", "altitude", "alpha", "gamma")
 COMPILE_FROM = 50_000
 _UNKNOWNS = ("throttle", "aileron_outer", "elevator_center", "elevator_outer")
 _EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
-_START = (40.0, 0.0, 0.0, 0.0)
+START = (40.0, 0.0, 0.0, 0.0)
 _NEWTON_STEPS = 3
 _MORE_NEWTON_STEPS = 20
 _N, _M = len(STATES), len(INPUTS)
@@ -139,30 +139,43 @@ def _within_limits(values: np.ndarray) -> np.ndarray:
 
 @cached_per_thread(maxsize=None)
 def _function(variant: Variant, steps: int, chunk: int, use_machine_code: bool) -> BoundFunction:
-    function = _point_function(variant, steps)
+    function = _level_flight(variant, steps)
     if chunk > 1:
         function = function.map(chunk)
     return BoundFunction(machine_code(function) if use_machine_code else function)
 
 
-def _point_function(variant: Variant, steps: int) -> ca.Function:
+def _level_flight(variant: Variant, steps: int) -> ca.Function:
     """(condition (5,), p) -> x, u, A, B (row by row), dX/dt as one column."""
+    newton, at = newton_functions(variant)
+    condition, p = ca.SX.sym("condition", len(CONDITION)), symbols()[2]
+    solution = ca.SX(ca.DM(START))
+    for _ in range(steps):
+        solution = newton(condition, solution, p)
+    return ca.Function("level_flight", [condition, p], [ca.cse(ca.vertcat(*at(condition, solution, p)))])
+
+
+def newton_functions(variant: Variant) -> tuple[ca.Function, ca.Function]:
+    """(condition (5,), v (4,), p) -> v after a Newton step, and -> x, u, A, B (row by row), dX/dt there.
+
+    v: throttle, aileron_outer, elevator_center, elevator_outer; begin at `START`.
+    """
     x, u, p = symbols()
     condition, unknowns = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("v", len(_UNKNOWNS))
     at = dict(zip(CONDITION, ca.vertsplit(condition), strict=True))
     pitch = at["alpha"] + at["gamma"]
     state = ca.vertcat(*State(at["speed"], at["alpha"], at["altitude"], pitch, 0, at["dihedral"], 0))
     balance = state_rates(state, _input(unknowns), p, variant)[[STATES.index(name) for name in _EQUATIONS]]
-    jacobian = ca.jacobian(balance, unknowns)
-    solution = ca.SX(ca.DM(_START))
-    for _ in range(steps):
-        value, slope = ca.substitute([balance, jacobian], [unknowns], [solution])
-        solution = solution - _eliminate(slope, value)
+    after = unknowns - _eliminate(ca.jacobian(balance, unknowns), balance)
     f = state_rates(x, u, p, variant)
     flat = [f, ca.vec(ca.densify(ca.jacobian(f, x)).T), ca.vec(ca.densify(ca.jacobian(f, u)).T)]
-    point = [state, _input(solution)]
+    point = [state, _input(unknowns)]
     rate, A, B = ca.substitute(flat, [x, u], point)
-    return ca.Function("level_flight", [condition, p], [ca.cse(ca.vertcat(*point, A, B, rate))])
+    arguments = [condition, unknowns, p]
+    return (
+        ca.Function("newton", arguments, [ca.cse(after)]),
+        ca.Function("at", arguments, ca.cse([*map(ca.densify, point), A, B, rate])),
+    )
 
 
 def _eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:

@@ -1,0 +1,1 @@
+"""The aircraft and its controller for other tools: C, FMI, MATLAB."""

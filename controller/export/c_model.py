@@ -1,0 +1,132 @@
+"""The aircraft as a pair of C files: equations, level flights, linear models, one trim and the policy about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.native.c_code import c_function
+from hfa_model.parameters import FIELDS, Parameters
+from hfa_model.support.files import write_text
+from hfa_model.symbolic import state_rates, symbols
+from hfa_model.variants import Variant
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
+from trim.linear.linearize import LinearModel
+from trim.point.condition import BALANCED, LIMITS
+from trim.point.operating_point import BALANCE
+from trim.sweeps.level_flights import START, newton_functions
+
+HEADER, SOURCE, EXAMPLE = "hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"
+
+
+@dataclass(frozen=True, eq=False)
+class CModel:
+    """What is written: an aircraft, its linear model at a trim, and a gain K (5, 6), u = -K x; zero for none.
+
+    origin: where it comes from, lines of text.
+    """
+
+    aircraft: Aircraft
+    model: LinearModel
+    gain: np.ndarray
+    origin: str
+
+    def header(self) -> str:
+        """The text of `HEADER`: what is there, with names and units."""
+        template = files(__package__).joinpath("hfa_aircraft.h.in").read_text("utf-8")
+        return template.format(
+            origin=comment_lines(self.origin),
+            states=_positions(STATES, STATE_UNITS),
+            inputs=_positions(INPUTS, INPUT_UNITS),
+            linear_states=", ".join(LINEAR_STATES),
+            balance=BALANCE,
+        )
+
+    def source(self) -> str:
+        """The text of `SOURCE`."""
+        variant = self.aircraft.variant
+        parameters = zip(self.aircraft.parameters, Parameters._fields, FIELDS, strict=True)
+        limits = [[LIMITS[name][side] for name in (*STATES, *INPUTS)] for side in (0, 1)]
+        scales = [getattr(RATE_SCALES, name) if name in BALANCED else np.inf for name in STATES]
+        tables = [
+            _table("const double hfa_x0", self.model.point.states),
+            _table("const double hfa_u0", self.model.point.inputs),
+            _table("const double hfa_A", self.model.A),
+            _table("const double hfa_B", self.model.B),
+            _table("const double hfa_K", self.gain),
+            _table("const int hfa_linear_state", [STATES.index(name) for name in LINEAR_STATES]),
+            _table("static const double start", START),
+            _table("static const double scale", scales),
+            _table("static const double lowest", limits[0]),
+            _table("static const double highest", limits[1]),
+        ]
+        for name, words in (
+            ("state_name", STATES),
+            ("state_unit", STATE_UNITS),
+            ("input_name", INPUTS),
+            ("input_unit", INPUT_UNITS),
+        ):
+            tables.append(_table(f"const char *const hfa_{name}", [f'"{word}"' for word in words]))
+        values = "\n".join(f"    {value!r}, /* {name}, {field.unit} */" for value, name, field in parameters)
+        template = files(__package__).joinpath("hfa_aircraft.c.in").read_text("utf-8")
+        return template.format(
+            origin=comment_lines(self.origin),
+            parameters=f"static const double parameters[{len(FIELDS)}] = {{\n{values}\n}};",
+            tables="\n".join(tables),
+            functions="\n".join(_functions(variant)),
+            balance=BALANCE,
+        )
+
+
+def write_c_model(what: CModel, folder: Path) -> tuple[Path, ...]:
+    """Write header, source and a loop of 100 Hz that uses them into a folder, made if need be."""
+    folder.mkdir(exist_ok=True)
+    example = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
+    texts = {HEADER: what.header(), SOURCE: what.source(), EXAMPLE: example}
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    return tuple(folder / name for name in texts)
+
+
+def comment_lines(text: str) -> str:
+    """Text for the inside of a comment of C."""
+    return "\n   ".join(text.replace("*/", "* /").splitlines())
+
+
+def _functions(variant: Variant) -> list[str]:
+    (x, u, p), w = symbols(), ca.SX.sym("w")
+    f = state_rates(x, u, p, variant, w)
+    still = state_rates(x, u, p, variant)
+    by_rows = [ca.vec(ca.densify(ca.jacobian(still, by)).T) for by in (x, u)]
+    newton, at = newton_functions(variant)
+    return [
+        c_function(ca.Function("rates", [x, u, w, p], [ca.densify(f)]), "rates", ("x", "u", "updraft", "p"), ("dx",)),
+        c_function(ca.Function("jacobians", [x, u, p], by_rows), "jacobians", ("x", "u", "p"), ("A", "B")),
+        c_function(newton, "newton", ("condition", "v", "p"), ("after",)),
+        c_function(at, "level_flight", ("condition", "v", "p"), ("x", "u", "A", "B", "dx")),
+    ]
+
+
+def _positions(names: Sequence[str], units: Iterable[str]) -> str:
+    """Lines of an enumeration, the unit of each beside it."""
+    return "\n".join(f"    HFA_{name.upper()}, /* {unit} */" for name, unit in zip(names, units, strict=True))
+
+
+def _table(declared: str, values: Any) -> str:
+    """A constant array of C, a matrix row by row."""
+    array = np.array(values)
+    sizes = "".join(f"[{size}]" for size in array.shape)
+    return f"{declared}{sizes} = {_braced(array.tolist())};"
+
+
+def _braced(values: Any) -> str:
+    if not isinstance(values, list):
+        return "HUGE_VAL" if values == np.inf else "-HUGE_VAL" if values == -np.inf else str(values)
+    return f"{{{', '.join(map(_braced, values))}}}"

@@ -1,0 +1,76 @@
+"""The aircraft for other tools: C source that needs no library, a functional mock-up unit (FMU), a MATLAB function.
+
+--c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
+gain of a policy, with an example of a 100 Hz loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hfa_cli import games, options
+from hfa_cli.argument_types import parsed, whole
+from hfa_cli.flights import LAWS, check_learning, gain_plan_of
+from hfa_cli.learning import add_settings
+from hfa_cli.origin import provenance
+from hfa_cli.output import check_folder, say_notes, show
+from hfa_cli.parser import add_value
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.report import Report
+from hfa_model.support.text import Table
+from trim.linear.linearize import linearize
+from trim.point.trim_report import warnings
+
+if TYPE_CHECKING:
+    from controller.export.c_model import CModel
+
+SCHEMA = "hfa.export/1"
+_TARGETS = ("c",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa export`."""
+    options.add_condition(parser, dihedral_required=False)
+    parser.set_defaults(dihedral=math.radians(15.0))
+    options.add_aircraft(parser)
+    add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
+    about = f"the gain: {', '.join(LAWS)}; default exact"
+    add_value(parser, "--law", str, "NAME", about)
+    add_settings(parser)
+    add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
+    games.add_weights(parser)
+    options.add_form(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Trim, linearize, find the gain, write, say what was written."""
+    if not any(options.given(arguments, name) for name in _TARGETS):
+        raise BadInputError("nothing to write; give --c FOLDER")
+    from controller.export.c_model import write_c_model
+
+    what = _model(arguments)
+    written = list(write_c_model(what, arguments.c))
+    show(_report(written), arguments, target=None)
+    say_notes(warnings(what.model.point))
+    return 0
+
+
+def _model(arguments: argparse.Namespace) -> CModel:
+    from controller.export.c_model import CModel
+
+    arguments.law = arguments.law or "exact"
+    check_learning(arguments)
+    aircraft = options.aircraft_of(arguments)
+    model = linearize(aircraft, options.operating_point_of(arguments, aircraft))
+    gain = gain_plan_of(arguments, model).gains[0]
+    return CModel(aircraft, model, gain, f"{provenance().text()}\n{provenance().command}")
+
+
+def _report(written: list[Path]) -> Report:
+    rows = [(str(path), path.stat().st_size) for path in written]
+    table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
+    files = [{"file": name, "bytes": size} for name, size in rows]
+    return Report(f"Exported: {len(rows)} files", [table], data={"schema": SCHEMA, "files": files})

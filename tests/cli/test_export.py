@@ -1,0 +1,56 @@
+"""`hfa export`: what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+
+def constants(source: Path, name: str) -> np.ndarray:
+    """The numbers of a table in a C file."""
+    line = next(line for line in source.read_text("utf-8").splitlines() if line.startswith(f"const double {name}["))
+    return np.array(json.loads(line.partition(" = ")[2].rstrip(";").replace("{", "[").replace("}", "]")))
+
+
+def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
+    result = hfa("export", "--c", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json")
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert [Path(each["file"]).name for each in data["files"]] == ["hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"]
+    source = tmp_path / "c" / "hfa_aircraft.c"
+    model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
+    solved = json.loads(hfa("solve", "--dihedral", "10", "--delta", "300", "--json").out)
+    for name, known in (("hfa_A", model["A"]), ("hfa_B", model["B"]), ("hfa_K", solved["K"])):
+        np.testing.assert_array_equal(constants(source, name), known)
+    np.testing.assert_array_equal(constants(source, "hfa_x0"), list(model["operating_point"]["states"].values()))
+    text = source.read_text("utf-8")
+    assert "parameters identified (" in text
+    assert f"hfa export --c {tmp_path / 'c'} --dihedral 10" in text
+    assert text.count("2026-09-21") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), ("nothing to write", "--c FOLDER")),
+        (("--c", "missing/folder"), ("missing/folder: cannot make the folder",)),
+        (("--c", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
+        (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
+        (("--c", "out", "--dihedral", "steep"), ("--dihedral", "steep")),
+    ],
+)
+def test_refusals(
+    words: tuple[str, ...], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(hfa("export", *words), 2, *said)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_trim_writes_nothing(tmp_path: Path) -> None:
+    assert_refused(hfa("export", "--c", str(tmp_path / "c"), "--speed", "20"), 1, "no trim")
+    assert list(tmp_path.iterdir()) == []
