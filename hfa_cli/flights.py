@@ -81,7 +81,13 @@ def add_signal(parser: argparse._ActionsContainer, option: str, about: str) -> N
 
 def add_envelope(parser: argparse._ActionsContainer) -> None:
     """--envelope: between which values each state must stay."""
-    add_named(parser, "--envelope", span, "NAME=LOW:HIGH", "other limits of a state, absolute; repeatable")
+    add_named(
+        parser,
+        "--envelope",
+        span,
+        "NAME=LOW:HIGH",
+        "other limits of a state, absolute (alpha: through the air); repeatable",
+    )
 
 
 def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:

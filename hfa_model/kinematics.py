@@ -44,6 +44,13 @@ def airspeed(x: State, updraft: Quantity = 0.0) -> Quantity:
     return ca.sqrt(x.speed**2 + updraft**2 - 2 * x.speed * updraft * ca.sin(x.pitch - x.alpha))
 
 
+def angle_of_attack(x: State, updraft: Quantity = 0.0) -> Quantity:
+    """α_a = atan2(V sin α + w cos θ, V cos α - w sin θ): of the center of mass through the air, rad; α in still air."""
+    if isinstance(updraft, float) and updraft == 0.0:
+        return x.alpha
+    return ca.atan2(x.speed * ca.sin(x.alpha) + updraft * ca.cos(x.pitch), _forward(x, updraft))
+
+
 def center_flow(x: State, p: Parameters, updraft: Quantity = 0.0) -> Flow:
     """u = V cos α + q z_c - w sin θ,  w_c = V sin α + (s/3) cos η η' + w cos θ  (Gibson et al. 2011, Eqs. 75-76)."""
     forward = _forward(x, updraft) + x.pitch_rate * center_height(x.dihedral, p)

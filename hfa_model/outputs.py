@@ -14,7 +14,7 @@ import casadi as ca
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
-from hfa_model.kinematics import center_flow, center_height, outer_flow, outer_height
+from hfa_model.kinematics import angle_of_attack, center_flow, center_height, outer_flow, outer_height
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import STATE_UNITS, STATES, Input, Quantity, State
@@ -103,6 +103,9 @@ OUTPUTS: dict[str, Output] = {
     "load_factor": Output("1", "force across the path over weight, at the center of mass", _load_factor),
     "load_factor_center": Output("1", "accelerometer of the center panel, across it", _center_load_factor),
     "load_factor_outer": Output("1", "accelerometer of an outer panel, across it", _outer_load_factor),
+    "angle_of_attack": Output(
+        "rad", "of the center of mass through the air", lambda m: angle_of_attack(m.x, m.updraft)
+    ),
     "alpha_air_center": Output(
         "rad", "angle of attack of the center panel through the air", lambda m: center_flow(m.x, m.p, m.updraft).alpha
     ),

@@ -58,8 +58,8 @@ INPUT_SCALES = Input(40.0, 0.1, 0.1, 0.1, 0.1)
 #: One scaled unit of each residual: g for the speed, and rates that the eye would notice for the rest.
 RATE_SCALES = State(32.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0)
 
-#: Unit of every state and input, and of the flight-path angle.
-UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad"}
+#: Unit of every state and input, of the flight-path angle, and of alpha through the air.
+UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad", "angle_of_attack": "rad"}
 
 
 def entry_unit(row: str, column: str) -> str:

@@ -80,11 +80,17 @@ class ClosedLoop:
         u = self.policy.control(t, measured, memory, p[a:b])
         d = self.disturbance.at(t)
         own_rate = self.policy.memory_rate(t, measured, memory, p[a:b])
+        updraft = self.updraft(t, y, p)
+        rates = [self.plant.rate(x, u, d, updraft, p[:a]), own_rate]
+        if self.gust is not None:
+            rates.append(self.gust.memory_rate(t, y[k:], p[c:]))
+        return Expressions(ca.vertcat(*rates), error, u, d, ca.SX(updraft))
+
+    def updraft(self, t: Any, y: Any, p: Any) -> Any:
+        """w, ft/s; the number 0.0 in still air."""
         if self.gust is None:
-            return Expressions(ca.vertcat(self.plant.rate(x, u, d, 0.0, p[:a]), own_rate), error, u, d, ca.SX(0))
-        updraft = self.gust.updraft(t, y[k:], p[c:])
-        rates = self.plant.rate(x, u, d, updraft, p[:a]), own_rate, self.gust.memory_rate(t, y[k:], p[c:])
-        return Expressions(ca.vertcat(*rates), error, u, d, updraft)
+            return 0.0
+        return self.gust.updraft(t, y[self._y_ends[1] :], p[self._p_ends[2] :])
 
     def start(self, initial: np.ndarray, memory: np.ndarray | None = None) -> np.ndarray:
         """y(0) for x(0) = `initial`; memory: of the policy at the start, 0 unless given."""
@@ -157,6 +163,7 @@ class CompiledLoop:
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
         seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
         self._seen = ca.Function("loop_seen", [*arguments], seen)
+        self._updraft = ca.Function("loop_updraft", [*arguments], [now.updraft])
 
     def fly(
         self,
@@ -182,6 +189,12 @@ class CompiledLoop:
         errors, inputs, disturbances, updrafts = self._watched(path.times, path.states, table)
         states, own = self.loop.parts(path.states)
         return Flight(path.times, states, errors, inputs, disturbances, own, updrafts.ravel())
+
+    def updrafts(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+        """w at times (N,) and rows y (N, n) under the constants p of one tick, (N,), ft/s; None in still air."""
+        if self.loop.gust is None:
+            return None
+        return np.array(self._updraft.map(len(times))(times[None], y.T, np.tile(p[:, None], len(times)))).ravel()
 
     def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:
         """Errors, inputs, disturbances and updrafts, a row a step, in blocks: one map of all steps takes a gigabyte."""

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
+from hfa_model.kinematics import angle_of_attack
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.text import degrees
-from hfa_model.vectors import STATE_UNITS, STATES, State
+from hfa_model.vectors import STATES, UNITS, State
 from trim.point.condition import STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
 
@@ -22,8 +24,12 @@ ALTITUDE_BAND = 1000.0
 SLOWEST, FASTEST = 0.5, 2.0
 
 
+#: What the limits of alpha count on where the air moves: alpha through the air, not over ground.
+ANGLE_OF_ATTACK = "angle_of_attack"
+
+
 class Departure(NamedTuple):
-    """Which state left the envelope first: its name, the time in s, its value and the limit that it passed."""
+    """What left the envelope first: its name (`limited_names`), the time in s, its value and the limit it passed."""
 
     state: str
     time: float
@@ -31,47 +37,71 @@ class Departure(NamedTuple):
     limit: float
 
 
+def limited_names(moving_air: bool) -> tuple[str, ...]:
+    """What each of the seven limits counts on: the states, alpha replaced by `ANGLE_OF_ATTACK` where the air moves."""
+    return tuple(ANGLE_OF_ATTACK if moving_air and name == "alpha" else name for name in STATES)
+
+
+def angles_of_attack(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
+    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air."""
+    columns = State(*states.T)
+    if updrafts is None:
+        return columns.alpha
+    return np.array(angle_of_attack(State(*map(ca.DM, columns)), ca.DM(updrafts))).ravel()
+
+
 @dataclass(frozen=True)
 class Envelope:
-    """lowest, highest: absolute limits of every state, in the units of `STATES`."""
+    """lowest, highest: absolute limits of every state, in the units of `STATES`; of alpha: through the air.
+
+    updrafts: in which the states are, (N,), ft/s; None: still air, where alpha over ground is alpha through the air.
+    """
 
     lowest: State
     highest: State
 
-    def to_dict(self) -> dict[str, list[float]]:
-        """State -> [lowest, highest]."""
-        return {
-            name: [float(low), float(high)] for name, low, high in zip(STATES, self.lowest, self.highest, strict=True)
-        }
+    def to_dict(self, moving_air: bool = False) -> dict[str, list[float]]:
+        """Name of `limited_names` -> [lowest, highest]."""
+        pairs = zip(limited_names(moving_air), self.lowest, self.highest, strict=True)
+        return {name: [float(low), float(high)] for name, low, high in pairs}
 
-    def inside(self, states: np.ndarray) -> np.ndarray:
+    def inside(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> np.ndarray:
         """Which rows of (N, 7) absolute states are within all limits; a number that is not finite is not."""
-        return np.asarray(((states >= np.array(self.lowest)) & (states <= np.array(self.highest))).all(axis=-1))
+        limited = _limited(states, updrafts)
+        return np.asarray(((limited >= np.array(self.lowest)) & (limited <= np.array(self.highest))).all(axis=-1))
 
-    def refuse_start(self, states: np.ndarray) -> None:
-        """BadInputError when a flight from these absolute states, (7,), begins outside."""
-        found = self.departure(np.zeros(1), states[None])
+    def refuse_start(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> None:
+        """BadInputError when a flight from these absolute states, (7,), in an updraft, (1,), begins outside."""
+        found = self.departure(np.zeros(1), states[None], updrafts)
         if found is not None:
-            (value, unit), (limit, _) = (
-                degrees(x, getattr(STATE_UNITS, found.state)) for x in (found.value, found.limit)
-            )
+            (value, unit), (limit, _) = (degrees(x, UNITS[found.state]) for x in (found.value, found.limit))
             raise BadInputError(
                 f"the flight begins with {found.state} {float(value):.6g}, beyond the limit of {float(limit):.6g} "
                 f"{unit}; begin inside the envelope, or widen it"
             )
 
-    def departure(self, times: np.ndarray, states: np.ndarray) -> Departure | None:
+    def departure(self, times: np.ndarray, states: np.ndarray, updrafts: np.ndarray | None = None) -> Departure | None:
         """The first row of (N, 7) absolute states outside, and its state with the largest excess in half-widths."""
-        outside = ~self.inside(states)
+        outside = ~self.inside(states, updrafts)
         if not outside.any():
             return None
         row = int(np.argmax(outside))
+        limited = _limited(states, updrafts)[row]
         lowest, highest = np.array(self.lowest), np.array(self.highest)
-        excess = np.maximum(states[row] - highest, lowest - states[row]) / (highest - lowest)
+        excess = np.maximum(limited - highest, lowest - limited) / (highest - lowest)
         index = int(np.argmax(np.where(np.isfinite(excess), excess, np.inf)))
-        value = float(states[row, index])
+        value = float(limited[index])
         limit = lowest[index] if value < lowest[index] else highest[index]
-        return Departure(STATES[index], float(times[row]), value, float(limit))
+        return Departure(limited_names(updrafts is not None)[index], float(times[row]), value, float(limit))
+
+
+def _limited(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
+    """What the limits count on, (N, 7)."""
+    if updrafts is None:
+        return states
+    limited = states.copy()
+    limited[:, STATES.index("alpha")] = angles_of_attack(states, updrafts)
+    return limited
 
 
 def flight_envelope(
@@ -82,7 +112,8 @@ def flight_envelope(
     Speed: half to double the trimmed one. Altitude: within `ALTITUDE_BAND`. Alpha, pitch, dihedral: `STATE_LIMITS`
     of the trim. Pitch rate: V tan(α_max)/l_b, at which the tail, a boom behind, meets the air at the largest α.
     Dihedral rate: V tan(α_max)/(s/3), at which the hinges do. The equations leave out both angles or grow by them,
-    so that beyond these rates they mean little. changes: state -> (lowest, highest), absolute, replaces a pair.
+    so that beyond these rates they mean little. changes: state -> (lowest, highest), absolute, replaces a pair;
+    `ANGLE_OF_ATTACK` is another name of alpha's.
     BadInputError for a name that is no state, or when the trim lies outside.
     """
     at = point.states
@@ -94,7 +125,8 @@ def flight_envelope(
         "pitch_rate": (-pitch_rate, pitch_rate),
         "dihedral_rate": (-dihedral_rate, dihedral_rate),
     }
-    for name, pair in (changes or {}).items():
+    for given, pair in (changes or {}).items():
+        name = "alpha" if given == ANGLE_OF_ATTACK else given
         if name not in pairs:
             raise BadInputError(f"the envelope has no state {name!r}; choose from {', '.join(STATES)}")
         pairs[name] = pair

@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.envelope import Departure, Envelope
+from controller.flight.envelope import ANGLE_OF_ATTACK, Departure, Envelope
 from controller.flight.gain_plan import GainPlan
 from controller.flight.simulate import NonlinearFlight
 from hfa_model.support.checks import Check, checks_block
 from hfa_model.support.report import Part, Report
 from hfa_model.support.text import Table, in_degrees, short_number, shown_unit
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
 
 FLIGHT_SCHEMA = "hfa.flight/1"
+#: Said where the air moves.
+OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 
@@ -25,7 +27,7 @@ def flight_report(result: NonlinearFlight, plan: GainPlan | None = None, checks:
     """
     law = "" if plan is None else f", law {plan.law}, {'learning in flight' if plan.online else 'frozen'}"
     parts: list[Part] = [] if plan is None or not plan.online else [_learning(plan)]
-    parts += [_states(result), _inputs(result)]
+    parts += [_states(result), *([OVER_GROUND] if result.scenario.moving_air else []), _inputs(result)]
     if checks:
         parts.append(checks_block(checks))
     return Report(title(result, law), parts, data=_data(result, plan, checks), records=_records(result))
@@ -39,7 +41,7 @@ def title(result: NonlinearFlight, law: str) -> str:
 
 
 def history(result: NonlinearFlight) -> dict[str, Any]:
-    """The flight once a tick: times (N,), states (N, 7) and inputs (N, 5) absolute, errors, updrafts."""
+    """The flight once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack absolute, errors, updrafts."""
     every = slice(None, None, result.scenario.steps_per_tick)
     return {
         "history": {
@@ -48,6 +50,7 @@ def history(result: NonlinearFlight) -> dict[str, Any]:
             "inputs": result.inputs[every],
             "errors": result.flight.errors[every],
             "updrafts": result.flight.updrafts[every],
+            "angles_of_attack": result.angles_of_attack[every],
         }
     }
 
@@ -61,7 +64,7 @@ def limits_text(envelope: Envelope, index: int) -> str:
 def _outcome(departure: Departure | None, time: float) -> str:
     if departure is None:
         return f"held: {time:g} s inside the envelope"
-    unit = getattr(STATE_UNITS, departure.state)
+    unit = UNITS[departure.state]
     return (
         f"left the envelope: {departure.state} first, at {departure.time:.4g} s, "
         f"{short_number(departure.value, unit)} {shown_unit(unit)} beyond {short_number(departure.limit, unit)}"
@@ -87,6 +90,12 @@ def _states(result: NonlinearFlight) -> Table:
         cells += [limits_text(result.envelope, index)]
         cells += [] if differences is None else [short_number(differences[index], unit)]
         rows.append(tuple(cells))
+        if name == "alpha" and result.scenario.moving_air:
+            deviations = result.angles_of_attack - result.point.states.alpha
+            shown = (short_number(value, unit) for value in (np.abs(deviations).max(), deviations[-1]))
+            limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", limits_text(result.envelope, index), "")
+            rows[-1] = (*cells[:5], "", *cells[6:])
+            rows.append(limited[: len(cells)])
     header = ("state", "unit", "largest deviation", "final deviation", "rms error", "envelope", "off the linear model")
     return Table(header[: len(rows[0])], rows)
 
@@ -111,7 +120,7 @@ def _data(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, .
         "input_units": list(INPUT_UNITS),
         "operating_point": result.point.to_dict(),
         "scenario": result.scenario.to_dict(),
-        "envelope": result.envelope.to_dict(),
+        "envelope": result.envelope.to_dict(result.scenario.moving_air),
         "held": result.departure is None,
         "departure": None if result.departure is None else result.departure._asdict(),
         "flown": float(result.flight.times[-1]),
@@ -121,6 +130,9 @@ def _data(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, .
         "share_beyond_control_limits": dict(zip(INPUTS, result.beyond_limits.tolist(), strict=True)),
         "checks": [check.to_dict() for check in checks],
     }
+    data["final"][ANGLE_OF_ATTACK] = float(result.angles_of_attack[-1])
+    deviations = result.angles_of_attack - result.point.states.alpha
+    data["largest_deviation"][ANGLE_OF_ATTACK] = float(np.abs(deviations).max())
     if result.differences is not None:
         data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
     if plan is not None:
@@ -134,9 +146,10 @@ def _data(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, .
 
 
 def _records(result: NonlinearFlight) -> Table:
-    """One row a tick: time, states, inputs, updraft, each with its unit; an array, because a flight may be long."""
+    """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
     every = slice(None, None, result.scenario.steps_per_tick)
     parts = [result.flight.times[every, None], result.states[every], result.inputs[every]]
-    rows: Any = np.hstack([*parts, result.flight.updrafts[every, None]])
-    units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"updraft": "ft/s"}
+    rows: Any = np.hstack([*parts, result.flight.updrafts[every, None], result.angles_of_attack[every, None]])
+    air = {"updraft": "ft/s", ANGLE_OF_ATTACK: STATE_UNITS.alpha}
+    units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air
     return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

@@ -36,15 +36,15 @@ def integrate(
     ticks: int,
     compile_code: bool | None = None,
     progress: Callable[[int, int], None] | None = None,
-    stop: Callable[[np.ndarray], bool] | None = None,
+    stop: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
 ) -> Trajectory:
     """y' = f(t, y, p) by the classical Runge-Kutta method of order 4.
 
     rate: (t, y (n,), p (k,)) -> y' (n,). initial: y(0). constants: tick number -> p, held during the tick.
     step: s. ticks: number of ticks of `steps_per_tick` steps. compile_code: run as machine code; by default for
-    `COMPILE_FROM_STEPS` steps and more. stop: asked with the states of every tick, (steps_per_tick, n); the run ends
-    with the first tick for which it says yes. Raises NoSolutionError, naming the time, when a state is no longer
-    finite, and BadInputError when a number is not positive.
+    `COMPILE_FROM_STEPS` steps and more. stop: asked after every tick with its times (steps_per_tick,), states
+    (steps_per_tick, n) and p; the run ends with the first tick for which it says yes. Raises NoSolutionError, naming
+    the time, when a state is no longer finite, and BadInputError when a number is not positive.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
     for name, value in (("step", step), ("steps_per_tick", steps_per_tick), ("ticks", ticks)):
@@ -64,7 +64,7 @@ def integrate(
         chunk()
         rows = chunk.results[0].reshape(steps_per_tick, n + 1)[:, 1:]
         states[begin + 1 : begin + 1 + steps_per_tick] = rows
-        if stop is not None and stop(rows):
+        if stop is not None and stop(step * np.arange(begin + 1, begin + 1 + steps_per_tick), rows, p):
             total = begin + steps_per_tick
             if progress is not None:
                 progress(ticks, ticks)

@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.flight.actuators import ActuatedPolicy, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants, Flight
-from controller.flight.envelope import Departure, Envelope
+from controller.flight.envelope import Departure, Envelope, angles_of_attack
 from controller.flight.gain_plan import GainPlan
 from controller.flight.gusts import Gust
 from controller.flight.plants import Equations, LinearizedAircraft, NonlinearPlant, Plant
@@ -70,6 +70,11 @@ class Scenario:
     def steps_per_tick(self) -> int:
         """Steps in a tick."""
         return round(self.tick / self.step)
+
+    @property
+    def moving_air(self) -> bool:
+        """Whether the air moves: a gust, or turbulence that is still to be drawn."""
+        return self.gust is not None or self.uncertainty.turbulence is not None
 
     @property
     def ticks(self) -> int:
@@ -136,6 +141,11 @@ class NonlinearFlight(Reported):
     def states(self) -> np.ndarray:
         """X, absolute, (N, 7)."""
         return self.flight.states + np.array(self.point.states)
+
+    @property
+    def angles_of_attack(self) -> np.ndarray:
+        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
+        return angles_of_attack(self.states, self.flight.updrafts if self.scenario.moving_air else None)
 
     @property
     def inputs(self) -> np.ndarray:
@@ -207,9 +217,16 @@ def fly_policy(
     if scenario.uncertainty != Uncertainty():
         raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, speed)")
     offsets = np.array(plant.point.states)
-    envelope.refuse_start(scenario.initial + offsets)
     loop = loop_of(plant, policy, scenario, plant.point)
-    flight = CompiledLoop(loop).fly(
+    compiled = CompiledLoop(loop)
+    start = loop.start(scenario.initial, memory)
+    air = compiled.updrafts(np.zeros(1), start[None], loop.constants(constants)(0))
+    envelope.refuse_start(scenario.initial + offsets, air)
+
+    def left(times: np.ndarray, y: np.ndarray, p: np.ndarray) -> bool:
+        return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.updrafts(times, y, p)).all())
+
+    flight = compiled.fly(
         scenario.initial,
         constants,
         step=scenario.step,
@@ -217,9 +234,10 @@ def fly_policy(
         ticks=scenario.ticks,
         memory=memory,
         progress=progress,
-        stop=lambda rows: not bool(envelope.inside(rows[:, : len(STATES)] + offsets).all()),
+        stop=left,
     )
-    departure = envelope.departure(flight.times, flight.states + offsets)
+    updrafts = flight.updrafts if scenario.moving_air else None
+    departure = envelope.departure(flight.times, flight.states + offsets, updrafts)
     return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
 
 

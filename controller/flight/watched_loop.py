@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, Constants
-from controller.flight.envelope import Envelope
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants
+from controller.flight.envelope import Envelope, limited_names
 from controller.flight.integrator import runge_kutta_step
+from hfa_model.kinematics import angle_of_attack
 from hfa_model.native.bound import BoundFunction
 from hfa_model.native.machine_code import machine_code
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, State
 from trim.point.operating_point import OperatingPoint
 
 _X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)
-#: Numbers that sum up a flight: ∫ z² dt, max |z|, ∫ u² dt.
-_SUMS = 2 * _Z + _U
+#: Numbers that sum up a flight: ∫ z² dt, max |z|, ∫ u² dt, max |α_a - α0|.
+_SUMS = 2 * _Z + _U + 1
 
 
 class Summary(NamedTuple):
     """What is kept of a flight of T seconds.
 
-    left: index into `STATES` of the state that left the envelope first, -1 when none did. flown: T, s, up to the first
-    step outside. rms_error: sqrt(1/T ∫ z² dt), (6,), of the true error, without noise. peak_error: max |z|, (6,).
+    left: index into `STATES` of the state that left the envelope first, -1 when none did; of alpha, through the air.
+    flown: T, s, up to the first step outside. rms_error: sqrt(1/T ∫ z² dt), (6,), of the true error, without noise.
+    peak_error: max |z|, (6,), over ground. peak_angle_of_attack: max |α_a - α0|, rad, through the air, from trim.
     effort: sqrt(1/T ∫ u² dt), (5,), of each input's deviation from trim. final: x at the end, (7,), a deviation from
     trim. memory: the policy's own states at the end.
     """
@@ -34,6 +36,7 @@ class Summary(NamedTuple):
     flown: float
     rms_error: np.ndarray
     peak_error: np.ndarray
+    peak_angle_of_attack: float
     effort: np.ndarray
     final: np.ndarray
     memory: np.ndarray
@@ -60,6 +63,7 @@ class WatchedLoop:
         self._trim, self._tick_length = np.array(point.states), step * steps_per_tick
         tick = _watched_step(loop, self._trim, envelope, step).fold(steps_per_tick)
         self._tick = BoundFunction(machine_code(tick) if compile_code else tick)
+        self._updrafts = CompiledLoop(loop).updrafts
 
     def fly(
         self,
@@ -86,30 +90,44 @@ class WatchedLoop:
         return self._summary(now.copy(), n, seconds)
 
     def _summary(self, now: np.ndarray, n: int, seconds: float) -> Summary:
-        last, kept, squares, peak, efforts, _ = np.split(now, np.cumsum([n, n, _Z, _Z, _U]))
+        last, kept, squares, peak, efforts, angle, p = np.split(now, np.cumsum([n, n, _Z, _Z, _U, 1]))
         x, memory = self._loop.parts(kept[1:] if self._stops else last[1:])
-        departure = self._envelope.departure(kept[:1], self._loop.parts(kept[1:])[0][None] + self._trim)
+        updrafts = self._updrafts(kept[:1], kept[None, 1:], p)
+        departure = self._envelope.departure(kept[:1], self._loop.parts(kept[1:])[0][None] + self._trim, updrafts)
         if departure is None:
             left, flown = -1, seconds
         else:  # the clock of the loop is a sum of steps
-            left, flown = STATES.index(departure.state), departure.time
-        return Summary(left, flown, np.sqrt(squares / flown), peak, np.sqrt(efforts / flown), x, memory)
+            left, flown = limited_names(updrafts is not None).index(departure.state), departure.time
+        lasted = flown or 1.0  # turbulence may be outside at the start: the sums are 0
+        rms, effort = np.sqrt(squares / lasted), np.sqrt(efforts / lasted)
+        return Summary(left, flown, rms, peak, float(angle[0]), effort, x, memory)
 
 
 def _watched_step(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float) -> ca.Function:
-    """[t; y; what is kept; p] one Runge-Kutta step later, kept = [t; y; ∫ z² dt; max |z|; ∫ u² dt].
+    """[t; y; what is kept; p] one Runge-Kutta step later, kept = [t; y; ∫ z² dt; max |z|; ∫ u² dt; max |α_a - α0|].
 
     What is kept stays as it is from the first step outside the envelope on. The sums take z and u at the beginning of
     each step, where the Runge-Kutta step has them anyway.
     """
     t, y, p = loop.symbols()
     kept = ca.SX.sym("kept", 1 + y.numel() + _SUMS)
-    squares, peak, efforts = ca.vertsplit(kept[1 + y.numel() :], [0, _Z, 2 * _Z, _SUMS])
+    squares, peak, efforts, angle = ca.vertsplit(kept[1 + y.numel() :], [0, _Z, 2 * _Z, _SUMS - 1, _SUMS])
     now = loop.at(t, y, p)
     rate = ca.Function("rate", [t, y, p], [ca.densify(now.rate)])
     moved = runge_kutta_step(rate)(ca.vertcat(t, y), p, step)
-    sums = squares + step * now.error**2, ca.fmax(peak, ca.fabs(now.error)), efforts + step * now.inputs**2
-    X = kept[1 : 1 + _X] + ca.DM(trim)
+
+    def limited(t: Any, y: Any) -> State:
+        X = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
+        return X._replace(alpha=angle_of_attack(X, loop.updraft(t, y, p)))
+
+    deviation = ca.fabs(limited(t, y).alpha - trim[STATES.index("alpha")])
+    sums = (
+        squares + step * now.error**2,
+        ca.fmax(peak, ca.fabs(now.error)),
+        efforts + step * now.inputs**2,
+        ca.fmax(angle, deviation),
+    )
+    X = ca.vertcat(*limited(kept[0], kept[1 : 1 + y.numel()]))
     inside = ca.mmin(ca.logic_and(ca.DM(np.array(envelope.lowest)) <= X, ca.DM(np.array(envelope.highest)) >= X))
     whole = ca.vertcat(t, y, kept, p)
     result = ca.vertcat(moved, ca.if_else(inside, ca.vertcat(moved, *sums), kept), p)

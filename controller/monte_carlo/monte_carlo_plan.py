@@ -123,7 +123,7 @@ class MonteCarlo:
             "law": {"name": self.law.name, **self.law.identity},
             "scenario": self.scenario.to_dict(),
             "uncertainty": asdict(self.scenario.uncertainty),
-            "envelope": self.envelope.to_dict(),
+            "envelope": self.envelope.to_dict(self.scenario.moving_air),
         }
         plain: dict[str, Any] = json.loads(json.dumps(data, default=lambda value: np.asarray(value).tolist()))
         return plain

@@ -8,11 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.flight.envelope import ANGLE_OF_ATTACK, limited_names
+from controller.flight.flight_report import OVER_GROUND
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.support.report import Report, Reported
 from hfa_model.support.store import Store
 from hfa_model.support.text import Table, short_number, shown_unit
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 
 SCHEMA = "hfa.monte-carlo-summary/1"
 #: Shares of the members that held, up to which a quantity stays below its quantile.
@@ -47,13 +49,16 @@ class Outcome(Reported):
     def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> Outcome:
         """From the members in a store. where: what the report says about where they are."""
         left, flown, factors = store.read("left"), store.read("flown"), store.read("factors")
-        held = left < 0
+        held, moving_air = left < 0, plan.scenario.moving_air
         return cls(
             plan,
             held=int(held.sum()),
-            left={name: int((left == index).sum()) for index, name in enumerate(STATES)},
+            left={name: int((left == index).sum()) for index, name in enumerate(limited_names(moving_air))},
             first_left=None if held.all() else float(flown[~held].min()),
-            quantiles={name: _quantiles(store.read(name)[held], of) for name, of in _SHOWN},
+            quantiles={
+                **{name: _quantiles(store.read(name)[held], of) for name, of in _SHOWN},
+                "peak_deviation": _quantiles(store.read("peak_angle_of_attack")[held, None], (ANGLE_OF_ATTACK,)),
+            },
             errors={
                 name: DrawnError(asked, float(drawn.mean()), float(drawn.std(ddof=1)) if plan.members > 1 else None)
                 for (name, asked), drawn in zip(plan.scenario.uncertainty.errors.items(), factors.T, strict=True)
@@ -74,7 +79,9 @@ class Outcome(Reported):
             outcome += f"\nleft it, by the state that left first: {gone}; the first after {self.first_left:.3g} s"
         parts: list[str | Table] = [outcome]
         if self.held:
-            parts.append(_quantile_table(self.quantiles))
+            moving = plan.scenario.moving_air
+            parts.append(_quantile_table({k: v for k, v in self.quantiles.items() if moving or k != "peak_deviation"}))
+            parts += [OVER_GROUND] if moving else []
         if self.errors:
             rows = [
                 (name, *("-" if value is None else f"{value:.4g}" for value in drawn))
@@ -106,12 +113,11 @@ def _quantiles(values: np.ndarray, names: tuple[str, ...]) -> Mapping[str, list[
 
 
 def _quantile_table(quantiles: Mapping[str, Mapping[str, list[float] | None]]) -> Table:
-    units = STATE_UNITS._asdict() | INPUT_UNITS._asdict()
     rows = [
         (
             f"{quantity.replace('_', ' ')} {name}",
-            *(short_number(value, units[name]) for value in values or ()),
-            shown_unit(units[name]),
+            *(short_number(value, UNITS[name]) for value in values or ()),
+            shown_unit(UNITS[name]),
         )
         for quantity, found in quantiles.items()
         for name, values in found.items()

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.flight.envelope import limited_names
 from controller.flight.watched_loop import Summary
 from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
@@ -51,13 +52,14 @@ class MonteCarloJob:
             "flown": Array((), "float64", _NAN),
             "rms_error": Array((len(LINEAR_STATES),), "float64", _NAN),
             "peak_error": Array((len(LINEAR_STATES),), "float64", _NAN),
+            "peak_angle_of_attack": Array((), "float64", _NAN),
             "effort": Array((len(INPUTS),), "float64", _NAN),
             "final": Array((len(STATES),), "float64", _NAN),
             "memory": Array((len(plan.memory),), "float64", _NAN),
         }
         attributes = {
             "errors": list(plan.scenario.uncertainty.errors),
-            "left": list(STATES),
+            "left": list(limited_names(plan.scenario.moving_air)),
             "error_states": list(LINEAR_STATES),
             "error_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
             "states": list(STATES),

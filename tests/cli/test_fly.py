@@ -28,6 +28,8 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     history = data["history"]
     assert (len(history["times"]), len(history["states"][0]), len(history["inputs"][0])) == (101, 7, 5)
     assert history["states"][0][0] == pytest.approx(68.1)
+    assert len(history["angles_of_attack"]) == 101
+    assert data["final"]["angle_of_attack"] == history["angles_of_attack"][-1]
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
     for suffix in ("npz", "mat", "csv"):
         assert hfa(*words, "-o", f"flight.{suffix}").code == 0
@@ -124,6 +126,7 @@ def test_options_that_have_become_commands_name_the_line_to_type(words: str, lin
         ("--actuators 1e-9:60", "lag of throttle is 1e-09 s"),
         ("--engine 1:10", "--engine belongs to --actuators"),
         ("--envelope roll=0:1", "no state 'roll'"),
+        ("--envelope angle_of_attack=10:20", "the trim has alpha"),
         ("--envelope alpha=1", "alpha is '1'; give LOW:HIGH"),
         ("--envelope alpha=10:-10", "lower one"),
         ("--envelope dihedral=0:10", "outside the envelope"),

@@ -32,6 +32,9 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     kept = open_store(Path(store))
     peaks = kept.read("peak_error")[:, LINEAR_STATES.index("alpha")]
     assert data["peak_error"]["alpha"] == pytest.approx(np.quantile(peaks, data["quantiles"]).tolist())
+    angles = kept.read("peak_angle_of_attack")
+    assert data["peak_deviation"]["angle_of_attack"] == pytest.approx(np.quantile(angles, data["quantiles"]).tolist())
+    assert "angle_of_attack" in data["left"]
     assert data["errors"]["panel_mass"]["deviation"] == pytest.approx(kept.read("factors").std(ddof=1))
     again = hfa(*words, "--resume", "-o", store)
     assert "held their envelope: 8 of 8" in again.out

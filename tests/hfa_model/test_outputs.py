@@ -92,5 +92,7 @@ def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: A
     x, u = np.array(point.states), np.array(point.inputs)
     still, rising = outputs(published_aircraft, x, u), outputs(published_aircraft, x, u, 5.0)
     assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(5.0 / 68.0, rel=0.01)
+    assert rising["angle_of_attack"] == pytest.approx(rising["alpha_air_center"], abs=1e-12)  # no rates here
+    assert still["angle_of_attack"] == point.states.alpha
     assert rising["load_factor"] > still["load_factor"]
     assert rising["gamma"] == still["gamma"]

@@ -118,7 +118,7 @@ def _flown(setting: Setting, loop: CompiledLoop, flown: Pilot, start: np.ndarray
             steps_per_tick=settings.steps_per_tick,
             ticks=settings.ticks,
             memory=flown.memory,
-            stop=lambda rows: not (np.all(np.abs(rows[:, :n]) <= limit) and np.all(np.isfinite(rows))),
+            stop=lambda _, rows, __: not (np.all(np.abs(rows[:, :n]) <= limit) and np.all(np.isfinite(rows))),
         )
         sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
         sound &= np.all(np.isfinite(flight.memory), axis=1)

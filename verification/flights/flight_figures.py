@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.flight.envelope import ANGLE_OF_ATTACK
 from controller.flight.simulate import NonlinearFlight
 from hfa_model.support.figure import new_figure
 from hfa_model.support.text import shown_unit
@@ -23,7 +24,10 @@ _DIHEDRAL = STATES.index("dihedral")
 
 
 def flight_figure(result: NonlinearFlight, title: str) -> Figure:
-    """The seven states, absolute: nonlinear, linear prediction, reference; the inputs; the updraft if there is one."""
+    """The seven states, absolute: nonlinear, linear prediction, reference; the inputs; the updraft if there is one.
+
+    Where the air moves, alpha through it besides.
+    """
     figure = new_figure(10.0, 10.5)
     figure.suptitle(title, fontsize=10)
     panels = figure.subplots(5, 2, sharex=True).ravel()
@@ -38,8 +42,13 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
             predicted = result.predicted.states[:, index] + result.point.states[index]
             axes.plot(result.predicted.times, _shown(predicted, unit), "--", color="C1", label="linear")
         axes.plot(times, _shown(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
-        _limit_lines(axes, result, index, unit)
-        _finish(axes, f"{name}, {shown_unit(unit)}")
+        limited, what = result.states[:, index], name
+        if name == "alpha" and result.scenario.moving_air:
+            limited, what = result.angles_of_attack, "alpha over ground"
+            axes.plot(times, _shown(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
+            axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=7)
+        _limit_lines(axes, result, limited, index)
+        _finish(axes, f"{what}, {shown_unit(unit)}")
     throttle, surfaces, air = panels[len(STATES) :]
     for index, name in enumerate(INPUTS):
         axes = throttle if name == "throttle" else surfaces
@@ -60,16 +69,15 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     return figure
 
 
-def _limit_lines(axes: Axes, result: NonlinearFlight, index: int, unit: str) -> None:
-    """The envelope where the flight came near it."""
+def _limit_lines(axes: Axes, result: NonlinearFlight, limited: np.ndarray, index: int) -> None:
+    """The envelope where what it limits, (N,), came near it."""
     lowest, highest = result.envelope.lowest[index], result.envelope.highest[index]
-    states = result.states[:, index]
     for limit, near in (
-        (lowest, states.min() < lowest + 0.2 * (highest - lowest)),
-        (highest, states.max() > highest - 0.2 * (highest - lowest)),
+        (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),
+        (highest, limited.max() > highest - 0.2 * (highest - lowest)),
     ):
         if near:
-            axes.axhline(float(_shown(limit, unit)), color="C3", linewidth=0.8)
+            axes.axhline(float(_shown(limit, STATE_UNITS[index])), color="C3", linewidth=0.8)
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from flight_cases import SMALL, FlownCase, case_at, flown, signal
 
+from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.simulate import Scenario
 from hfa_model.parameters import Parameters
@@ -75,6 +77,37 @@ def test_a_flight_ends_where_its_first_state_leaves(newton: FlownCase) -> None:
     assert result.states[row, STATES.index("pitch_rate")] == departure.value
     assert abs(departure.value) > abs(departure.limit)
     assert result.flight.times[-1] < departure.time + 0.02
+
+
+def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_ground(newton: FlownCase) -> None:
+    """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air stays near 2.8."""
+    gust, alpha = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0)), STATES.index("alpha")
+    for lowest, held in ((2.0, True), (2.7, False)):
+        limits = {"alpha": (float(np.radians(lowest)), 0.2)}
+        narrow = replace(newton, envelope=flight_envelope(newton.aircraft.parameters, newton.point, limits))
+        result = flown(narrow, gust)
+        degrees = np.degrees(result.angles_of_attack)
+        assert (result.departure is None) == held
+        if held:
+            assert np.degrees(result.states[:, alpha]).min() < -1.4
+            assert (degrees.min(), degrees.max()) == (pytest.approx(2.61, abs=0.005), pytest.approx(2.97, abs=0.005))
+        else:
+            assert result.departure is not None
+            row = int(np.argmax(result.flight.times >= result.departure.time))
+            assert result.departure[:3] == ("angle_of_attack", result.flight.times[row], result.angles_of_attack[row])
+            assert np.degrees(result.angles_of_attack[row - 1]) > lowest
+        report = result.report()
+        assert "alpha is over ground; the envelope limits angle_of_attack" in report.text()
+        assert "alpha" not in report.data["envelope"]
+        assert report.data["envelope"]["angle_of_attack"] == list(limits["alpha"])
+        assert report.data["largest_deviation"]["angle_of_attack"] < 0.1 * report.data["largest_deviation"]["alpha"]
+
+
+def test_in_still_air_both_angles_are_one(newton: FlownCase) -> None:
+    result = flown(newton, Scenario(duration=0.2, initial=SMALL))
+    np.testing.assert_array_equal(result.angles_of_attack, result.states[:, STATES.index("alpha")])
+    assert "angle_of_attack" not in result.report().text()
+    assert list(result.report().data["envelope"]) == list(STATES)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,9 @@ from controller.flight import watched_loop
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.critic_policy import CriticPolicy
+from controller.flight.envelope import flight_envelope
 from controller.flight.gain_plan import GainPlan
+from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.signals import zero
 from controller.flight.simulate import Scenario, fly
@@ -32,6 +34,7 @@ from hfa_model.variants import variant_named
 from hfa_model.vectors import LINEAR_STATES, STATES, Input, State
 from trim.point.condition import CONTROL_LIMITS
 
+ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]
 Rate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray]
 RateOf = Callable[[MonteCarlo, Scenario], Rate]
@@ -70,7 +73,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
     h, lowest, highest = member.step, np.array(plan.envelope.lowest), np.array(plan.envelope.highest)
     K, rate, air = plan.law.constants.reshape(5, 6, order="F"), rate_of(plan, member), member.gust
     x, filter_ = member.initial.copy(), np.zeros(0) if air is None else air.start()
-    errors, inputs, left, flown = [], [], -1, member.duration
+    errors, inputs, angles, left, flown = [], [], [], -1, member.duration
 
     def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
         z = x[SEEN] - member.reference.at(t)
@@ -79,21 +82,30 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
         if air is not None:
             held = air.constants(tick)
             w = float(air.updraft(t, f, held))
-            filter_rate = np.array(air.memory_rate(t, f, held)).ravel()
+            filter_rate = np.array(air.memory_rate(t, f, held)).ravel() if len(f) else f
         return rate(x, u, member.disturbance.at(t), w), filter_rate
+
+    def limited(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> np.ndarray:
+        """X with the angle of attack through the air, from the velocity of the air in north and down, for alpha."""
+        X = State(*(x + np.array(plan.point.states)))
+        w = 0.0 if air is None else float(air.updraft(t, f, air.constants(tick)))
+        path = X.pitch - X.alpha
+        north, down = X.speed * np.cos(path), w - X.speed * np.sin(path)
+        return np.array(X._replace(alpha=X.pitch + np.arctan2(down, north)))
 
     for step in range(member.ticks * member.steps_per_tick):
         t, tick = step * h, step // member.steps_per_tick
         z = x[SEEN] - member.reference.at(t)
         errors.append(z)
         inputs.append(-K @ (z + member.samples[tick]))
+        angles.append(limited(t, x, filter_, tick)[ALPHA] - plan.point.states.alpha)
         k1 = slope(t, x, filter_, tick)
         k2 = slope(t + h / 2, x + h / 2 * k1[0], filter_ + h / 2 * k1[1], tick)
         k3 = slope(t + h / 2, x + h / 2 * k2[0], filter_ + h / 2 * k2[1], tick)
         k4 = slope(t + h, x + h * k3[0], filter_ + h * k3[1], tick)
         x = x + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
         filter_ = filter_ + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-        X = x + np.array(plan.point.states)
+        X = limited(t + h, x, filter_, tick)
         outside = np.maximum(X - highest, lowest - X) / (highest - lowest)
         if outside.max() > 0.0:
             left, flown = int(np.argmax(outside)), t + h
@@ -103,6 +115,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
         "flown": flown,
         "rms_error": np.sqrt(np.mean(np.square(errors), axis=0)),
         "peak_error": np.max(np.abs(errors), axis=0),
+        "peak_angle_of_attack": np.max(np.abs(angles)),
         "effort": np.sqrt(np.mean(np.square(inputs), axis=0)),
         "final": x + np.array(plan.point.states),
     }
@@ -138,6 +151,30 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     assert member.samples.shape == (50, 6)
 
 
+def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
+    """A sharp gust turns the air before it turns the path; turbulence may do so at the start already."""
+    alpha, near = plan.point.states.alpha, np.radians(0.5)
+    narrow = flight_envelope(PARAMETERS, plan.point, {"alpha": (alpha - near, alpha + near)})
+    plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
+    gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
+    tight = with_scenario(plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None))
+    scenario, summary = fly_member(tight, 3)
+    assert summary.left == ALPHA
+    assert_same_flight(tight, 3, nonlinear_rate)
+    alone = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", gain_of(plan)[None]), scenario, narrow)
+    assert alone.departure is not None
+    assert (alone.departure.state, alone.departure.time) == ("angle_of_attack", pytest.approx(summary.flown))
+    assert np.abs(alone.states[alone.flight.times <= summary.flown, ALPHA] - alpha).max() < near
+    scenario, at_once = fly_member(plan, 3)
+    assert (at_once.left, at_once.flown, at_once.effort.tolist()) == (ALPHA, 0.0, [0.0] * 5)
+    with pytest.raises(BadInputError, match="begins with angle_of_attack"):
+        fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", gain_of(plan)[None]), scenario, narrow)
+
+
+def gain_of(plan: MonteCarlo) -> np.ndarray:
+    return plan.law.constants.reshape(5, 6, order="F")
+
+
 def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
     def forgetful(plan: MonteCarlo, member: Scenario) -> Rate:
         return nonlinear_rate(plan, replace(member, errors={}))
@@ -149,7 +186,7 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 def test_a_member_is_a_scenario_that_flies_alone(plan: MonteCarlo) -> None:
     """The draw of a member, simulated with its whole history, is the flight that the Monte Carlo summed up."""
     member, summary = fly_member(plan, 3)
-    K = plan.law.constants.reshape(5, 6, order="F")
+    K = gain_of(plan)
     result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
     np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(np.abs(result.flight.errors[:-1]).max(axis=0), summary.peak_error, rtol=1e-9)
@@ -162,7 +199,7 @@ def test_a_member_has_the_actuators_of_its_scenario(plan: MonteCarlo) -> None:
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     slow = Actuators(Input(*[0.02] * 5), lowest, highest, Input(*[np.inf] * 5))
     member, summary = fly_member(with_scenario(plan, actuators=slow), 3)
-    K = plan.law.constants.reshape(5, 6, order="F")
+    K = gain_of(plan)
     result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
     np.testing.assert_allclose(result.flight.memory[-1], summary.memory, rtol=1e-9, atol=1e-12)
     assert np.abs(summary.memory).max() > 1e-4
