@@ -103,6 +103,14 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         assert report.data["largest_deviation"]["angle_of_attack"] < 0.1 * report.data["largest_deviation"]["alpha"]
 
 
+def test_a_long_downdraft_tilts_the_path_and_hardly_the_flow(newton: FlownCase) -> None:
+    """60 ft/s of falling air at 68 ft/s: alpha over ground passes 20 deg many times over, the envelope holds."""
+    result = flown(newton, Scenario(duration=12.0, step=0.002, gust=OneMinusCosine(400.0, -60.0, 68.0)))
+    assert result.departure is None
+    assert np.degrees(result.states[:, STATES.index("alpha")]).max() > 30.0
+    assert np.degrees(np.abs(result.angles_of_attack)).max() < 20.0
+
+
 def test_in_still_air_both_angles_are_one(newton: FlownCase) -> None:
     result = flown(newton, Scenario(duration=0.2, initial=SMALL))
     np.testing.assert_array_equal(result.angles_of_attack, result.states[:, STATES.index("alpha")])
