@@ -21,6 +21,7 @@ from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES, State
 
 if TYPE_CHECKING:
+    import control
     from numpy.typing import ArrayLike
 
 _AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
@@ -97,6 +98,16 @@ class Aircraft:
         first, second = len(_AIRCRAFT_LOADS), len(_AIRCRAFT_LOADS) + len(PanelLoads._fields)
         totals = dict(zip(_AIRCRAFT_LOADS, flat[:first], strict=True))
         return Loads(**totals, center=PanelLoads(*flat[first:second]), outer=PanelLoads(*flat[second:]))
+
+    def to_control(self) -> control.NonlinearIOSystem:
+        """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
+        import control
+
+        def update(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
+            return np.array(self._functions.rates(x, u, [params[name] for name in Parameters._fields])).ravel()
+
+        values, name = self.parameters._asdict(), f"{self.variant.name}_aircraft"
+        return control.nlsys(update, None, name=name, states=STATES, inputs=INPUTS, outputs=STATES, params=values)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         state, control = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
