@@ -21,7 +21,7 @@ from controller.game.basis import basis
 from controller.game.zero_sum import published_game
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.samples.stack_equations import GAME
-from hfa_model.native.machine_code import _compiler
+from hfa_model.native.machine_code import c_compiler
 from hfa_model.published import published_models
 from verification.riccati.gare import solve_game
 
@@ -129,7 +129,7 @@ def c_flight(case: FlightCase, steps: int = STEPS, flags: tuple[str, ...] = ("-O
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
     source = FOLDER / "flight_loop.c"
-    subprocess.run([_compiler(), *flags, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run([c_compiler(), *flags, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
     code = ctypes.CDLL(str(library))
     pointer = ctypes.POINTER(ctypes.c_double)
     arrays = {name: np.ascontiguousarray(value, dtype=float) for name, value in case.data().items()}

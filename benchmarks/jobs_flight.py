@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.flight_case import STEPS, FlightCase, c_flight, difference, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
-from hfa_model.native.machine_code import _compiler
+from hfa_model.native.machine_code import c_compiler
 
 _GENERATED = "20 s of flight, critic learning, generated C"
 
@@ -18,7 +18,7 @@ def rows(quick: bool = False) -> list[Row]:
 
 
 def _against_c(case: FlightCase, steps: int) -> list[Row]:
-    if _compiler() is None:
+    if c_compiler() is None:
         return []
     by_hand = c_flight(case, steps)
     timing = in_turn(lambda: case.fly(True, steps), by_hand, repeats=5)

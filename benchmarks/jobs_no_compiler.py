@@ -17,7 +17,7 @@ from controller.flight.critic_policy import CriticPolicy, powers
 from controller.flight.integrator import integrate
 from controller.flight.signals import zero
 from hfa_model.native.bound import BoundFunction
-from hfa_model.native.machine_code import _compiler
+from hfa_model.native.machine_code import c_compiler
 
 
 def rows(quick: bool = False) -> list[Row]:
@@ -30,7 +30,7 @@ def _limits(case: FlightCase, quick: bool) -> list[Row]:
     """What compiled code makes of the loop, as a fraction of NumPy's time."""
     steps, peer_steps = (500, 100) if quick else (STEPS, 1000)
     contestants: dict[str, Callable[..., Contestant]] = {"numba": numba_flight, "JAX": jax_flight}
-    if _compiler() is not None:
+    if c_compiler() is not None:
         contestants |= {
             "C by hand, -O3": c_flight,
             "C by hand, -O3, the stack left out": partial(c_flight, flags=("-O3", "-DSAMPLES=0")),

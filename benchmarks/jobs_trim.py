@@ -10,7 +10,7 @@ from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
-from hfa_model.native.machine_code import _compiler
+from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
 from trim.linear.linearize import linearize
 from trim.linear.mode_tracking import track_modes
@@ -113,7 +113,7 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
             50.0,
         )
     ]
-    if _compiler() is not None:
+    if c_compiler() is not None:
         found.append(
             Row(
                 f"{count} dihedral angles, generated C",

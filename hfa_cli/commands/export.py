@@ -1,7 +1,8 @@
 """The aircraft for other tools: C source that needs no library, a functional mock-up unit (FMU), a MATLAB function.
 
 --c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
-gain of a policy, with an example of a 100 Hz loop.
+gain of a policy, with an example of a 100 Hz loop. --fmu FILE: the nonlinear aircraft trimmed at --dihedral as an FMU
+2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa_cli import games, options
-from hfa_cli.argument_types import parsed, whole
+from hfa_cli.argument_types import output_file, parsed, whole
 from hfa_cli.flights import LAWS, check_learning, gain_plan_of
 from hfa_cli.learning import add_settings
 from hfa_cli.origin import provenance
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from controller.export.c_model import CModel
 
 SCHEMA = "hfa.export/1"
-_TARGETS = ("c",)
+_TARGETS = ("c", "fmu")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(dihedral=math.radians(15.0))
     options.add_aircraft(parser)
     add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
-    about = f"the gain: {', '.join(LAWS)}; default exact"
+    add_value(parser, "--fmu", output_file(".fmu"), "FILE", "write an FMU")
+    about = f"the gain: {', '.join(LAWS)}; default exact for --c, none for --fmu"
     add_value(parser, "--law", str, "NAME", about)
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
@@ -48,11 +50,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find the gain, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
-        raise BadInputError("nothing to write; give --c FOLDER")
+        raise BadInputError("nothing to write; give --c FOLDER or --fmu FILE")
     from controller.export.c_model import write_c_model
+    from controller.export.fmu import write_fmu
 
+    with_policy = arguments.law is not None
     what = _model(arguments)
-    written = list(write_c_model(what, arguments.c))
+    written: list[Path] = []
+    if arguments.fmu is not None:
+        write_fmu(what, arguments.fmu, provenance(), with_policy=with_policy)
+        written.append(arguments.fmu)
+    if arguments.c is not None:
+        written += write_c_model(what, arguments.c)
     show(_report(written), arguments, target=None)
     say_notes(warnings(what.model.point))
     return 0
@@ -61,7 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _model(arguments: argparse.Namespace) -> CModel:
     from controller.export.c_model import CModel
 
-    arguments.law = arguments.law or "exact"
+    if arguments.law is None:
+        arguments.law = "exact"
     check_learning(arguments)
     aircraft = options.aircraft_of(arguments)
     model = linearize(aircraft, options.operating_point_of(arguments, aircraft))
@@ -73,4 +83,6 @@ def _report(written: list[Path]) -> Report:
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
     files = [{"file": name, "bytes": size} for name, size in rows]
-    return Report(f"Exported: {len(rows)} files", [table], data={"schema": SCHEMA, "files": files})
+    return Report(
+        f"Exported: {len(rows)} file{'s' * (len(rows) > 1)}", [table], data={"schema": SCHEMA, "files": files}
+    )

@@ -30,7 +30,7 @@ def machine_code(function: ca.Function) -> ca.Function:
     content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
     cannot live in one process.
     """
-    compiler = _compiler()
+    compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
         return function
@@ -108,7 +108,8 @@ def _compile(compiler: str, text: str, folder: Path, symbol: str) -> Path:
 
 
 @cache
-def _compiler() -> str | None:
+def c_compiler() -> str | None:
+    """The compiler that CC names, else cc, gcc or clang; None when there is none."""
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 

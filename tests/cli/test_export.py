@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+
+from controller.export import fmu
+from hfa_model.native.machine_code import c_compiler
 
 
 def constants(source: Path, name: str) -> np.ndarray:
@@ -37,6 +41,7 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
     ("words", "said"),
     [
         ((), ("nothing to write", "--c FOLDER")),
+        (("--fmu", "aircraft.zip"), ("aircraft.zip: unknown suffix '.zip'; use one of .fmu",)),
         (("--c", "missing/folder"), ("missing/folder: cannot make the folder",)),
         (("--c", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
         (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
@@ -53,4 +58,25 @@ def test_refusals(
 
 def test_no_trim_writes_nothing(tmp_path: Path) -> None:
     assert_refused(hfa("export", "--c", str(tmp_path / "c"), "--speed", "20"), 1, "no trim")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
+def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
+    path = tmp_path / "aircraft.fmu"
+    result = hfa("export", "--fmu", str(path), "--dihedral", "16", "--law", "exact")
+    assert result.code == 0
+    assert result.out.startswith("Exported: 1 file\n")
+    assert "16 deg lies beyond the paper's range" in result.err
+    with zipfile.ZipFile(path) as archive:
+        origin = json.loads(archive.read("resources/provenance.json"))
+        described = archive.read("modelDescription.xml").decode()
+    assert origin["condition"]["imposed"]["dihedral"] == pytest.approx(np.radians(16))
+    assert 'name="reference_speed"' in described
+    assert f"hfa export --fmu {path} --dihedral 16" in described
+
+
+def test_an_fmu_without_a_compiler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fmu, "c_compiler", lambda: None)
+    assert_refused(hfa("export", "--fmu", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc")
     assert list(tmp_path.iterdir()) == []

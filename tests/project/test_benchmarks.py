@@ -34,7 +34,7 @@ from trim.point.solve import find_operating_point
 ROOT = Path(__file__).parents[2]
 PARAMETERS = default_parameters().values
 ALTITUDE = 40_000.0
-NEEDS_COMPILER = pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+NEEDS_COMPILER = pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 
 
 @pytest.fixture(scope="module")

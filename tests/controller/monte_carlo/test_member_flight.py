@@ -134,7 +134,7 @@ def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str, pl
     assert_same_flight(with_scenario(replace(plan, dynamics=dynamics, plant=plant), duration=0.05), 3, rate_of)
 
 
-@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 def test_machine_code_flies_the_same(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     long = replace(plan, members=1000)

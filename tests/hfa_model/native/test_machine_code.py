@@ -19,7 +19,7 @@ def test_without_a_home_folder_the_virtual_machine_serves_and_says_so(
 
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", nowhere)
-    monkeypatch.setattr(generated, "_compiler", lambda: "cc")
+    monkeypatch.setattr(generated, "c_compiler", lambda: "cc")
     generated._say.cache_clear()
     x = ca.SX.sym("x")
     function = ca.Function("plain", [x], [ca.sin(x)])
@@ -34,19 +34,19 @@ def test_without_a_compiler_the_virtual_machine_serves_and_says_so(
     x = ca.SX.sym("x")
     function = ca.Function("plain", [x], [ca.sin(x)])
     generated._say.cache_clear()
-    monkeypatch.setattr(generated, "_compiler", lambda: None)
+    monkeypatch.setattr(generated, "c_compiler", lambda: None)
     assert generated.machine_code(function) is function
     assert capsys.readouterr().err == "hfa: no C compiler found; running without machine code\n"
 
     generated._say.cache_clear()
-    monkeypatch.setattr(generated, "_compiler", lambda: "/bin/false")
+    monkeypatch.setattr(generated, "c_compiler", lambda: "/bin/false")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert generated.machine_code(function) is function
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.rglob("*.so"))
 
 
-@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 def test_machine_code_is_compiled_once_and_gives_the_same_numbers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -63,7 +63,7 @@ def test_machine_code_is_compiled_once_and_gives_the_same_numbers(
     assert np.array(compiled(point)) == pytest.approx(np.array(function(point)), rel=1e-15)
 
 
-@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 @pytest.mark.parametrize("damage", ["cut", "flipped", "link", "writable"])
 def test_a_library_that_is_not_what_was_compiled_is_compiled_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, damage: str
@@ -91,7 +91,7 @@ def test_the_cache_of_another_user_is_not_used(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(generated, "_compiler", lambda: "cc")
+    monkeypatch.setattr(generated, "c_compiler", lambda: "cc")
     monkeypatch.setattr(generated.os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
     generated._say.cache_clear()
     x = ca.SX.sym("x")
@@ -102,7 +102,7 @@ def test_the_cache_of_another_user_is_not_used(
     assert "hfa-toolchain belongs to another user" in said
 
 
-@pytest.mark.skipif(generated._compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 def test_the_cache_is_closed_to_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     generated.cache_folder().mkdir(mode=0o777)

@@ -1,0 +1,168 @@
+"""The aircraft, alone or with its policy, as a functional mock-up unit of FMI 2.0: library, sources and description.
+
+2.0 and not 3.0, because every tool that imports FMUs opens it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from xml.etree import ElementTree as xml
+
+from controller.export.c_model import HEADER, SOURCE, CModel
+from hfa_model.native.machine_code import c_compiler
+from hfa_model.provenance import Provenance
+from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.files import written_whole
+from hfa_model.support.jsonable import json_text
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_SCALES, STATE_UNITS, STATES
+
+#: Of the library in the FMU.
+IDENTIFIER = "hfa_aircraft"
+WRAPPER, SETTINGS = "fmi2_aircraft.c", "fmu_settings.h"
+_FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
+#: Unit -> exponents of base units, factor.
+_BASE = {
+    "1": {},
+    "rad": {"rad": "1"},
+    "rad/s": {"rad": "1", "s": "-1"},
+    "rad/s^2": {"rad": "1", "s": "-2"},
+    "ft": {"m": "1", "factor": "0.3048"},
+    "ft/s": {"m": "1", "s": "-1", "factor": "0.3048"},
+    "ft/s^2": {"m": "1", "s": "-2", "factor": "0.3048"},
+}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A real variable of the FMU. start: None where it is calculated. rate_of: number of the state whose rate it is."""
+
+    name: str
+    unit: str
+    causality: str
+    start: float | None
+    reference: int
+    rate_of: int = 0
+
+
+def variables(what: CModel, with_policy: bool) -> list[Variable]:
+    """States, their rates, the inputs of the aircraft, the updraft; with the policy, what the states shall follow."""
+    point, n = what.model.point, len(STATES)
+    listed = [
+        *zip(STATES, STATE_UNITS, ["output"] * n, point.states, strict=True),
+        *((f"der({name})", unit, "local", None) for name, unit in zip(STATES, RATE_UNITS, strict=True)),
+        *(
+            (name, unit, "output" if with_policy else "input", None if with_policy else start)
+            for name, unit, start in zip(INPUTS, INPUT_UNITS, point.inputs, strict=True)
+        ),
+        ("updraft", "ft/s", "input", 0.0),
+    ]
+    if with_policy:
+        listed += [(f"reference_{name}", getattr(STATE_UNITS, name), "input", 0.0) for name in LINEAR_STATES]
+    return [
+        Variable(*fields, reference=place, rate_of=place - n + 1 if n <= place < 2 * n else 0)
+        for place, fields in enumerate(listed)
+    ]
+
+
+def write_fmu(what: CModel, path: Path, origin: Provenance, *, with_policy: bool) -> None:
+    """Write the FMU, whole or not at all. with_policy: u = U0 - K (x - X0 - reference) flies; else u are its inputs.
+
+    NoSolutionError when there is no C compiler, or it fails.
+    """
+    compiler = c_compiler()
+    if compiler is None:
+        raise NoSolutionError("an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC")
+    sources = {HEADER: what.header(), SOURCE: what.source()}
+    sources[WRAPPER] = files(__package__).joinpath(WRAPPER).read_text("utf-8")
+    guid = hashlib.sha256("".join([*sources.values(), str(with_policy)]).encode()).hexdigest()[:32]
+    nominals = ", ".join(map(str, STATE_SCALES))
+    sources[SETTINGS] = (
+        f'#define FMU_GUID "{guid}"\n#define FMU_POLICY {int(with_policy)}\n#define FMU_NOMINALS {{{nominals}}}\n'
+    )
+    folder, suffix = _FOLDERS.get(sys.platform, _FOLDERS["linux"])
+    content: dict[str, str | bytes] = {
+        "modelDescription.xml": description(what, origin, guid, with_policy=with_policy),
+        f"binaries/{folder}/{IDENTIFIER}.{suffix}": _library(compiler, sources),
+        "resources/provenance.json": json_text(origin.to_dict()) + "\n",
+        **{f"sources/{name}": text for name, text in sources.items()},
+    }
+    date = tuple(int(origin.date[begin:end]) for begin, end in ((0, 4), (5, 7), (8, 10), (11, 13), (14, 16), (17, 19)))
+    with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+        for name, data in content.items():
+            archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)  # type: ignore[arg-type]
+
+
+def description(what: CModel, origin: Provenance, guid: str, *, with_policy: bool) -> str:
+    """modelDescription.xml."""
+    known = variables(what, with_policy)
+    root = xml.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=IDENTIFIER,
+        guid=guid,
+        description="; ".join(what.origin.splitlines()),
+        version=origin.version,
+        generationTool=f"hfa-toolchain {origin.version}",
+        generationDateAndTime=origin.date,
+        numberOfEventIndicators="0",
+    )
+    for kind in ("ModelExchange", "CoSimulation"):
+        able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+        able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
+        listed = xml.SubElement(xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER), "SourceFiles")
+        for name in (SOURCE, WRAPPER):
+            xml.SubElement(listed, "File", name=name)
+    units = xml.SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(each.unit for each in known):
+        defined = xml.SubElement(units, "Unit", name=unit)
+        xml.SubElement(defined, "BaseUnit", _BASE[unit])
+    xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
+    listed = xml.SubElement(root, "ModelVariables")
+    for each in known:
+        xml.SubElement(xml.SubElement(listed, "ScalarVariable", _attributes(each)), "Real", _real(each))
+    structure = xml.SubElement(root, "ModelStructure")
+    for kind, chosen in (
+        ("Outputs", [each for each in known if each.causality == "output"]),
+        ("Derivatives", [each for each in known if each.rate_of]),
+        ("InitialUnknowns", [each for each in known if each.start is None]),
+    ):
+        unknowns = xml.SubElement(structure, kind)
+        for each in chosen:
+            xml.SubElement(unknowns, "Unknown", index=str(each.reference + 1))
+    xml.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, "unicode") + "\n"
+
+
+def _attributes(each: Variable) -> dict[str, str]:
+    about = {"name": each.name, "valueReference": str(each.reference), "causality": each.causality}
+    if each.causality != "input":
+        about["initial"] = "calculated" if each.start is None else "exact"
+    return about | {"variability": "continuous"}
+
+
+def _real(each: Variable) -> dict[str, str]:
+    about = {"unit": each.unit}
+    if each.start is not None:
+        about["start"] = repr(float(each.start))
+    return about | ({"derivative": str(each.rate_of)} if each.rate_of else {})
+
+
+def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for name, text in sources.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        words = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", SOURCE, WRAPPER, "-o", "library", "-lm"]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+        if done.returncode:
+            said = (done.stderr.strip().splitlines() or ["no message"])[0]
+            raise NoSolutionError(f"{compiler} cannot compile the FMU ({said}); name another compiler by CC")
+        return (folder / "library").read_bytes()
