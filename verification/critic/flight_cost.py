@@ -54,12 +54,12 @@ class FlightCost(NamedTuple):
 
 def flight_cost(game: Game, exact: GameSolution, K: np.ndarray) -> FlightCost:
     """Compare the gain K (m, n) with that of the exact solution, in flight."""
-    best = bounded_real_gain(game, exact.K), spectrum(game.A - game.B @ exact.K).axis_distance
+    best = bounded_real_gain(game, exact.K), spectrum(game.A - game.B @ exact.K).axis_distance()
     loop = spectrum(game.A - game.B @ K) if np.all(np.isfinite(K)) else None
     if loop is None or loop.abscissa >= 0.0:
         return FlightCost(math.inf, math.inf, math.inf, best[0], 0.0, best[1])
     worst, mean = _lost(game, exact, K)
-    return FlightCost(100.0 * worst, 100.0 * mean, bounded_real_gain(game, K), best[0], loop.axis_distance, best[1])
+    return FlightCost(100.0 * worst, 100.0 * mean, bounded_real_gain(game, K), best[0], loop.axis_distance(), best[1])
 
 
 def _lost(game: Game, exact: GameSolution, K: np.ndarray) -> tuple[float, float]:

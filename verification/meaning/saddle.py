@@ -26,7 +26,7 @@ def saddle_checks(
 ) -> tuple[Check, ...]:
     """J(K + εΔ, L) - J(K, L) = +c ε² and J(K, L + εΔ) - J(K, L) = -c ε², c > 0, in random directions Δ.
 
-    P: (n, n), whose policies are K = R⁻¹B'P and L = δ⁻²E'P; initial z(0): (n,). The costs are flown, at two ε
+    P: (n, n), whose policies are K = R⁻¹B'P and L = δ⁻²E'P; initial z(0): (n,). The costs are compared at two ε
     a factor 8 apart; the slope log(ratio of changes)/log 8 is 2 at a saddle point and 1 away from it. change: of
     the cost at the larger ε, relative, and about the relative error of P that hides under it: at 1e-6, errors of 1e-6
     pass and most of 1e-5 do not. Near delta_min a change of 1e-4 is too large to be a parabola.
@@ -75,7 +75,7 @@ def _judge(player: str, losses: np.ndarray) -> tuple[Check, ...]:
 def _changes(
     game: Game, P: np.ndarray, step: tuple[np.ndarray, np.ndarray], initial: np.ndarray, base: float, change: float
 ) -> tuple[float, float]:
-    """Relative changes of the flown cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`."""
+    """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`."""
     K, L = game.gain(P), game.disturbance_gain(P)
 
     def is_small(size: float) -> bool:

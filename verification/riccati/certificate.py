@@ -81,7 +81,7 @@ def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
     return (
         at_least(
             "hamiltonian_axis_distance",
-            found.axis_distance,
+            found.axis_distance(),
             AXIS_DISTANCE,
             f"the Hamiltonian has an eigenvalue on the imaginary axis at {abs(nearest.imag):.4g} rad/s",
         ),

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.checks import Check, at_most, below
-from verification.riccati.spectrum import spectrum
+from verification.riccati.spectrum import is_hurwitz, spectrum
 
 TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the output.
@@ -42,7 +42,7 @@ def gain_is_below(game: Game, K: np.ndarray, level: float) -> bool:
     loop = game.A - game.B @ K
     cost = game.Q + K.T @ game.R @ K
     H = np.block([[loop, game.S_disturbance / level], [-cost / level, -loop.T]])
-    return spectrum(loop).abscissa < 0.0 and spectrum(H).axis_distance > AXIS_DISTANCE
+    return is_hurwitz(loop) and spectrum(H).axis_distance() > AXIS_DISTANCE
 
 
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
@@ -52,7 +52,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
     """
     loop = game.A - game.B @ K
-    if spectrum(loop).abscissa >= 0.0:
+    if not is_hurwitz(loop):
         return math.inf
     cost = game.Q + K.T @ game.R @ K
     typical = math.sqrt(np.linalg.norm(game.S_disturbance) * np.linalg.norm(cost)) / float(np.linalg.norm(loop))

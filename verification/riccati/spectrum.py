@@ -8,33 +8,35 @@ import numpy as np
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of M and the relative distance of M to the nearest matrix with one on the imaginary axis.
-
-    axis_distance = min_ω σ_min(M - jω I) / ‖M‖₂, taken over the imaginary parts ω of the eigenvalues and
-    after M has been balanced by a diagonal similarity. Unlike |Re λ| it does not mislead when an eigenvalue
-    is badly conditioned: a double eigenvalue on the axis is computed with |Re λ| of about 1e-8 ‖M‖, but its
-    axis_distance is of the order of rounding, 1e-16.
-    """
+    """Eigenvalues of M, sorted by real part, then imaginary part, and M balanced by a diagonal similarity."""
 
     eigenvalues: np.ndarray
-    axis_distance: float
+    balanced: np.ndarray
 
     @property
     def abscissa(self) -> float:
         """Largest real part, rad/s."""
         return float(self.eigenvalues.real.max())
 
+    def axis_distance(self) -> float:
+        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, over the imaginary parts ω of the eigenvalues.
+
+        How far M is, relative, from a matrix with an eigenvalue on the imaginary axis. Unlike |Re λ| it does not
+        mislead when an eigenvalue is badly conditioned: a double eigenvalue on the axis is computed with |Re λ| of
+        about 1e-8 ‖M‖, but its axis_distance is of the order of rounding, 1e-16. Source: Byers 1988.
+        """
+        shifts = 1j * np.unique(np.abs(self.eigenvalues.imag))
+        shifted = self.balanced - shifts[:, None, None] * np.eye(len(self.balanced))
+        smallest = float(np.linalg.svd(shifted, compute_uv=False)[:, -1].min())
+        norm = float(np.linalg.norm(self.balanced, 2))
+        return smallest / norm if norm > 0.0 else 0.0
+
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
-    """Eigenvalues sorted by real part (then imaginary part) with the distance to the axis (Byers 1988)."""
+    """The eigenvalues of a matrix, (n, n)."""
     scaled, _ = balanced(matrix)
     eigenvalues = np.linalg.eigvals(scaled)
-    eigenvalues = eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))]
-    shifts = 1j * np.unique(np.abs(eigenvalues.imag))
-    shifted = scaled - shifts[:, None, None] * np.eye(len(matrix))
-    smallest = float(np.linalg.svd(shifted, compute_uv=False)[:, -1].min())
-    norm = float(np.linalg.norm(scaled, 2))
-    return Spectrum(eigenvalues, smallest / norm if norm > 0.0 else 0.0)
+    return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
 
 
 def is_hurwitz(matrix: np.ndarray) -> bool:
