@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from hfa_cli.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
 from hfa_cli.output import FORMATS, SUFFIXES
@@ -13,7 +14,8 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, describe, release
-from trim.point.condition_file import NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
+from trim.point.condition_file import NAMED as NAMED_CONDITIONS, load_condition
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
 
@@ -45,10 +47,15 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
     add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
     add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
     add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
+    add_changes(parser, quantity, "VALUE", "hold a variable, degrees for angles; repeatable")
+
+
+def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any], form: str, about: str) -> None:
+    """--condition, --free, --hold, --limit, --start; kind, form, about: the value of --hold, and what it does."""
     named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
     add_value(parser, "--condition", parsed(load_condition), "FILE", named)
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
-    add_named(parser, "--hold", quantity, "NAME=VALUE", "hold a variable, degrees for angles; repeatable")
+    add_named(parser, "--hold", kind, f"NAME={form}", about)
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
     saved = parsed(lambda text: load_operating_point(Path(text)))
     add_value(parser, "--start", saved, "FILE", "begin from a saved operating point (.json)")
@@ -112,11 +119,28 @@ def one_place(arguments: argparse.Namespace) -> None:
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """The flight that the options name: a named condition, changed by --speed and its like, --hold and --free."""
-    named: NamedCondition = arguments.condition or NamedCondition("the paper's")
-    free, hold = tuple(arguments.free or ()), arguments.hold or {}
-    _refuse_two_values(arguments, free, hold)
     values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
-    return named.at(arguments.dihedral, free=free, hold=values | hold, limits=arguments.limit)
+    return changed_condition(arguments, values | (arguments.hold or {})).at(arguments.dihedral)
+
+
+def changed_condition(
+    arguments: argparse.Namespace, hold: Mapping[str, float], *, dihedral_is_free: bool = True
+) -> NamedCondition:
+    """The condition that --condition names, with --free and --limit, and what is held.
+
+    dihedral_is_free: --dihedral does not hold the angle against --free, because it is always given.
+    """
+    free = tuple(arguments.free or ())
+    for name in free:
+        if name in (arguments.hold or {}):
+            raise BadInputError(f"{name} is both set free and held; name it once")
+    for name in ("dihedral", *OF_THE_CONDITION):
+        if given(arguments, name) and name in (arguments.hold or {}):
+            raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
+        if given(arguments, name) and name in free and not (name == "dihedral" and dihedral_is_free):
+            raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")
+    named: NamedCondition = arguments.condition or LEVEL_FLIGHT
+    return named.changed(free=free, hold=hold, limits=arguments.limit)
 
 
 def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:
@@ -137,15 +161,6 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> Ope
         held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
         how = "leave --alpha out and add --free alpha" if given(arguments, "alpha") else "add --free alpha"
         raise TrimError(f"{error}; alpha is held at {held}, free it trims at {found}: {how}", error.attempt) from None
-
-
-def _refuse_two_values(arguments: argparse.Namespace, free: tuple[str, ...], hold: Mapping[str, float]) -> None:
-    """A variable has one value, or none: --dihedral, which is always given, may be set free, the others not."""
-    for name in ("dihedral", *OF_THE_CONDITION):
-        if given(arguments, name) and name in hold:
-            raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
-        if given(arguments, name) and name in free and name != "dihedral":
-            raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")
 
 
 def _parameters(text: str) -> ParameterSet:

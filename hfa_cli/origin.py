@@ -60,9 +60,16 @@ def signed(report: Report) -> Report:
 
 
 def _condition(arguments: argparse.Namespace) -> dict[str, object]:
-    """What the trim of the run imposes (rad, ft/s, ft), frees and limits; empty for a run with many or none."""
+    """What the trim of the run imposes (rad, ft/s, ft), frees and limits; empty for a run without one.
+
+    Of a sweep, what its points have in common and what it changes of the paper's level flight.
+    """
     from hfa_cli.options import condition_of
 
+    if hasattr(arguments, "vary"):
+        from hfa_cli.commands.sweep import swept_condition_of
+
+        return swept_condition_of(arguments).to_dict()
     if not isinstance(getattr(arguments, "dihedral", None), float) or not hasattr(arguments, "start"):
         return {}
     condition = condition_of(arguments)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
         level_flight as level_flight,
         release as release,
     )
+    from trim.point.condition_file import load_condition as load_condition
+    from trim.point.named_condition import NamedCondition as NamedCondition
     from trim.point.operating_point import (
         OperatingPoint as OperatingPoint,
         Status as Status,

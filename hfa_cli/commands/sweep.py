@@ -1,5 +1,8 @@
 """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
 
+Whatever a trim can hold can be swept: --hold throttle=20:60:10. What else it imposes, frees and limits is said as in
+`hfa trim`.
+
 A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, any parameter of the
 aircraft (--vary), random samples (--samples), several processes (--workers) or machines (--scheduler), and it can be
 continued after an interruption (--resume).
@@ -23,9 +26,14 @@ from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
-from trim.sweeps.sweep import MOST_POINTS, SWEPT, sweep
+from hfa_model.support.text import shown_unit
+from hfa_model.vectors import UNITS
+from trim.point.named_condition import NamedCondition
+from trim.sweeps.sweep import MOST_POINTS, sweep
 from trim.sweeps.sweep_report import sweep_report
 
+#: What has an option of its own.
+SWEPT = ("dihedral", *options.OF_THE_CONDITION)
 #: Suffix of a store, and the options that only a store and only a game has.
 STORE = ".zarr"
 OF_A_GAME = ("delta", "Q", "R")
@@ -34,9 +42,10 @@ OF_A_STORE = ("vary", "samples", "seed", "workers", "scheduler", "resume")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa sweep`."""
-    for name, unit in zip(SWEPT, ("deg", "ft/s", "ft", "deg"), strict=True):
-        about = f"start:stop:step, a,b,c or one number, {unit}"
+    for name in SWEPT:
+        about = f"start:stop:step, a,b,c or one number, {shown_unit(UNITS[name])}"
         add_value(parser, f"--{name}", partial(value_range, name), "RANGE", about)
+    options.add_changes(parser, value_range, "RANGE", "hold a variable at a value or a range of them; repeatable")
     parser.add_argument("--full", action="store_true", help="seven states, with altitude")
     options.add_picture(parser, "the root locus")
     options.add_aircraft(parser)
@@ -66,7 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
     varied = [name for name, values in axes.items() if values.size > 1]
     if arguments.picture is not None and len(varied) > 1:
         raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
-    result = sweep(options.aircraft_of(arguments), axes, full=arguments.full, progress=Progress("sweep"))
+    result = sweep(
+        options.aircraft_of(arguments),
+        axes,
+        condition=swept_condition_of(arguments),
+        start=arguments.start,
+        full=arguments.full,
+        progress=Progress("sweep"),
+    )
     if arguments.picture is not None:
         from trim.sweeps.root_locus import root_locus
 
@@ -81,15 +97,27 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
-    """Variable -> its range, of --dihedral and its like and of --vary."""
+    """Variable -> its range, of --dihedral and its like, of --hold and of --vary."""
     ranges = {name: getattr(arguments, name) for name in SWEPT if options.given(arguments, name)}
+    held = {name: values for name, values in (arguments.hold or {}).items() if not _is_constant(values)}
     for name, values in (arguments.vary or {}).items():
-        if name in ranges:
-            raise BadInputError(f"{name} is given twice, by --{name} and by --vary; give it once")
-        ranges[name] = values
-    if not ranges:
+        for option, names in ((name, ranges), ("hold", arguments.hold or {}), ("free", arguments.free or ())):
+            if name in names:
+                raise BadInputError(f"{name} is given twice, by --{option} and by --vary; give it once")
+        held[name] = values
+    if not ranges | held:
         raise BadInputError(f"nothing to sweep; give at least one of {', '.join('--' + name for name in SWEPT)}")
-    return ranges
+    return ranges | held
+
+
+def swept_condition_of(arguments: argparse.Namespace) -> NamedCondition:
+    """What every point of the sweep has in common."""
+    held = {name: values[0] for name, values in (arguments.hold or {}).items() if _is_constant(values)}
+    return options.changed_condition(arguments, held, dihedral_is_free=False)
+
+
+def _is_constant(values: Range) -> bool:
+    return isinstance(values, tuple) and not isinstance(values, Span) and len(values) == 1
 
 
 def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
@@ -116,6 +144,8 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         arguments.dynamics,
         arguments.samples or 0,
         arguments.seed or 0,
+        swept_condition_of(arguments),
+        arguments.start,
     )
     store = stream_sweep(
         plan,

@@ -24,7 +24,8 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
     .json: `data` as it is, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
-    as structs. .csv: `records`, one row a value; a last column has schema and provenance as JSON in its first row.
+    as structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
+    provenance as JSON in its first row.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
@@ -74,8 +75,13 @@ def _for_matlab(data: Any) -> Any:
             cells = np.empty(len(data), dtype=object)
             cells[:] = [_for_matlab(item) for item in data]
             return cells
-        return np.asarray(_numbers(data))
-    return _numbers(data)
+        return _stacked(np.asarray(_numbers(data)))
+    return _stacked(data) if isinstance(data, np.ndarray) else _numbers(data)
+
+
+def _stacked(array: np.ndarray) -> np.ndarray:
+    """A stack of matrices (N, rows, columns) as MATLAB and Octave have it: (rows, columns, N)."""
+    return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
 def _numbers(data: Any) -> Any:

@@ -120,14 +120,6 @@ class TrimCondition:
         return self.limits.get(name, LIMITS.get(name, (-math.inf, math.inf)))
 
 
-def check_imposed(name: str, *values: float) -> None:
-    """BadInputError when a value to impose is not finite or lies outside `LIMITS`."""
-    for value in values:
-        if not math.isfinite(value):
-            raise BadInputError(f"{name} is {value}; give a finite number")
-        _check(name, value, LIMITS.get(name, (-math.inf, math.inf)))
-
-
 def _check(name: str, value: float, limits: tuple[float, float], parts: str = "") -> None:
     lowest, highest = limits
     if not lowest <= value <= highest:

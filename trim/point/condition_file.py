@@ -3,70 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
-
-import numpy as np
 
 from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.toml_file import finite_number, names_of, read_named, table_of
 from hfa_model.vectors import UNITS
-from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
+from trim.point.condition import VARIABLES
+from trim.point.named_condition import NamedCondition
 
 #: Conditions that come with the package: name -> file.
 NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
 _KEYS = ("description", "source", "impose", "free", "limits")
-
-
-@dataclass(frozen=True)
-class NamedCondition:
-    """The paper's level flight with changes.
-
-    name: of the condition or its file. imposed: variable -> (dihedral angles, values), linear between the angles;
-    one value for a constant. free: variables that the solver finds. limits: variable -> (lowest, highest). Rad, ft/s,
-    ft.
-    """
-
-    name: str
-    imposed: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
-    free: tuple[str, ...] = ()
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    def at(
-        self,
-        dihedral: float,
-        *,
-        free: tuple[str, ...] = (),
-        hold: Mapping[str, float] | None = None,
-        limits: Mapping[str, tuple[float, float]] | None = None,
-    ) -> TrimCondition:
-        """The condition at a dihedral angle, rad, with changes as by `release`.
-
-        BadInputError outside the angles of a table.
-        """
-        changed = {*free, *(hold or {})}
-        imposed = {name: self._value(name, dihedral) for name in self.imposed if name not in changed}
-        freed = tuple(name for name in self.free if name not in (hold or {}))
-        return release(
-            level_flight(dihedral),
-            free=tuple(dict.fromkeys((*freed, *free))),
-            hold=imposed | dict(hold or {}),
-            limits={**self.limits, **(limits or {})},
-        )
-
-    def _value(self, name: str, dihedral: float) -> float:
-        angles, values = self.imposed[name]
-        if len(values) == 1:
-            return values[0]
-        if not angles[0] - 1e-12 <= dihedral <= angles[-1] + 1e-12:
-            raise BadInputError(
-                f"condition {self.name}: {name} is given from {math.degrees(angles[0]):g} to "
-                f"{math.degrees(angles[-1]):g} deg of dihedral; {math.degrees(dihedral):g} deg lies outside"
-            )
-        return float(np.interp(dihedral, angles, values))
 
 
 def load_condition(name: str) -> NamedCondition:

@@ -7,6 +7,7 @@ point carries its residual, and what did not converge goes to `trim.point.solve`
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -19,7 +20,8 @@ from hfa_model.parameters import Parameters
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
-from trim.point.condition import BALANCED, LIMITS, TrimCondition, level_flight
+from trim.point.condition import BALANCED, LIMITS, VARIABLES, level_flight
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import BALANCE
 
 #: A level flight as numbers, in order.
@@ -36,7 +38,6 @@ _SIZES = (_N, _M, _N * _N, _N * _M, _N)
 _CHUNK = 250
 _BALANCED_COLUMNS = [-_N + STATES.index(name) for name in BALANCED]
 _BALANCED_SCALES = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
-_LOWEST, _HIGHEST = np.array([LIMITS[name] for name in STATES + INPUTS]).T
 
 
 @dataclass(frozen=True)
@@ -57,32 +58,52 @@ class LevelFlights:
         return _balanced(self.residuals)
 
 
-def level_conditions(variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Rows in the order of `CONDITION`: the given values, else what the paper has; zero dihedral.
+def level_conditions(
+    variables: tuple[str, ...], values: np.ndarray, condition: NamedCondition = LEVEL_FLIGHT
+) -> np.ndarray:
+    """Rows in the order of `CONDITION`: the given values, else what the condition has, else the paper; zero dihedral.
 
     Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
     """
-    paper = level_flight(0.0).imposed
-    conditions = np.tile([paper[name] for name in CONDITION], (len(values), 1))
-    for column, name in enumerate(variables):
-        if name in CONDITION:
-            conditions[:, CONDITION.index(name)] = values[:, column]
-    return conditions
+    paper, given = level_flight(0.0).imposed, dict(zip(variables, np.asarray(values).T, strict=True))
+    nothing = np.zeros(len(values))
+
+    def column(name: str, dihedral: np.ndarray) -> np.ndarray:
+        if name in given:
+            return given[name]
+        return condition.value(name, dihedral) if name in condition.imposed else nothing + paper[name]
+
+    dihedral = column("dihedral", nothing)
+    return np.stack([column(name, dihedral) for name in CONDITION], axis=-1)
 
 
-def level_flight_of(row: np.ndarray) -> TrimCondition:
-    """The condition of one row of `level_conditions`."""
-    return level_flight(**dict(zip(CONDITION, row.tolist(), strict=True)))
+def are_level_flights(variables: tuple[str, ...], condition: NamedCondition) -> bool:
+    """Whether every point is a level flight as `solve_level_flights` has it: its unknowns free, its constants zero."""
+    varied = {name: 0.0 for name in variables if name in VARIABLES}
+    if not set(varied) <= set(CONDITION):
+        return False
+    paper, asked = level_flight(0.0), condition.changed(hold=varied)
+    imposed = {name: value for name, value in asked.imposed.items() if name not in CONDITION}
+    return (
+        set(asked.free) <= set(_UNKNOWNS)
+        and all(set(values) == {paper.imposed.get(name)} for name, (_, values) in imposed.items())
+        and condition.rates in (None, dict(paper.rates))
+    )
 
 
 def solve_level_flights(
-    variant: Variant, parameters: np.ndarray | Parameters, conditions: np.ndarray, *, compile_code: bool | None = None
+    variant: Variant,
+    parameters: np.ndarray | Parameters,
+    conditions: np.ndarray,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    compile_code: bool | None = None,
 ) -> LevelFlights:
     """Trim and linearize N level flights.
 
     parameters: one set for all points, or (N, 18), one row a point in the order of `Parameters`.
-    conditions: (N, 5) in the order of `CONDITION`, rad, ft/s, ft. compile_code: run as machine code; by default
-    from `COMPILE_FROM` points on. Points outside the model come out as not trimmed.
+    conditions: (N, 5) in the order of `CONDITION`, rad, ft/s, ft. limits: where not `LIMITS`. compile_code: run as
+    machine code; by default from `COMPILE_FROM` points on. Points outside the model come out as not trimmed.
     """
     count = len(conditions)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
@@ -103,8 +124,16 @@ def solve_level_flights(
         A=flat[:, inputs_end:A_end].reshape(count, _N, _N),
         B=flat[:, A_end:B_end].reshape(count, _N, _M),
         residuals=residuals,
-        trimmed=balanced & _within_limits(flat[:, :inputs_end]),
+        trimmed=balanced & _within_limits(flat[:, :inputs_end], {**LIMITS, **(limits or {})}),
     )
+
+
+def unsolved(count: int) -> LevelFlights:
+    """As many points of which nothing is known yet."""
+    states, inputs, A, B, residuals = (
+        np.full((count, *shape), np.nan) for shape in ((_N,), (_M,), (_N, _N), (_N, _M), (len(BALANCED),))
+    )
+    return LevelFlights(states, inputs, A, B, residuals, np.zeros(count, dtype=bool))
 
 
 def _evaluate(
@@ -133,8 +162,9 @@ def _balanced(residuals: np.ndarray) -> np.ndarray:
     return np.asarray((np.abs(residuals) <= BALANCE).all(axis=1))
 
 
-def _within_limits(values: np.ndarray) -> np.ndarray:
-    return np.asarray(((values >= _LOWEST) & (values <= _HIGHEST)).all(axis=1))
+def _within_limits(values: np.ndarray, limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
+    lowest, highest = np.array([limits[name] for name in STATES + INPUTS]).T
+    return np.asarray(((values >= lowest) & (values <= highest)).all(axis=1))
 
 
 @cached_per_thread(maxsize=None)

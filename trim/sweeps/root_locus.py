@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_model.support.figure import new_figure, save
-from hfa_model.vectors import STATE_UNITS
+from hfa_model.vectors import UNITS
 from trim.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ def root_locus_figure(result: Sweep) -> Figure:
     figure = new_figure(10.0, 4.6)
     variable = result.variables[-1]
     values = result.values[:, -1]
-    is_angle = getattr(STATE_UNITS, variable) == "rad"
+    is_angle = UNITS[variable] == "rad"
     shown = np.degrees(values) if is_angle else values
-    unit = "deg" if is_angle else getattr(STATE_UNITS, variable)
+    unit = "deg" if is_angle else UNITS[variable]
     names = list(dict.fromkeys(result.mode_names))
     for index, axes in enumerate(figure.subplots(1, 2)):
         for column, name in enumerate(result.mode_names):

@@ -13,15 +13,20 @@ import numpy as np
 from hfa_model.parameters import Parameters
 from hfa_model.support.store import Array, Layout, Store
 from hfa_model.support.stream import stream
+from hfa_model.support.workers import Task
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk
-from trim.sweeps.level_flights import COMPILE_FROM
+from trim.sweeps.level_flights import COMPILE_FROM, are_level_flights
 from trim.sweeps.sweep_plan import SweepPlan
 from trim.sweeps.sweep_report import plan_warnings
 
 SCHEMA = "hfa.sweep-store/1"
 #: Points of a chunk: half a second of work or more, about 90 MB of results.
 CHUNK = 100_000
+#: The same where each point is trimmed on its own: seconds of work.
+SLOW_CHUNK = 1_000
 
 _N, _M = len(STATES), len(INPUTS)
 _NAN = float("nan")
@@ -50,6 +55,8 @@ class SweepJob:
         attributes = {
             "variables": list(plan.variables),
             "variable_units": list(plan.units),
+            "grid": plan.grid,
+            "condition": plan.condition.to_dict(),
             "states": list(STATES),
             "state_units": list(STATE_UNITS),
             "inputs": list(INPUTS),
@@ -58,25 +65,34 @@ class SweepJob:
             "limiting": list(STATES + INPUTS),
             "warnings": plan_warnings(plan),
         }
-        return Layout(SCHEMA, "sweep", plan.count, CHUNK, plan.to_dict(), plan.identity, arrays, attributes)
+        chunk = CHUNK if are_level_flights(plan.variables, plan.condition) else SLOW_CHUNK
+        return Layout(SCHEMA, "sweep", plan.count, chunk, plan.to_dict(), plan.identity, arrays, attributes)
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
         """What workers run."""
         return run_points
 
-    def task(self, start: int, stop: int) -> tuple[tuple[str, ...], np.ndarray, Parameters, str, bool]:
+    def task(self, start: int, stop: int) -> Task:
         """Values of the points, not the plan: a worker would make the whole of a Latin hypercube for its part."""
         plan = self.plan
-        return plan.variables, plan.values(start, stop), plan.parameters, plan.dynamics, plan.count >= COMPILE_FROM
+        compiled = plan.count >= COMPILE_FROM
+        values = plan.values(start, stop)
+        return plan.variables, values, plan.parameters, plan.dynamics, compiled, plan.condition, plan.start
 
 
 def run_points(
-    variables: tuple[str, ...], values: np.ndarray, parameters: Parameters, dynamics: str, compile_code: bool
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    parameters: Parameters,
+    dynamics: str,
+    compile_code: bool,
+    condition: NamedCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
 ) -> Mapping[str, np.ndarray]:
     """The points of a task, by name of the array in the store: a `Chunk`, the values that it was given, and the
     eigenvalues of A (N, 7), fastest first, 1/s. What a worker runs."""
-    chunk = run_chunk(variables, values, parameters, dynamics, compile_code)
+    chunk = run_chunk(variables, values, parameters, dynamics, compile_code, condition, start)
     rows = chunk._asdict() | {"values": values, "eigenvalues": _eigenvalues(chunk.A)}
     del rows["failures"]  # words have no place in an array
     return rows

@@ -27,6 +27,8 @@ def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
             "dynamics": plan.dynamics,
             "variables": list(plan.variables),
             "variable_units": list(plan.units),
+            "grid": plan.grid,
+            "condition": plan.condition.to_dict(),
             "points": plan.count,
             "counts": counts,
             "warnings": notes,

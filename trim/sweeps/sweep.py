@@ -13,16 +13,15 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report, Reported
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, Input
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS, Input
 from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of
-from trim.point.condition import check_imposed
+from trim.point.condition import VARIABLES, TrimCondition
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import beyond_limits
-from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, Chunk, run_chunk
-from trim.sweeps.level_flights import level_conditions, level_flight_of
+from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, Chunk, condition_at, run_chunk
 
-#: What a sweep can vary: the arguments of `level_flight`.
-SWEPT = ("dihedral", "speed", "altitude", "alpha")
 MOST_POINTS = 1_000_000
 SCHEMA = "hfa.sweep/1"
 
@@ -31,13 +30,14 @@ SCHEMA = "hfa.sweep/1"
 class Sweep(ByValue, Reported):
     """N points in the order of the grid, the last variable running fastest.
 
-    variables: names of what varies. values: (N, variables). reasons: "" where trimmed, else why not.
-    states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
+    axes: variable -> its values. values: (N, variables), all combinations of them. reasons: "" where trimmed, else
+    why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
     mode through the sweep; nan where the trim failed. mode_names: name of each column where the sweep begins.
+    condition: what the trims impose beside the values.
     Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
     """
 
-    variables: tuple[str, ...]
+    axes: Mapping[str, tuple[float, ...]]
     values: np.ndarray
     reasons: tuple[str, ...]
     states: np.ndarray
@@ -48,6 +48,17 @@ class Sweep(ByValue, Reported):
     model_states: tuple[str, ...]
     mode_names: tuple[str, ...]
     dynamics: str
+    condition: NamedCondition = LEVEL_FLIGHT
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of what varies, in order."""
+        return tuple(self.axes)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each variable, in order."""
+        return tuple(UNITS[name] for name in self.axes)
 
     @property
     def trimmed(self) -> np.ndarray:
@@ -66,7 +77,9 @@ class Sweep(ByValue, Reported):
             "schema": SCHEMA,
             "dynamics": self.dynamics,
             "variables": list(self.variables),
-            "variable_units": [getattr(STATE_UNITS, name) for name in self.variables],
+            "variable_units": list(self.units),
+            "grid": {name: {"values": list(axis), "unit": UNITS[name]} for name, axis in self.axes.items()},
+            "condition": self.condition.to_dict(),
             "values": self.values,
             "reasons": list(self.reasons),
             "states": list(self.model_states),
@@ -86,21 +99,32 @@ def sweep(
     aircraft: Aircraft,
     grid: Mapping[str, Sequence[float] | np.ndarray],
     *,
+    condition: TrimCondition | NamedCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
     full: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
-    """Trim and linearize `level_flight` at every point of the product of the given values.
+    """Trim and linearize at every point of the product of the given values.
 
-    grid: name out of `SWEPT` -> values (rad, ft/s, ft). What is not swept is the paper's, and the dihedral angle zero.
-    A point that has no trim becomes a row with its reason. progress is called with (points done, points in all).
-    BadInputError when a name is unknown, a value lies outside its limits, or the grid is empty or has more than
+    grid: trim variable -> values that are held (rad, ft/s, ft). condition: what the other variables do, by default the
+    paper's level flight with a dihedral angle of zero; the grid overrides it. start: where the search begins at each
+    point. A point that has no trim becomes a row with its reason. progress is called with (points done, points in
+    all). BadInputError when a name is unknown, a value lies outside its limits, or the grid is empty or has more than
     `MOST_POINTS` points.
     """
-    axes = _axes(grid)
+    base = NamedCondition.of(condition) if isinstance(condition, TrimCondition) else condition
+    axes = _axes(grid, base)
     variables, sizes = tuple(axes), [axis.size for axis in axes.values()]
     values = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, len(axes))
-    chunk = run_chunk(variables, values, aircraft.parameters, aircraft.variant, progress=progress)
-    reasons = _reasons(aircraft, level_conditions(variables, values), chunk, progress)
+    chunk = run_chunk(
+        variables, values, aircraft.parameters, aircraft.variant, condition=base, start=start, progress=progress
+    )
+
+    def beyond(index: int) -> str:
+        balancing = Input(*chunk.inputs[index].tolist())._asdict()
+        return beyond_limits(aircraft, condition_at(base, variables, values[index]), balancing)
+
+    reasons = _reasons(chunk, beyond, progress)
     trimmed = chunk.status == TRIMMED
     for array in (chunk.states, chunk.inputs):
         array[~trimmed] = np.nan
@@ -113,7 +137,7 @@ def sweep(
     if path.size:
         eigenvalues[path] = track_modes(A[path], model_states)
     return Sweep(
-        variables=variables,
+        axes={name: tuple(axis.tolist()) for name, axis in axes.items()},
         values=values,
         reasons=reasons,
         states=chunk.states,
@@ -124,32 +148,32 @@ def sweep(
         model_states=model_states,
         mode_names=_column_names(A[path[0]], eigenvalues[path[0]], model_states) if path.size else (),
         dynamics=aircraft.variant.name,
+        condition=base,
     )
 
 
-def _axes(grid: Mapping[str, Sequence[float] | np.ndarray]) -> dict[str, np.ndarray]:
+def _axes(grid: Mapping[str, Sequence[float] | np.ndarray], condition: NamedCondition) -> dict[str, np.ndarray]:
     """The values of each variable, checked."""
     for name in grid:
-        if name not in SWEPT:
-            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(SWEPT)}")
+        if name not in VARIABLES:
+            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(VARIABLES)}")
     axes = {name: np.asarray(values, dtype=float) for name, values in grid.items()}
     total = math.prod(axis.size for axis in axes.values()) if axes else 0
     if not 0 < total <= MOST_POINTS:
         raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
-    for name, axis in axes.items():
-        check_imposed(name, *axis[[axis.argmin(), axis.argmax()]].tolist())
+    for corner in (np.argmin, np.argmax):
+        condition_at(condition, tuple(axes), np.array([axis[corner(axis)] for axis in axes.values()]))
     return axes
 
 
 def _reasons(
-    aircraft: Aircraft, conditions: np.ndarray, chunk: Chunk, progress: Callable[[int, int], None] | None
+    chunk: Chunk, beyond: Callable[[int], str], progress: Callable[[int, int], None] | None
 ) -> tuple[str, ...]:
     """Why each point has no trim, "" where it has one."""
-    total, beyond = len(conditions), np.flatnonzero(chunk.status == BEYOND_LIMITS).tolist()
+    total, slow = len(chunk.status), np.flatnonzero(chunk.status == BEYOND_LIMITS).tolist()
     reasons = [chunk.failures.get(index, "") for index in range(total)]
-    for done, index in enumerate(beyond, start=total - len(beyond) + 1):
-        inputs = Input(*chunk.inputs[index].tolist())
-        reasons[index] = beyond_limits(aircraft, level_flight_of(conditions[index]), inputs._asdict())
+    for done, index in enumerate(slow, start=total - len(slow) + 1):
+        reasons[index] = beyond(index)
         if progress is not None:
             progress(done, total)
     return tuple(reasons)

@@ -16,11 +16,13 @@ from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
-from trim.point.condition import check_imposed
-from trim.sweeps.level_flights import CONDITION
+from trim.point.condition import VARIABLES
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.operating_point import OperatingPoint
+from trim.sweeps.chunk import condition_at
 
-#: What a plan can vary: the condition of a level flight, and any parameter of the aircraft.
-PLANNED = CONDITION + Parameters._fields
+#: What a plan can vary: what a trim imposes, and any parameter of the aircraft.
+PLANNED = VARIABLES + Parameters._fields
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
 #: Of a Latin hypercube, which is: 10 bytes and more a sample and variable.
@@ -47,7 +49,7 @@ class SweepPlan:
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
     fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
     hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the
-    aircraft where it is not varied. BadInputError when a name or a range is wrong.
+    aircraft where it is not varied. condition, start: as in `sweep`. BadInputError when a name or a range is wrong.
     """
 
     axes: Mapping[str, tuple[float, ...] | Steps]
@@ -55,19 +57,22 @@ class SweepPlan:
     dynamics: str
     samples: int = 0
     seed: int = 0
+    condition: NamedCondition = LEVEL_FLIGHT
+    start: OperatingPoint | None = None
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything runs."""
         if not self.axes:
             raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
+        ends_of = {}
         for name, values in self.axes.items():
             if name not in PLANNED:
                 raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
-            ends = values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
+            ends = ends_of[name] = (
+                values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
+            )
             if name in FIELDS._fields and getattr(FIELDS, name).positive and min(ends) <= 0:
                 raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
-            if name in CONDITION:
-                check_imposed(name, *ends)
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         if not 0 <= self.samples <= MOST_SAMPLES:
@@ -77,6 +82,8 @@ class SweepPlan:
                 f"the sweep has {self.count:.3g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
             )
         variant_named(self.dynamics)
+        for corner in (np.argmin, np.argmax):
+            condition_at(self.condition, self.variables, np.array([ends[corner(ends)] for ends in ends_of.values()]))
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -87,6 +94,19 @@ class SweepPlan:
     def units(self) -> tuple[str, ...]:
         """Unit of each variable, in order."""
         return tuple(getattr(FIELDS, name).unit if name in FIELDS._fields else UNITS[name] for name in self.axes)
+
+    @property
+    def grid(self) -> dict[str, dict[str, Any]]:
+        """Variable -> its unit and its values: listed, or start, step and count; of samples lowest and highest."""
+        found: dict[str, dict[str, Any]] = {}
+        for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
+            if isinstance(values, Steps):
+                found[name] = asdict(values) | {"unit": unit}
+            elif self.samples:
+                found[name] = {"lowest": values[0], "highest": values[1], "unit": unit}
+            else:
+                found[name] = {"values": list(values), "unit": unit}
+        return found
 
     @cached_property
     def count(self) -> int:
@@ -119,6 +139,8 @@ class SweepPlan:
             "dynamics": self.dynamics,
             "samples": self.samples,
             "seed": self.seed,
+            "condition": self.condition.to_dict(),
+            "start": None if self.start is None else self.start.to_dict(),
         }
 
     @cached_property

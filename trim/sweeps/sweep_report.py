@@ -26,10 +26,9 @@ def sweep_report(result: Sweep) -> Report:
     """
     modes = tuple(dict.fromkeys(result.mode_names))
     members = [[i for i, each in enumerate(result.mode_names) if each == name] for name in modes]
-    units = [getattr(STATE_UNITS, name) for name in result.variables]
 
     def varied(i: int) -> tuple[str, ...]:
-        return tuple(map(shown_value, result.values[i], units))
+        return tuple(map(shown_value, result.values[i], result.units))
 
     def row(i: int) -> tuple[str, ...]:
         if result.reasons[i]:
@@ -38,7 +37,7 @@ def sweep_report(result: Sweep) -> Report:
 
     count, warnings = len(result.reasons), sweep_warnings(result)
     header = (
-        *(f"{name} {shown_unit(unit)}" for name, unit in zip(result.variables, units, strict=True)),
+        *(f"{name} {shown_unit(unit)}" for name, unit in zip(result.variables, result.units, strict=True)),
         *(f"{name} 1/s" for name in modes),
     )
     failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(result.reasons) if reason]
@@ -66,7 +65,7 @@ def _records(result: Sweep) -> Table:
     """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
     n = len(result.model_states)
     header = (
-        *(f"{name} [{getattr(STATE_UNITS, name)}]" for name in result.variables),
+        *(f"{name} [{unit}]" for name, unit in zip(result.variables, result.units, strict=True)),
         "status",
         "reason",
         *(f"state {name} [{getattr(STATE_UNITS, name)}]" for name in STATES),

@@ -13,7 +13,7 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
-from hfa_model.vectors import INPUTS, STATE_UNITS
+from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep import Sweep
 from verification.meaning.margins import disk_margin
 from verification.riccati.existence import minimum_delta
@@ -109,10 +109,10 @@ def _refusals(found: Sweep, games: GameSweep) -> str:
 
 
 def _variables(found: Sweep) -> list[str]:
-    return [f"{name} {getattr(STATE_UNITS, name).replace('rad', 'deg')}" for name in found.variables]
+    return [f"{name} {UNITS[name].replace('rad', 'deg')}" for name in found.variables]
 
 
 def _points(found: Sweep) -> list[tuple[str, ...]]:
     """The varied values of each point, angles in degrees."""
-    scale = [180.0 / np.pi if getattr(STATE_UNITS, name) == "rad" else 1.0 for name in found.variables]
+    scale = [180.0 / np.pi if UNITS[name] == "rad" else 1.0 for name in found.variables]
     return [tuple(f"{value:.6g}" for value in row) for row in found.values * scale]
