@@ -143,6 +143,17 @@ def changed_condition(
     return named.changed(free=free, hold=hold, limits=arguments.limit)
 
 
+def swept_condition_of(arguments: argparse.Namespace) -> NamedCondition:
+    """What every point of a sweep has in common: what --hold has one value for, and the other changes."""
+    held = {name: values[0] for name, values in (arguments.hold or {}).items() if is_constant(values)}
+    return changed_condition(arguments, held, dihedral_is_free=False)
+
+
+def is_constant(values: Any) -> bool:
+    """Whether a range is one number."""
+    return isinstance(values, tuple) and len(values) == 1
+
+
 def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:
     """The trim at the condition that the options name, begun where --start says.
 

@@ -67,7 +67,7 @@ def _condition(arguments: argparse.Namespace) -> dict[str, object]:
     from hfa_cli.options import condition_of
 
     if hasattr(arguments, "vary"):
-        from hfa_cli.commands.sweep import swept_condition_of
+        from hfa_cli.options import swept_condition_of
 
         return swept_condition_of(arguments).to_dict()
     if not isinstance(getattr(arguments, "dihedral", None), float) or not hasattr(arguments, "start"):

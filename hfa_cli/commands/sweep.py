@@ -28,7 +28,6 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
 from hfa_model.support.text import shown_unit
 from hfa_model.vectors import UNITS
-from trim.point.named_condition import NamedCondition
 from trim.sweeps.sweep import MOST_POINTS, sweep
 from trim.sweeps.sweep_report import sweep_report
 
@@ -78,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     result = sweep(
         options.aircraft_of(arguments),
         axes,
-        condition=swept_condition_of(arguments),
+        condition=options.swept_condition_of(arguments),
         start=arguments.start,
         full=arguments.full,
         progress=Progress("sweep"),
@@ -99,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     """Variable -> its range, of --dihedral and its like, of --hold and of --vary."""
     ranges = {name: getattr(arguments, name) for name in SWEPT if options.given(arguments, name)}
-    held = {name: values for name, values in (arguments.hold or {}).items() if not _is_constant(values)}
+    held = {name: values for name, values in (arguments.hold or {}).items() if not options.is_constant(values)}
     for name, values in (arguments.vary or {}).items():
         for option, names in ((name, ranges), ("hold", arguments.hold or {}), ("free", arguments.free or ())):
             if name in names:
@@ -108,16 +107,6 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     if not ranges | held:
         raise BadInputError(f"nothing to sweep; give at least one of {', '.join('--' + name for name in SWEPT)}")
     return ranges | held
-
-
-def swept_condition_of(arguments: argparse.Namespace) -> NamedCondition:
-    """What every point of the sweep has in common."""
-    held = {name: values[0] for name, values in (arguments.hold or {}).items() if _is_constant(values)}
-    return options.changed_condition(arguments, held, dihedral_is_free=False)
-
-
-def _is_constant(values: Range) -> bool:
-    return isinstance(values, tuple) and not isinstance(values, Span) and len(values) == 1
 
 
 def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
@@ -144,7 +133,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         arguments.dynamics,
         arguments.samples or 0,
         arguments.seed or 0,
-        swept_condition_of(arguments),
+        options.swept_condition_of(arguments),
         arguments.start,
     )
     store = stream_sweep(
