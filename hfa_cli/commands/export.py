@@ -2,13 +2,15 @@
 
 --c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
 gain of a policy, with an example of a 100 Hz loop. --fmu FILE: the nonlinear aircraft trimmed at --dihedral as an FMU
-2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler.
+2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --matlab FILE: a function of
+MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +22,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import check_folder, say_notes, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
 from trim.linear.linearize import linearize
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from controller.export.c_model import CModel
 
 SCHEMA = "hfa.export/1"
-_TARGETS = ("c", "fmu")
+_TARGETS = ("c", "fmu", "matlab")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
     add_value(parser, "--fmu", output_file(".fmu"), "FILE", "write an FMU")
+    add_value(parser, "--matlab", output_file(".m"), "FILE", "write the function that reads .mat files of models")
     about = f"the gain: {', '.join(LAWS)}; default exact for --c, none for --fmu"
     add_value(parser, "--law", str, "NAME", about)
     add_settings(parser)
@@ -50,21 +54,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find the gain, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
-        raise BadInputError("nothing to write; give --c FOLDER or --fmu FILE")
+        raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE or --matlab FILE")
+    written, notes = [], []
+    if arguments.c is not None or arguments.fmu is not None:
+        with_policy = arguments.law is not None
+        what = _model(arguments)
+        written, notes = _write_model(what, arguments, with_policy), warnings(what.model.point)
+    if arguments.matlab is not None:
+        write_text(arguments.matlab, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
+        written.append(arguments.matlab)
+    show(_report(written), arguments, target=None)
+    say_notes(notes)
+    return 0
+
+
+def _write_model(what: CModel, arguments: argparse.Namespace, with_policy: bool) -> list[Path]:
     from controller.export.c_model import write_c_model
     from controller.export.fmu import write_fmu
 
-    with_policy = arguments.law is not None
-    what = _model(arguments)
     written: list[Path] = []
     if arguments.fmu is not None:
         write_fmu(what, arguments.fmu, provenance(), with_policy=with_policy)
         written.append(arguments.fmu)
     if arguments.c is not None:
         written += write_c_model(what, arguments.c)
-    show(_report(written), arguments, target=None)
-    say_notes(warnings(what.model.point))
-    return 0
+    return written
 
 
 def _model(arguments: argparse.Namespace) -> CModel:
@@ -82,7 +96,7 @@ def _model(arguments: argparse.Namespace) -> CModel:
 def _report(written: list[Path]) -> Report:
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
-    files = [{"file": name, "bytes": size} for name, size in rows]
+    listed = [{"file": name, "bytes": size} for name, size in rows]
     return Report(
-        f"Exported: {len(rows)} file{'s' * (len(rows) > 1)}", [table], data={"schema": SCHEMA, "files": files}
+        f"Exported: {len(rows)} file{'s' * (len(rows) > 1)}", [table], data={"schema": SCHEMA, "files": listed}
     )

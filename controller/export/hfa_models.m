@@ -1,0 +1,32 @@
+function [models, data] = hfa_models(file)
+% HFA_MODELS  Linear models in a .mat file of `hfa sweep` or `hfa linearize` as state-space systems.
+%
+%   [models, data] = hfa_models(file)
+%
+%   models: cell array, one ss a point of the sweep, in its order, with the names of states, inputs and outputs;
+%   [] where there is no trim. In MATLAB, stack(1, models{:}) makes one array of them.
+%   data: everything in the file: data.A (n, n, N), data.B (n, m, N), the varied values and their names, operating
+%   points (the offsets X0, U0 of the models), units. Feet, slugs, pounds, radians.
+%
+%   Needs the Control System Toolbox, or in Octave: pkg load control.
+data = load(file);
+if ~isfield(data, 'A') || ~isfield(data, 'B') || ~isfield(data, 'states') || ~isfield(data, 'inputs')
+    error('hfa_models: %s has no A, B, states and inputs; give a .mat file of hfa sweep or hfa linearize', file);
+end
+count = size(data.A, 3);
+models = cell(1, count);
+for k = 1:count
+    A = data.A(:, :, k);
+    B = data.B(:, :, k);
+    if any(isnan(A(:)))
+        continue
+    end
+    if isfield(data, 'C') && count == 1
+        C = data.C; D = data.D; outputs = data.outputs;
+    else
+        C = eye(size(A, 1)); D = zeros(size(B)); outputs = data.states;
+    end
+    models{k} = ss(A, B, C, D, 'statename', data.states(:), 'inputname', data.inputs(:), ...
+                   'outputname', outputs(:));
+end
+end
