@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from controller.design.scheduled_controller import ScheduledController as ScheduledController
     from controller.flight.actuators import Actuators as Actuators
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
-    from controller.flight.gain_plan import GainPlan as GainPlan
+    from controller.flight.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
     from controller.flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
     from controller.flight.signals import Harmonic as Harmonic, Signal as Signal
     from controller.flight.simulate import Scenario as Scenario, fly as fly

@@ -34,7 +34,7 @@ from trim.point.trim_report import warnings
 from verification.experiments.configuration import section5_configuration
 
 if TYPE_CHECKING:
-    from controller.flight.gain_plan import GainPlan
+    from controller.flight.flown_law import FlownLaw
 
 #: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
@@ -122,18 +122,20 @@ def check_learning(arguments: argparse.Namespace) -> None:
         raise BadInputError("--seed belongs to a learning law or to --turbulence; here nothing is random")
 
 
-def gain_plan_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> GainPlan:
+def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
     """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
-    from controller.flight.gain_plan import GainPlan, frozen_plan, learned_value, online_plan
+    from controller.flight.flown_law import gain_law
+    from controller.flight.learned_gain import frozen_law, learned_value, online_law
     from verification.riccati.gare import solve_game
 
     game = game_on(model, arguments)
     if arguments.law == "exact":
-        return GainPlan("exact", solve_game(game).K[None])
+        return gain_law("exact", solve_game(game).K)
     told = show_learning if sys.stderr.isatty() else None
     learned = learned_value(game, arguments.law, seed_of(arguments), told, **law_settings(arguments))
-    frozen = frozen_plan(arguments.law, learned)
-    return frozen if online_tick is None else online_plan(game, arguments.law, learned, online_tick)
+    if online_tick is None:
+        return frozen_law(arguments.law, learned)
+    return online_law(game, arguments.law, learned, online_tick)
 
 
 def tell(

@@ -1,33 +1,66 @@
-"""First-order actuators with limits of position and rate, as a stage between a policy and its plant."""
+"""Actuators of order 1 and 2 with limits of position and rate, and what may befall them in flight."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Policy
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, Input
 
 #: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators alone.
 LONGEST_STEP = 2.5
+_M = len(INPUTS)
+
+
+@dataclass(frozen=True)
+class ActuatorFault:
+    """From `begin` (s) on the actuators of `inputs` have another effectiveness λ, bandwidth ω (rad/s) and damping ζ.
+
+    bandwidth, damping: None leaves them as they were. BadInputError when a number is not positive, or a name unknown.
+    """
+
+    begin: float = 0.0
+    effectiveness: float = 1.0
+    bandwidth: float | None = None
+    damping: float | None = None
+    inputs: tuple[str, ...] = INPUTS[1:]
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be flown."""
+        for name in ("effectiveness", "bandwidth", "damping"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise BadInputError(f"the {name} after a fault is {value:g}; it must be a positive number")
+        if not (math.isfinite(self.begin) and self.begin >= 0.0):
+            raise BadInputError(f"a fault begins at {self.begin:g} s; give a time from 0 on")
+        for name in self.inputs:
+            if name not in INPUTS:
+                raise BadInputError(f"a fault has no input {name!r}; choose from {', '.join(INPUTS)}")
 
 
 @dataclass(frozen=True)
 class Actuators:
-    """Five actuators. lag: time constants τ, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s.
+    """Five actuators: c = sat(U0 + u, lowest, highest) - U0 of the commanded deviation u, and
 
+        order 1:  a' = sat((λ c - a) ω, ±rate),
+        order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  the position staying within its limits.
+
+    lag: 1/ω, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s. λ = 1 until a fault.
     Units of `INPUTS`: throttle in its own unit, deflections in rad. Limits may be infinite. BadInputError when
-    a lag or a rate is not positive or a lowest position is not below the highest.
+    a lag or a rate is not positive, a lowest position is not below the highest, or the order is another.
     """
 
     lag: Input
     lowest: Input
     highest: Input
     rate: Input
+    order: int = 1
+    damping: float = 0.7
+    faults: tuple[ActuatorFault, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot move, naming the actuator."""
@@ -40,6 +73,10 @@ class Actuators:
                 raise BadInputError(f"the rate limit of {name} is {rate}; it must be positive (inf for none)")
             if not lowest < highest:
                 raise BadInputError(f"the positions of {name} go from {lowest} to {highest}; give the lower one first")
+        if self.order not in (1, 2):
+            raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
+        if not (math.isfinite(self.damping) and self.damping > 0.0):
+            raise BadInputError(f"the damping of the actuators is {self.damping}; it must be a positive number")
 
     def refuse_step(self, step: float) -> None:
         """BadInputError, naming the actuator, when a lag is too short for the step of the integration, s."""
@@ -50,53 +87,61 @@ class Actuators:
                     f" {step / LONGEST_STEP:g} s: make the lag longer or the step shorter"
                 )
 
-
-@dataclass(frozen=True, eq=False)
-class ActuatedPolicy:
-    """A policy behind actuators: a' = sat((c - a)/τ, ±rate),  c = sat(U0 + u_policy, lowest, highest) - U0.
-
-    The plant gets u = a. Clipping the command keeps the position within its limits too: a moves toward c alone.
-    trim: U0 (5,), within the limits, or BadInputError. Memory: the policy's own, then a (5,), which starts at 0.
-    """
-
-    policy: Policy
-    actuators: Actuators
-    trim: np.ndarray
-
-    def __post_init__(self) -> None:
-        """The trim must be a position that the actuators can hold."""
-        for name, at, lowest, highest in zip(
-            INPUTS, self.trim, self.actuators.lowest, self.actuators.highest, strict=True
-        ):
+    def refuse_trim(self, trim: np.ndarray) -> None:
+        """BadInputError, naming the actuator, when U0 (5,) is no position that it can hold."""
+        for name, at, lowest, highest in zip(INPUTS, trim, self.lowest, self.highest, strict=True):
             if not lowest <= at <= highest:
                 raise BadInputError(
                     f"{name} is {at:.6g} at trim, outside its actuator's {lowest:.6g} to {highest:.6g}; widen them"
                 )
 
     @property
-    def memory_size(self) -> int:
-        """The policy's own states and five positions."""
-        return self.policy.memory_size + len(INPUTS)
+    def size(self) -> int:
+        """Number of states: positions a, then v of order 2; as deviations from trim."""
+        return self.order * _M
 
     @property
     def constants_size(self) -> int:
-        """The policy's."""
-        return self.policy.constants_size
+        """Bandwidths, dampings and effectivenesses where a fault changes them; else none."""
+        return 3 * _M if self.faults else 0
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """The positions a, as deviations from trim."""
-        return memory[self.policy.memory_size :]
+    def constants(self, time: float) -> np.ndarray:
+        """[ω; ζ; λ] at a time, s, (15,); (0,) without faults."""
+        return self._numbers(time) if self.faults else np.zeros(0)
 
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        """Rates of the policy's own states and of the positions."""
-        own, position = memory[: self.policy.memory_size], memory[self.policy.memory_size :]
-        limits = self.actuators
-        command = self.policy.control(t, z, own, p)
-        reachable = _clipped(command, np.array(limits.lowest) - self.trim, np.array(limits.highest) - self.trim)
-        fastest = np.array(limits.rate, dtype=float)
-        rate = _clipped((reachable - position) / ca.DM(np.array(limits.lag)), -fastest, fastest)
-        return ca.vertcat(self.policy.memory_rate(t, z, own, p), rate)
+    def _numbers(self, time: float) -> np.ndarray:
+        values = np.concatenate([1.0 / np.array(self.lag), np.full(_M, self.damping), np.ones(_M)])
+        for fault in self.faults:
+            if time >= fault.begin - 1e-9:
+                places = np.array([INPUTS.index(name) for name in fault.inputs])
+                for row, value in enumerate((fault.bandwidth, fault.damping, fault.effectiveness)):
+                    if value is not None:
+                        values[row * _M + places] = value
+        return values
+
+    def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
+        """c, (5,)."""
+        return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
+
+    def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
+        """a, (5,): what the aircraft gets."""
+        return states if self.order == 1 else self.reachable(states[:_M], trim)
+
+    def rates(self, states: ca.SX) -> ca.SX:
+        """v, (5,), of order 2; (0,) of order 1."""
+        return states[_M:]
+
+    def states_rate(self, states: ca.SX, reachable: ca.SX, p: ca.SX) -> ca.SX:
+        """Time derivative of the states. reachable: c. p: of `constants`."""
+        numbers = p if self.faults else ca.SX(ca.DM(self._numbers(0.0)))
+        bandwidth, damping, effectiveness = numbers[:_M], numbers[_M : 2 * _M], numbers[2 * _M :]
+        fastest = np.array(self.rate, dtype=float)
+        away = effectiveness * reachable - states[:_M]
+        if self.order == 1:
+            return _clipped(bandwidth * away, -fastest, fastest)
+        v = states[_M:]
+        return ca.vertcat(_clipped(v, -fastest, fastest), bandwidth * (bandwidth * away - 2 * damping * v))
 
 
-def _clipped(value: Any, lowest: np.ndarray, highest: np.ndarray) -> Any:
+def _clipped(value: ca.SX, lowest: np.ndarray, highest: np.ndarray) -> ca.SX:
     return ca.fmin(ca.fmax(value, ca.DM(lowest)), ca.DM(highest))

@@ -2,25 +2,27 @@
 
 Nobody else knows how the loop is laid out:
 
-    y = [x; memory of the policy; filter of the gust],   p = [the plant's; the policy's; noise samples; the gust's].
+    y = [x; actuators; memory of the policy; filter of the gust],
+    p = [the plant's; the actuators'; the policy's; noise samples; the gust's].
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
 from controller.flight.integrator import integrate
 from controller.flight.plants import Plant
-from controller.flight.policies import Policy
+from controller.flight.policies import Policy, Seen
 from controller.flight.signals import TimeVector
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 #: Tick -> constants that are held during the tick.
 Constants = Callable[[int], np.ndarray]
@@ -43,10 +45,11 @@ class Expressions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """x' = plant(x, u, d(t), w(t)),  u = policy(t, x + n(t) - x_d(t)).
+    """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u without actuators.
 
     reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model. gust: w, none by default.
-    samples: (ticks, 6), noise besides n that is held in each tick, none by default.
+    samples: (ticks, 6), noise besides n that is held in each tick, none by default. actuators: about the inputs U0
+    (5,) of the trim. tick: s, at which the actuators' faults are looked up.
     """
 
     plant: Plant
@@ -56,9 +59,14 @@ class ClosedLoop:
     noise: TimeVector
     gust: Gust | None = None
     samples: np.ndarray | None = None
+    actuators: Actuators | None = None
+    trim: np.ndarray = field(default_factory=lambda: np.zeros(len(INPUTS)))
+    tick: float = 0.0
 
     def __post_init__(self) -> None:
-        """Every signal has six channels."""
+        """Every signal has six channels, and the actuators hold the trim."""
+        if self.actuators is not None:
+            self.actuators.refuse_trim(self.trim)
         for name in ("reference", "disturbance", "noise"):
             size = getattr(self, name).size
             if size != _Z:
@@ -66,74 +74,83 @@ class ClosedLoop:
 
     def symbols(self) -> tuple[Any, Any, Any]:
         """t, y and p to write the loop out in."""
-        return ca.SX.sym("t"), ca.SX.sym("y", self._y_ends[-1]), ca.SX.sym("p", self._p_ends[-1])
+        return ca.SX.sym("t"), ca.SX.sym("y", sum(self._y_sizes)), ca.SX.sym("p", sum(self._p_sizes))
 
-    def at(self, t: Any, y: Any, p: Any) -> Expressions:
+    def at(self, t: ca.SX, y: ca.SX, p: ca.SX) -> Expressions:
         """The loop written out at CasADi expressions."""
-        n, k, _ = self._y_ends
-        a, b, c, _ = self._p_ends
-        x, memory = y[:n], y[n:k]
-        error = self.plant.seen(x) - self.reference.at(t)
-        measured = error + self.noise.at(t)
+        x, moved, memory, air = ca.vertsplit(y, [0, *np.cumsum(self._y_sizes).tolist()])
+        of_plant, of_actuators, of_policy, sample, of_air = ca.vertsplit(p, [0, *np.cumsum(self._p_sizes).tolist()])
+        error, noise = self.plant.seen(x) - self.reference.at(t), self.noise.at(t)
         if self.samples is not None:
-            measured += p[b:c]
-        u = self.policy.control(t, measured, memory, p[a:b])
-        d = self.disturbance.at(t)
-        own_rate = self.policy.memory_rate(t, measured, memory, p[a:b])
-        updraft = self.updraft(t, y, p)
-        rates = [self.plant.rate(x, u, d, updraft, p[:a]), own_rate]
+            noise = noise + sample
+        actuators = self.actuators
+        position, speed = ca.SX(0, 1), ca.SX(0, 1)
+        if actuators is not None:
+            position, speed = actuators.position(moved, self.trim), actuators.rates(moved)
+        seen = Seen(error + noise, self.plant.seen(x) + noise, position, speed)
+        command = self.policy.control(t, seen, memory, of_policy)
+        reachable = command if actuators is None else actuators.reachable(command, self.trim)
+        u = command if actuators is None else position
+        rates = [self.policy.memory_rate(t, seen, memory, of_policy, reachable)]
+        if actuators is not None:
+            rates.insert(0, actuators.states_rate(moved, reachable, of_actuators))
+        d, updraft = self.disturbance.at(t), self.updraft(t, y, p)
         if self.gust is not None:
-            rates.append(self.gust.memory_rate(t, y[k:], p[c:]))
-        return Expressions(ca.vertcat(*rates), error, u, d, ca.SX(updraft))
+            rates.append(self.gust.memory_rate(t, air, of_air))
+        rate_of_plant = self.plant.rate(x, u, d, updraft, of_plant)
+        return Expressions(ca.vertcat(rate_of_plant, *rates), error, u, d, ca.SX(updraft))
 
     def updraft(self, t: Any, y: Any, p: Any) -> Any:
         """w, ft/s; the number 0.0 in still air."""
         if self.gust is None:
             return 0.0
-        return self.gust.updraft(t, y[self._y_ends[1] :], p[self._p_ends[2] :])
+        return self.gust.updraft(t, y[sum(self._y_sizes[:-1]) :], p[sum(self._p_sizes[:-1]) :])
 
     def start(self, initial: np.ndarray, memory: np.ndarray | None = None) -> np.ndarray:
-        """y(0) for x(0) = `initial`; memory: of the policy at the start, 0 unless given."""
-        n, k, _ = self._y_ends
-        own = np.zeros(k - n) if memory is None else memory
-        if (len(initial), len(own)) != (n, k - n):
+        """y(0) for x(0) = `initial`, actuators at trim; memory: of the policy at the start, 0 unless given."""
+        n, moved, k, _ = self._y_sizes
+        own = np.zeros(k) if memory is None else memory
+        if (len(initial), len(own)) != (n, k):
             raise BadInputError(
-                f"the flight starts with {len(initial) + len(own)} numbers; plant and policy have {n} and {k - n}"
+                f"the flight starts with {len(initial) + len(own)} numbers; plant and policy have {n} and {k}"
             )
-        return np.concatenate([initial, own, _NOTHING if self.gust is None else self.gust.start()])
+        return np.concatenate([initial, np.zeros(moved), own, _NOTHING if self.gust is None else self.gust.start()])
 
     def constants(self, of_policy: Constants, of_plant: np.ndarray = _NOTHING) -> Constants:
         """Tick -> p, in an array that the next call overwrites."""
-        a, b, c, size = self._p_ends
+        a, b, c, d, size = np.cumsum(self._p_sizes).tolist()
         p = np.zeros(size)
         p[:a] = of_plant
 
         def every(tick: int) -> np.ndarray:
-            p[a:b] = of_policy(tick)
+            if self.actuators is not None:
+                p[a:b] = self.actuators.constants(tick * self.tick)
+            p[b:c] = of_policy(tick)
             if self.samples is not None:
-                p[b:c] = self.samples[tick]
+                p[c:d] = self.samples[tick]
             if self.gust is not None:
-                p[c:] = self.gust.constants(tick)
+                p[d:] = self.gust.constants(tick)
             return p
 
         return every
 
     def parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and the memory of the policy in y (..., n)."""
-        n, k, _ = self._y_ends
-        return y[..., :n], y[..., n:k]
+        n, moved, k, _ = self._y_sizes
+        return y[..., :n], y[..., n + moved : n + moved + k]
 
     @property
-    def _y_ends(self) -> tuple[int, int, int]:
-        sizes = len(self.plant.states), self.policy.memory_size, self.gust.memory_size if self.gust is not None else 0
-        return sizes[0], sizes[0] + sizes[1], sum(sizes)
+    def _y_sizes(self) -> tuple[int, int, int, int]:
+        moved = 0 if self.actuators is None else self.actuators.size
+        air = 0 if self.gust is None else self.gust.memory_size
+        return len(self.plant.states), moved, self.policy.memory_size, air
 
     @property
-    def _p_ends(self) -> tuple[int, int, int, int]:
+    def _p_sizes(self) -> tuple[int, int, int, int, int]:
+        moved = 0 if self.actuators is None else self.actuators.constants_size
         noise = _Z if self.samples is not None else 0
-        air = self.gust.constants_size if self.gust is not None else 0
-        a, b, c, d = np.cumsum([self.plant.constants_size, self.policy.constants_size, noise, air]).tolist()
-        return a, b, c, d
+        air = 0 if self.gust is None else self.gust.constants_size
+        return self.plant.constants_size, moved, self.policy.constants_size, noise, air
 
 
 @dataclass(frozen=True)

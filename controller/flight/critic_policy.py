@@ -9,6 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.flight.flown_law import FlownLaw
+from controller.flight.policies import Seen
 from controller.flight.signals import Signal
 from controller.game.basis import Basis
 from controller.laws.published_law import PublishedLaw
@@ -43,15 +45,15 @@ class CriticPolicy:
         """p, one number."""
         return 1
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-½ R⁻¹B' ∂ψ'W, (5,)."""
-        value_gradient = ca.mtimes(gradient(self.law.basis, z / self._scales).T, memory) / self._scales
+        value_gradient = ca.mtimes(gradient(self.law.basis, seen.error / self._scales).T, memory) / self._scales
         return -0.5 * ca.mtimes(ca.DM(self.law.game.R_inverse_B_transposed), value_gradient)
 
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
         """Eq. (46) with the current sample and the stack, (M,)."""
         s, gains = self.law.settings, self.law.gains
-        sigma, residual = self._current(t, z, memory)
+        sigma, residual = self._current(t, seen.error, memory)
         squared = 1.0 + ca.dot(sigma, sigma)
         n = squared if s.normalisation == "squared" else ca.sqrt(squared)
         push = self._stack(memory) + sigma / n * powers(residual / n, *gains, s.eta)
@@ -83,6 +85,12 @@ class CriticPolicy:
     @property
     def _scales(self) -> Any:
         return ca.DM(self.law.equations.scales)
+
+
+def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
+    """Eq. (46) learning in flight, from the initial weights of its law."""
+    identity = {**policy.law.fingerprint(), "forcing": policy.forcing.to_dict()}
+    return FlownLaw(name, policy, np.ones((1, 1)), policy.law.start()["weights"], identity)
 
 
 def forcing(A: np.ndarray, reference: Signal) -> Signal:

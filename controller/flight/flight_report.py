@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK, Departure, Envelope
-from controller.flight.gain_plan import GainPlan
+from controller.flight.flown_law import FlownLaw
 from controller.flight.simulate import NonlinearFlight
 from hfa_model.support.checks import Check, checks_block
 from hfa_model.support.report import Part, Report
@@ -20,17 +20,18 @@ OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, whi
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 
-def flight_report(result: NonlinearFlight, plan: GainPlan | None = None, checks: tuple[Check, ...] = ()) -> Report:
+def flight_report(result: NonlinearFlight, law: FlownLaw | None = None, checks: tuple[Check, ...] = ()) -> Report:
     """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
 
-    plan: whose gain was flown, when a gain was. data: without the flight itself, which is `history`.
+    law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
     """
-    law = "" if plan is None else f", law {plan.law}, {'learning in flight' if plan.online else 'frozen'}"
-    parts: list[Part] = [] if plan is None or not plan.online else [_learning(plan)]
+    kind = "" if law is None or not len(law.gains) else f", {'learning in flight' if law.online else 'frozen'}"
+    words = "" if law is None else f", law {law.name}{kind}"
+    parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
     parts += [_states(result), *([OVER_GROUND] if result.scenario.moving_air else []), _inputs(result)]
     if checks:
         parts.append(checks_block(checks))
-    return Report(title(result, law), parts, data=_data(result, plan, checks), records=_records(result))
+    return Report(title(result, words), parts, data=_data(result, law, checks), records=_records(result))
 
 
 def title(result: NonlinearFlight, law: str) -> str:
@@ -71,10 +72,10 @@ def _outcome(departure: Departure | None, time: float) -> str:
     )
 
 
-def _learning(plan: GainPlan) -> str:
-    assert plan.learned is not None, "a gain that changes in flight is learned"
-    taking_over = f"at {plan.certified_from:g} s" if np.isfinite(plan.certified_from) else "never"
-    last = plan.learned.times[-1]
+def _learning(law: FlownLaw) -> str:
+    assert law.learned is not None, "a gain that changes in flight is learned"
+    taking_over = f"at {law.certified_from:g} s" if np.isfinite(law.certified_from) else "never"
+    last = law.learned.times[-1]
     return (
         f"learning in flight: the baseline gain is used until the first stabilizing certificate, {taking_over}; "
         f"then the last certified gain of each tick; at {last:g} s, the end of the learning, every certificate holds"
@@ -109,7 +110,7 @@ def _inputs(result: NonlinearFlight) -> Table:
     return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
 
-def _data(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, ...]) -> dict[str, Any]:
+def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ...]) -> dict[str, Any]:
     """English units and radians."""
     data: dict[str, Any] = {
         "schema": FLIGHT_SCHEMA,
@@ -135,13 +136,9 @@ def _data(result: NonlinearFlight, plan: GainPlan | None, checks: tuple[Check, .
     data["largest_deviation"][ANGLE_OF_ATTACK] = float(np.abs(deviations).max())
     if result.differences is not None:
         data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
-    if plan is not None:
-        data["policy"] = {
-            "law": plan.law,
-            "online": plan.online,
-            "certified_from": plan.certified_from,
-            "K": plan.gains[-1],
-        }
+    if law is not None:
+        data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
+        data["policy"] |= {"K": law.gains[-1]} if len(law.gains) else {}
     return data
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -14,11 +14,24 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 
 
-class Policy(Protocol):
-    """u = control(t, z, memory, p), memory' = memory_rate(t, z, memory, p).
+class Seen(NamedTuple):
+    """What a policy is told of the flight, as deviations from trim, noise of the sensors included.
 
-    z (6,) is the measured error x_m - x_d. memory: what the policy integrates (weights of a critic, say).
-    p: what is handed to it anew at every tick (a gain that is learned elsewhere, say).
+    error: x - x_d (6,), of the states of the linear model. states: x (6,). positions, rates: of the actuators, (5,)
+    each; empty where there are none.
+    """
+
+    error: ca.SX
+    states: ca.SX
+    positions: ca.SX
+    rates: ca.SX
+
+
+class Policy(Protocol):
+    """u = control(t, seen, memory, p), memory' = memory_rate(t, seen, memory, p, u_applied).
+
+    memory: what the policy integrates (weights of a critic, say). p: what is handed to it anew at every tick (a gain
+    that is learned elsewhere, say). u_applied: u within the limits of position; u itself where there are none.
     """
 
     @property
@@ -29,10 +42,10 @@ class Policy(Protocol):
     def constants_size(self) -> int:
         """Length of p."""
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """Commanded input deviation, (5,)."""
 
-    def memory_rate(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
         """d(memory)/dt, (memory_size,)."""
 
 
@@ -44,7 +57,7 @@ class Memoryless:
         """No states: 0."""
         return 0
 
-    def memory_rate(self, *_: Any) -> Any:
+    def memory_rate(self, *_: object) -> ca.SX:
         """No states, so no rates: (0,)."""
         return ca.SX(0, 1)
 
@@ -60,9 +73,9 @@ class GainPolicy(Memoryless):
         """The entries of K."""
         return _M * _N
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-K z + v(t)."""
-        return -ca.mtimes(ca.reshape(p, _M, _N), z) + self.feedforward.at(t)
+        return -ca.mtimes(ca.reshape(p, _M, _N), seen.error) + self.feedforward.at(t)
 
 
 def gain_constants(K: np.ndarray) -> np.ndarray:

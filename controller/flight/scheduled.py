@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Memoryless
+from controller.flight.policies import Memoryless, Seen
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
@@ -142,9 +142,9 @@ class ScheduledPolicy(Memoryless):
         """Nothing changes from tick to tick: 0."""
         return 0
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """U0 - U_base - K z."""
         schedule, base = self.reference.schedule, self.reference.base
-        measured = base.states.dihedral + self.reference.at(t)[_DIHEDRAL] + z[_DIHEDRAL]
+        measured = base.states.dihedral + self.reference.at(t)[_DIHEDRAL] + seen.error[_DIHEDRAL]
         trimmed = schedule.inputs_at(self.reference.change.at(t)) - ca.DM(np.array(base.inputs))
-        return trimmed - ca.mtimes(schedule.gain_at(measured), z)
+        return trimmed - ca.mtimes(schedule.gain_at(measured), seen.error)

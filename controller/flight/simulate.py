@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.actuators import ActuatedPolicy, Actuators
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants, Flight
+from controller.flight.actuators import Actuators
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.envelope import Departure, Envelope, angles_of_attack
-from controller.flight.gain_plan import GainPlan
+from controller.flight.flown_law import FlownLaw
 from controller.flight.gusts import Gust
 from controller.flight.plants import Equations, LinearizedAircraft, NonlinearPlant, Plant
-from controller.flight.policies import GainPolicy, Policy
+from controller.flight.policies import Policy
 from controller.flight.signals import Signal, TimeVector, zero
 from controller.flight.times import check_times
 from controller.flight.uncertain import Uncertainty
@@ -22,7 +22,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report, Reported
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
@@ -178,49 +178,50 @@ class NonlinearFlight(Reported):
 def fly(
     aircraft: Aircraft,
     point: OperatingPoint,
-    plan: GainPlan,
+    law: FlownLaw,
     scenario: Scenario,
     envelope: Envelope,
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 - K(t) (x + n - x_d), and its linear prediction x' = A x + B u + b w + d.
+    """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + b w + d.
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the first tick in
     which the nonlinear flight leaves the envelope.
     """
-    policy = GainPolicy(zero(len(INPUTS)))
-    flown = NonlinearPlant(with_errors(aircraft, scenario), point)
-    result = fly_policy(flown, policy, plan.constants, scenario, envelope, progress=progress)
+    result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
     model = LinearizedAircraft.at(aircraft, point)
-    predicted = CompiledLoop(loop_of(model, policy, scenario, point)).fly(
-        scenario.initial, plan.constants, step=scenario.step, steps_per_tick=scenario.steps_per_tick, ticks=ticks
+    predicted = CompiledLoop(loop_of(model, law.policy, scenario, point)).fly(
+        scenario.initial,
+        law.constants,
+        step=scenario.step,
+        steps_per_tick=scenario.steps_per_tick,
+        ticks=ticks,
+        memory=law.memory,
     )
     return replace(result, predicted=predicted)
 
 
-def fly_policy(
+def fly_law(
     plant: NonlinearPlant,
-    policy: Policy,
-    constants: Constants,
+    law: FlownLaw,
     scenario: Scenario,
     envelope: Envelope,
     *,
-    memory: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> NonlinearFlight:
-    """The nonlinear aircraft under any policy, without a prediction. constants: tick -> p of the policy.
+    """The nonlinear aircraft under a law, without a prediction.
 
     BadInputError when it does not begin inside the envelope, or part of the scenario is still to be drawn.
     """
     if scenario.uncertainty != Uncertainty():
         raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, speed)")
     offsets = np.array(plant.point.states)
-    loop = loop_of(plant, policy, scenario, plant.point)
+    loop = loop_of(plant, law.policy, scenario, plant.point)
     compiled = CompiledLoop(loop)
-    start = loop.start(scenario.initial, memory)
-    air = compiled.updrafts(np.zeros(1), start[None], loop.constants(constants)(0))
+    start = loop.start(scenario.initial, law.memory)
+    air = compiled.updrafts(np.zeros(1), start[None], loop.constants(law.constants)(0))
     envelope.refuse_start(scenario.initial + offsets, air)
 
     def left(times: np.ndarray, y: np.ndarray, p: np.ndarray) -> bool:
@@ -228,11 +229,11 @@ def fly_policy(
 
     flight = compiled.fly(
         scenario.initial,
-        constants,
+        law.constants,
         step=scenario.step,
         steps_per_tick=scenario.steps_per_tick,
         ticks=scenario.ticks,
-        memory=memory,
+        memory=law.memory,
         progress=progress,
         stop=left,
     )
@@ -249,7 +250,6 @@ def with_errors(aircraft: Aircraft, scenario: Scenario) -> Equations:
 
 def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
     """The loop of a plant about a point, under a policy, with everything that happens in the scenario."""
-    if scenario.actuators is not None:
-        policy = ActuatedPolicy(policy, scenario.actuators, np.array(point.inputs))
     signals = scenario.reference, scenario.disturbance, scenario.noise
-    return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples)
+    trim = np.array(point.inputs)
+    return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples, scenario.actuators, trim, scenario.tick)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Memoryless, gain_constants
+from controller.flight.policies import Memoryless, Seen, gain_constants
 from controller.flight.signals import Signal
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
@@ -29,9 +28,9 @@ class TrackingPolicy(Memoryless):
         """The entries of K and F."""
         return _M * (_N + self.generator.size)
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-K z + F w(t)."""
-        feedback = ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), z)
+        feedback = ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), seen.error)
         feedforward = ca.mtimes(ca.reshape(p[_M * _N :], _M, self.generator.size), self.generator.at(t))
         return feedforward - feedback
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.policies import Memoryless, gain_constants
+from controller.flight.policies import Memoryless, Seen, gain_constants
 from controller.flight.signals import zero
 from controller.flight.watched_loop import WatchedLoop
 from hfa_model.native.bound import BoundFunction
@@ -37,8 +36,8 @@ class _CommandedGain(Memoryless):
 
     constants_size = _M * _N + _N
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
-        return -ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), z - p[_M * _N :])
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        return -ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), seen.error - p[_M * _N :])
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,10 +29,8 @@ def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
     """Draw and fly one member."""
     scenario = plan.member(member)
     loop = _loop(plan, scenario)
-    constants = loop.constants(
-        lambda tick: plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario))
-    )
-    start = loop.start(scenario.initial, plan.memory)
+    constants = loop.constants(plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario)))
+    start = loop.start(scenario.initial, plan.law.memory)
     return scenario, member_loop(plan).fly(start, constants, scenario.duration)
 
 

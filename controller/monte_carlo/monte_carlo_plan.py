@@ -4,54 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from controller.flight.critic_policy import CriticPolicy
 from controller.flight.envelope import Envelope
-from controller.flight.policies import GainPolicy, Policy, gain_constants
-from controller.flight.signals import Signal, zero
+from controller.flight.flown_law import FlownLaw
+from controller.flight.signals import Signal
 from controller.flight.simulate import Scenario
 from controller.monte_carlo.uncertain_plants import UncertainPlant, uncertain_plant
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
-from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.point.operating_point import OperatingPoint
-
-_N = len(LINEAR_STATES)
-
-
-@dataclass(frozen=True, eq=False)
-class FlownLaw:
-    """A policy that all members fly, with its constants p and its memory at the start.
-
-    identity: JSON data that decides what it does.
-    """
-
-    name: str
-    policy: Policy
-    constants: np.ndarray
-    memory: np.ndarray
-    identity: Mapping[str, Any]
-
-
-def gain_law(name: str, K: np.ndarray) -> FlownLaw:
-    """u = -K z with one gain for the whole flight. K: (5, 6), or BadInputError."""
-    shape = (len(INPUTS), _N)
-    if np.shape(K) != shape or not np.all(np.isfinite(K)):
-        raise BadInputError(f"the gain has shape {np.shape(K)}; give {shape[0]} x {shape[1]} finite numbers")
-    return FlownLaw(name, GainPolicy(zero(len(INPUTS))), gain_constants(K), np.zeros(0), {"K": np.asarray(K)})
-
-
-def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
-    """Eq. (46) learning in flight, from the initial weights of its law."""
-    identity = {**policy.law.fingerprint(), "forcing": policy.forcing.to_dict()}
-    return FlownLaw(name, policy, np.ones(1), policy.law.start()["weights"], identity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +62,6 @@ class MonteCarlo:
     def uncertain_plant(self) -> UncertainPlant:
         """The plant with its parameters as an input."""
         return uncertain_plant(self.plant, variant_named(self.dynamics), self.point)
-
-    @property
-    def memory(self) -> np.ndarray:
-        """What the policy remembers at the start; actuators begin at the trim."""
-        actuators = 0 if self.scenario.actuators is None else len(INPUTS)
-        return np.concatenate([self.law.memory, np.zeros(actuators)])
 
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""

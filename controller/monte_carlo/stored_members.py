@@ -55,7 +55,7 @@ class MonteCarloJob:
             "peak_angle_of_attack": Array((), "float64", _NAN),
             "effort": Array((len(INPUTS),), "float64", _NAN),
             "final": Array((len(STATES),), "float64", _NAN),
-            "memory": Array((len(plan.memory),), "float64", _NAN),
+            "memory": Array((len(plan.law.memory),), "float64", _NAN),
         }
         attributes = {
             "errors": list(plan.scenario.uncertainty.errors),

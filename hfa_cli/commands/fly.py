@@ -17,7 +17,7 @@ from hfa_cli.flights import (
     check_learning,
     draw_flight,
     envelope_of,
-    gain_plan_of,
+    flown_law_of,
     scenario_of,
     tell,
 )
@@ -67,14 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
     point = options.operating_point_of(arguments, aircraft)
     scenario = scenario_of(arguments, point)
     envelope = envelope_of(arguments, aircraft, point)
-    plan = gain_plan_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
-    result = fly(aircraft, point, plan, scenario, envelope, progress=Progress("simulate"))
+    law = flown_law_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
+    result = fly(aircraft, point, law, scenario, envelope, progress=Progress("simulate"))
     checks: tuple[Check, ...] = ()
     if arguments.check:
         from verification.flights.agreement import agreement_checks
 
-        checks = agreement_checks(aircraft, plan, result)
-    report = flight_report(result, plan, checks)
+        checks = agreement_checks(aircraft, law, result)
+    report = flight_report(result, law, checks)
     draw_flight(result, report, arguments.picture)
     tell(report, [point], arguments, arguments.output, history(result))
     return 0 if result.departure is None and all(check.ok for check in checks) else 1

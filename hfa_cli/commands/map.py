@@ -14,7 +14,7 @@ from hfa_cli.flights import (
     add_weights,
     check_learning,
     envelope_of,
-    gain_plan_of,
+    flown_law_of,
     tell,
 )
 from hfa_cli.origin import provenance
@@ -58,12 +58,12 @@ def run(arguments: argparse.Namespace) -> int:
     for dynamics in VARIANTS:
         aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)
         point = options.operating_point_of(arguments, aircraft)
-        plan = gain_plan_of(arguments, linearize(aircraft, point))
+        law = flown_law_of(arguments, linearize(aircraft, point))
         envelope = envelope_of(arguments, aircraft, point)
         result = recoverable_map(
             aircraft,
             point,
-            plan.gains[-1],
+            law.gains[-1],
             envelope,
             speeds=speeds,
             dihedrals=dihedrals,

@@ -46,8 +46,9 @@ from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import LinearModel, linearize
 
 if TYPE_CHECKING:
+    from controller.flight.flown_law import FlownLaw
     from controller.flight.uncertain import Uncertainty
-    from controller.monte_carlo.monte_carlo_plan import FlownLaw, MonteCarlo
+    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 
 #: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
 _CRITICS = ("published", "published-helped")
@@ -147,7 +148,7 @@ def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
 
 def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -> FlownLaw:
     """The gain or the critic that the options name, designed for the nominal model."""
-    from controller.monte_carlo.monte_carlo_plan import gain_law
+    from controller.flight.flown_law import gain_law
 
     law = law_of(arguments, (*LAWS, *_CRITICS))
     if arguments.gain is not None:
@@ -166,13 +167,13 @@ def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -
         from verification.riccati.gare import solve_game
 
         return gain_law(law, solve_game(game).K)
-    from controller.flight.gain_plan import learned_value
+    from controller.flight.learned_gain import learned_value
 
     return gain_law(law, learned_value(game, law, seed_of(arguments), **law_settings(arguments)).K)
 
 
 def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
-    from controller.monte_carlo.monte_carlo_plan import critic_law
+    from controller.flight.critic_policy import critic_law
     from verification.experiments import flown_laws as laws
     from verification.experiments.configuration import section5_configuration
     from verification.experiments.setting import PaperCase, Setting
@@ -180,7 +181,7 @@ def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> Flow
     name = laws.MODIFIED if law == "published-helped" else laws.PRINTED
     configuration = section5_configuration()
     case = PaperCase(math.degrees(model.point.states.dihedral), game, model.input_offsets)
-    flown = laws.pilot(
+    flown, _ = laws.law_of(
         Setting(configuration, "regenerated", ()), case, name, configuration.predefined_time("5.1"), False, reference
     )
     assert isinstance(flown.policy, CriticPolicy)

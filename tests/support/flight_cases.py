@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.gain_plan import GainPlan
+from controller.flight.flown_law import FlownLaw, gain_law
+from controller.flight.policies import Seen
 from controller.flight.signals import Signal
 from controller.flight.simulate import NonlinearFlight, Scenario, fly
 from controller.game.zero_sum import Game, published_game
@@ -31,7 +33,7 @@ class FlownCase:
     aircraft: Aircraft
     point: OperatingPoint
     game: Game
-    plan: GainPlan
+    law: FlownLaw
     envelope: Envelope
 
 
@@ -40,12 +42,17 @@ def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
     model = linearize(aircraft, point)
     game = published_game(model.A, model.B)
-    plan = GainPlan("exact", solve_game(game).K[None])
-    return FlownCase(aircraft, point, game, plan, flight_envelope(parameters, point))
+    law = gain_law("exact", solve_game(game).K)
+    return FlownCase(aircraft, point, game, law, flight_envelope(parameters, point))
 
 
 def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:
-    return fly(on.aircraft, on.point, on.plan, scenario, on.envelope)
+    return fly(on.aircraft, on.point, on.law, scenario, on.envelope)
+
+
+def seen(z: ca.SX) -> Seen:
+    """An error z from a reference at rest, no actuators."""
+    return Seen(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 
 def signal(**values: float) -> Signal:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.flown_law import FlownLaw
 from controller.flight.plants import LinearPlant
 from controller.flight.signals import Signal, zero
 from hfa_model.vectors import LINEAR_STATES
-from verification.experiments.flown_laws import Critic, Pilot, pilot
+from verification.experiments.flown_laws import Critic, law_of
 from verification.experiments.metrics import FlightMetrics, flight_metrics, learning_metrics, residual_at
 from verification.experiments.setting import Setting
 
@@ -71,14 +72,14 @@ def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     nothing = zero(len(LINEAR_STATES))
     reference = configuration.reference.signal if plan.commanded else nothing
     predefined_time = configuration.predefined_time(section)
-    flown = pilot(setting, case, plan.law, predefined_time, configuration.frozen(section), reference)
+    flown, learned = law_of(setting, case, plan.law, predefined_time, configuration.frozen(section), reference)
     loop = _loop(setting, plan, flown, reference)
     start = configuration.initial if plan.commanded else np.zeros(len(LINEAR_STATES))
     flight, lost_at = _flown(setting, loop, flown, start)
     each = configuration.flight.steps_per_tick
     times, errors = flight.times[::each], flight.errors[::each]
     # A flight that is lost in its first tick leaves its start behind.
-    critic = flown.critic(flight.memory[::each]) if flown.critic is not None else None
+    critic = learned(flight.memory[::each]) if learned is not None else None
     residual = residual_at(case.game, critic.basis, critic.weights, errors) if critic is not None else np.zeros(0)
     learning = None
     if critic is not None:
@@ -92,20 +93,20 @@ def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
         inputs=flight.inputs[::each],
         critic=critic,
         residual=residual,
-        learned_from=flown.learned_from,
+        learned_from=flown.certified_from,
         lost_at=lost_at,
         metrics=flight_metrics(setting, case, flight, lost_at, learning),
     )
 
 
-def _loop(setting: Setting, plan: FlightPlan, flown: Pilot, reference: Signal) -> CompiledLoop:
+def _loop(setting: Setting, plan: FlightPlan, flown: FlownLaw, reference: Signal) -> CompiledLoop:
     game, nothing = setting.case(plan.dihedral_deg).game, zero(len(LINEAR_STATES))
     plant = LinearPlant((1.0 + plan.uncertainty) * game.A, game.B)
     noise = setting.configuration.noise.signal if plan.noise else nothing
     return CompiledLoop(ClosedLoop(plant, flown.policy, reference, setting.configuration.disturbance.signal, noise))
 
 
-def _flown(setting: Setting, loop: CompiledLoop, flown: Pilot, start: np.ndarray) -> tuple[Flight, float]:
+def _flown(setting: Setting, loop: CompiledLoop, flown: FlownLaw, start: np.ndarray) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
     settings = setting.configuration.flight
     limit = settings.lost_beyond

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.critic_policy import CriticPolicy, forcing
-from controller.flight.gain_plan import BASELINE_EFFORT, GainPlan, baseline_value, online_plan
-from controller.flight.policies import Policy
+from controller.flight.critic_policy import CriticPolicy, critic_law, forcing
+from controller.flight.flown_law import FlownLaw
+from controller.flight.learned_gain import BASELINE_EFFORT, baseline_value, online_law
 from controller.flight.signals import Signal, zero
 from controller.flight.tracking_policy import TrackingPolicy, tracking_constants
 from controller.game.basis import Basis, basis
@@ -51,24 +51,14 @@ class Critic:
     note: dict[str, Any]
 
 
-@dataclass(frozen=True, eq=False)
-class Pilot:
-    """policy with its constants by tick and its start; critic: from its memory at the ticks (N, k) to what it learned.
-
-    learned_from: s, when the learned gain takes over; 0 when it is used from the start.
-    """
-
-    policy: Policy
-    constants: Callable[[int], np.ndarray]
-    memory: np.ndarray
-    critic: Callable[[np.ndarray], Critic] | None
-    learned_from: float = 0.0
+#: From the memory of a law at the ticks, (N, k), to what it has learned.
+Learned = Callable[[np.ndarray], Critic]
 
 
-def pilot(
+def law_of(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, frozen: bool, reference: Signal
-) -> Pilot:
-    """The law ready to fly a case that has learned nothing yet.
+) -> tuple[FlownLaw, Learned | None]:
+    """The law ready to fly a case that has learned nothing yet, and how to read what it learns; None if nothing.
 
     predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which feed-forward and the
     published drift know.
@@ -80,8 +70,7 @@ def pilot(
     tuned = case.reweighted(setting.configuration.reweighted.alpha_factor) if law == REWEIGHTED else case
     w = generator(reference)
     F = np.zeros((len(case.game.R), w.size)) if law == EXACT else feedforward(tuned, reference)
-    constants = tracking_constants(tuned.exact.K, F)
-    return Pilot(TrackingPolicy(w), lambda tick: constants, np.zeros(0), None)
+    return FlownLaw(law, TrackingPolicy(w), tracking_constants(tuned.exact.K, F)[None], np.zeros(0)), None
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
@@ -122,16 +111,13 @@ def published(setting: Setting, case: PaperCase, law: str, predefined_time: floa
 
 def _published(
     setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
-) -> Pilot:
+) -> tuple[FlownLaw, Learned]:
     law = published(setting, case, name, predefined_time)
     configuration = setting.configuration
     own = configuration.published_modified if name == MODIFIED else configuration.published_as_printed
     told = forcing(case.game.A, reference) if own.drift == "with reference" else zero(len(LINEAR_STATES))
-    tick = setting.configuration.flight.tick
-    on, off = np.ones(1), np.zeros(1)
-
-    def constants(number: int) -> np.ndarray:
-        return off if frozen and number * tick >= predefined_time - 1e-9 else on
+    learning = int(np.ceil(predefined_time / setting.configuration.flight.tick - 1e-9))
+    ticks = np.arange(learning + 1 if frozen else 1)
 
     def critic(memory: np.ndarray) -> Critic:
         weights = np.array([law.equations.unscaled(row) for row in memory])
@@ -139,10 +125,13 @@ def _published(
         facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
         return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
 
-    return Pilot(CriticPolicy(law, told), constants, law.start()["weights"], critic)
+    flown = critic_law(name, CriticPolicy(law, told))
+    return replace(flown, table=(ticks < learning).astype(float)[:, None]), critic
 
 
-def _learned(setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal) -> Pilot:
+def _learned(
+    setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
+) -> tuple[FlownLaw, Learned]:
     """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
     tick = setting.configuration.flight.tick
     plan = (
@@ -155,9 +144,8 @@ def _learned(setting: Setting, case: PaperCase, law: str, predefined_time: float
     none = np.zeros((len(case.game.R), w.size))
     F = feedforward(case, reference) if law == CERTIFIED_FF else none
 
-    def constants(number: int) -> np.ndarray:
-        started = number * tick >= plan.certified_from - 1e-9
-        return tracking_constants(plan.gains[min(number, len(plan.gains) - 1)], F if started else none)
+    started = tick * np.arange(len(plan.gains)) >= plan.certified_from - 1e-9
+    table = [tracking_constants(K, F if begun else none) for K, begun in zip(plan.gains, started, strict=True)]
 
     def critic(memory: np.ndarray) -> Critic:
         rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
@@ -166,10 +154,10 @@ def _learned(setting: Setting, case: PaperCase, law: str, predefined_time: float
         functions = basis(learned.basis, len(LINEAR_STATES))
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
-    return Pilot(TrackingPolicy(w), constants, np.zeros(0), critic, plan.certified_from)
+    return FlownLaw(law, TrackingPolicy(w), np.array(table), np.zeros(0), {}, plan.certified_from, learned), critic
 
 
-def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, tick: float) -> GainPlan:
+def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, tick: float) -> FlownLaw:
     critic = setting.configuration.critic
     learned = learn(
         case.game,
@@ -183,13 +171,13 @@ def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, t
         samples=critic.samples,
         initial_weights=setting.configuration.published_as_printed.initial_weight,
     )
-    return online_plan(case.game, "certified", learned, tick)
+    return online_law(case.game, "certified", learned, tick)
 
 
-def _integral_plan(setting: Setting, case: PaperCase, tick: float) -> GainPlan:
+def _integral_plan(setting: Setting, case: PaperCase, tick: float) -> FlownLaw:
     chosen = asdict(setting.configuration.irl)
     start = basis("quadratic", len(LINEAR_STATES)).weights(baseline_value(case.game) / BASELINE_EFFORT)
     learned = learn(
         case.game, "irl", setting.configuration.critic.seed, initial_weights=tuple(start.tolist()), **chosen
     )
-    return online_plan(case.game, "irl", learned, tick)
+    return online_law(case.game, "irl", learned, tick)

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants
-from controller.flight.gain_plan import GainPlan
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.flown_law import FlownLaw, gain_law
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
-from controller.flight.policies import GainPolicy
+from controller.flight.policies import Policy
 from controller.flight.signals import zero
 from controller.flight.simulate import NonlinearFlight
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.checks import Check, at_least, at_most
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
+from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint
 
 #: Deviations of the slope study as fractions of `DIRECTION`; large enough that rounding does not show.
@@ -59,7 +59,7 @@ class DeviationStudy:
 def deviation_study(
     aircraft: Aircraft,
     point: OperatingPoint,
-    plan: GainPlan,
+    law: FlownLaw,
     *,
     model: LinearizedAircraft | None = None,
     duration: float = 5.0,
@@ -71,14 +71,14 @@ def deviation_study(
     two loops agree to first order (Taylor).
     """
     prediction = LinearizedAircraft.at(aircraft, point) if model is None else model
-    loops = [_released(plant) for plant in (NonlinearPlant(aircraft, point), prediction)]
+    loops = [_released(plant, law.policy) for plant in (NonlinearPlant(aircraft, point), prediction)]
     tick = 50
     errors = []
     for size in SIZES:
         nonlinear, linear = (
             loop.fly(
                 size * DIRECTION,
-                plan.constants,
+                law.constants,
                 step=step,
                 steps_per_tick=tick,
                 ticks=max(1, round(duration / step / tick)),
@@ -89,28 +89,28 @@ def deviation_study(
     return DeviationStudy(np.array(SIZES), np.array(errors))
 
 
-def _released(plant: Plant) -> CompiledLoop:
+def _released(plant: Plant, policy: Policy) -> CompiledLoop:
     nothing = zero(len(LINEAR_STATES))
-    return CompiledLoop(ClosedLoop(plant, GainPolicy(zero(len(INPUTS))), nothing, nothing, nothing))
+    return CompiledLoop(ClosedLoop(plant, policy, nothing, nothing, nothing))
 
 
 def adaptive_states(
     loop: CompiledLoop,
     initial: np.ndarray,
-    constants: Constants,
+    law: FlownLaw,
     *,
     tick: float,
     ticks: int,
 ) -> np.ndarray:
     """The plant's states at the ends of the ticks, the start first, by DOP853 at rtol 1e-10; (ticks + 1, n).
 
-    constants: of the policy. The integrator is started anew where they, or a gust's noise, jump: a jump inside its
+    The integrator is started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside its
     step would cost it its order. Raises NoSolutionError when it stops on the way.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in SciPy.
     """
     from scipy.integrate import solve_ivp
 
-    y, every, n = loop.loop.start(initial), loop.loop.constants(constants), len(initial)
+    y, every, n = loop.loop.start(initial, law.memory), loop.loop.constants(law.constants), len(initial)
     rows = [y[:n]]
     begin = 0
     while begin < ticks:
@@ -136,13 +136,13 @@ def adaptive_states(
     return np.array(rows)
 
 
-def agreement_checks(aircraft: Aircraft, plan: GainPlan, result: NonlinearFlight) -> tuple[Check, ...]:
+def agreement_checks(aircraft: Aircraft, law: FlownLaw, result: NonlinearFlight) -> tuple[Check, ...]:
     """Both figures for a flight: the slopes about its trim, with its last gain, and the same flight integrated anew."""
     scenario = result.scenario
-    study = deviation_study(aircraft, result.point, GainPlan(plan.law, plan.gains[-1:]))
+    study = deviation_study(aircraft, result.point, gain_law(law.name, law.gains[-1]))
     fixed = result.flight.states[:: scenario.steps_per_tick]
     adaptive = adaptive_states(
-        CompiledLoop(result.loop), scenario.initial, plan.constants, tick=scenario.tick, ticks=len(fixed) - 1
+        CompiledLoop(result.loop), scenario.initial, law, tick=scenario.tick, ticks=len(fixed) - 1
     )
     return (*study.checks(), *integration_checks(fixed, adaptive))
 

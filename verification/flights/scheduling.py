@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from controller.flight.envelope import Envelope
-from controller.flight.gain_plan import learned_value
+from controller.flight.flown_law import FlownLaw
+from controller.flight.learned_gain import learned_value
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
-from controller.flight.simulate import NonlinearFlight, Scenario, fly_policy, with_errors
+from controller.flight.simulate import NonlinearFlight, Scenario, fly_law, with_errors
 from controller.game.zero_sum import published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
@@ -151,11 +152,9 @@ def fly_schedule(
         schedule = replace(schedule, gains=np.broadcast_to(begin.gain, schedule.gains.shape))
     reference = ScheduledReference(schedule, change, begin.point)
     plant = NonlinearPlant(with_errors(aircraft, scenario), begin.point)
-    nothing = np.zeros(0)
-    return fly_policy(
+    return fly_law(
         plant,
-        ScheduledPolicy(reference),
-        lambda tick: nothing,
+        FlownLaw("scheduled", ScheduledPolicy(reference), np.zeros((1, 0)), np.zeros(0)),
         replace(scenario, reference=reference),
         envelope,
         progress=progress,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.flight.actuators import ActuatedPolicy, Actuators
+from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
 from controller.flight.policies import GainPolicy, gain_constants
@@ -31,10 +31,11 @@ def flown(
 ) -> Flight:
     """Two seconds of the printed model at 15 degrees under u = -K z + command."""
     model = published_models()[0]
-    policy: GainPolicy | ActuatedPolicy = GainPolicy(command)
-    if actuators is not None:
-        policy = ActuatedPolicy(policy, actuators, np.zeros(M) if trim is None else trim)
-    loop = CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), policy, zero(N), zero(N), zero(N)))
+    at = np.zeros(M) if trim is None else trim
+    plant, nothing = LinearPlant(model.A, model.B), zero(N)
+    loop = CompiledLoop(
+        ClosedLoop(plant, GainPolicy(command), nothing, nothing, nothing, actuators=actuators, trim=at, tick=0.1)
+    )
     initial = np.zeros(N) if start is None else start
     return loop.fly(initial, lambda _: gain_constants(gain), step=0.001, steps_per_tick=100, ticks=20)
 
@@ -111,4 +112,4 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
 
 def test_a_trim_that_the_actuators_cannot_hold_is_refused() -> None:
     with pytest.raises(BadInputError, match=r"elevator_outer is 0\.7 at trim"):
-        ActuatedPolicy(GainPolicy(zero(M)), LIMITED, np.array([0.0, 0.0, 0.0, 0.0, 0.7]))
+        LIMITED.refuse_trim(np.array([0.0, 0.0, 0.0, 0.0, 0.7]))

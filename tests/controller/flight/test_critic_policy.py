@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from flight_cases import seen
 
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.critic_policy import CriticPolicy, forcing
@@ -56,7 +57,10 @@ def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> 
 
 def flown(policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
     symbols = [ca.SX.sym("t"), ca.SX.sym("z", 6), ca.SX.sym("W", policy.memory_size), ca.SX.sym("p", 1)]
-    function = ca.Function("critic", symbols, [policy.control(*symbols), policy.memory_rate(*symbols)])
+    now, z_, memory, constants = symbols
+    told = now, seen(z_), memory, constants
+    u_ = policy.control(*told)
+    function = ca.Function("critic", symbols, [u_, policy.memory_rate(*told, u_)])
     u, rate = function(t, z, W, p)
     return np.array(u).ravel(), np.array(rate).ravel()
 

@@ -8,8 +8,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from flight_cases import seen
 
 from controller.flight.envelope import flight_envelope
+from controller.flight.policies import Seen
 from controller.flight.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from controller.flight.simulate import NonlinearFlight, Scenario
 from hfa_model.aircraft import Aircraft
@@ -67,7 +69,7 @@ def slope_at_trim(certified: CertifiedSchedule, index: int, policy_of: Callable[
     resting = DihedralChange(dihedral, dihedral, 0.0, 1.0)
     reference = ScheduledReference(certified.schedule, resting, grid[0].point)
     z = ca.SX.sym("z", N)
-    u = policy_of(reference).control(5.0, z, ca.SX(0, 1), ca.SX(0, 1))
+    u = policy_of(reference).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
     found = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
     return np.array(found[0]).ravel(), np.array(ca.DM(found[1]))
 
@@ -84,7 +86,8 @@ def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: Certi
 class _TrimOfTheMeasuredDihedral(ScheduledPolicy):
     """The mistake that hidden coupling is made of."""
 
-    def control(self, t: Any, z: Any, memory: Any, p: Any) -> Any:
+    def control(self, t: Any, told: Seen, memory: Any, p: Any) -> Any:
+        z = told.error
         schedule, base = self.reference.schedule, self.reference.base
         channel = LINEAR_STATES.index("dihedral")
         measured = base.states.dihedral + self.reference.at(t)[channel] + z[channel]

@@ -62,7 +62,7 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
 def test_the_measured_error_has_noise_and_the_flown_one_has_none(newton: FlownCase) -> None:
     result = flown(newton, Scenario(duration=0.1, noise=signal(speed=0.01)))
     np.testing.assert_array_equal(result.flight.errors[0], np.zeros(N))
-    gain = newton.plan.gains[0]
+    gain = newton.law.gains[0]
     np.testing.assert_allclose(result.flight.inputs[0], -gain[:, 0] * 0.01, rtol=1e-12)
 
 

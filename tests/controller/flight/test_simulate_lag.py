@@ -13,7 +13,7 @@ import pytest
 
 from controller.flight.actuators import Actuators
 from controller.flight.envelope import flight_envelope
-from controller.flight.gain_plan import GainPlan
+from controller.flight.flown_law import gain_law
 from controller.flight.signals import Signal
 from controller.flight.simulate import NonlinearFlight, Scenario, fly
 from controller.game.zero_sum import published_game
@@ -78,7 +78,7 @@ def flown(weights: str, lag: float, seconds: float) -> NonlinearFlight:
     command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
     scenario = Scenario(duration=seconds, reference=Signal(command, np.zeros(len(command))), actuators=actuators)
     envelope = flight_envelope(at.aircraft.parameters, at.point)
-    return fly(at.aircraft, at.point, GainPlan("exact", gain(weights)[None]), scenario, envelope)
+    return fly(at.aircraft, at.point, gain_law("exact", gain(weights)), scenario, envelope)
 
 
 def stated(row: str) -> tuple[float, ...]:

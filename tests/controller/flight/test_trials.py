@@ -25,7 +25,7 @@ def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase) -> N
     starts[:, 0] = (0.3, 1.0, -3.0)
     found = [
         TrialLoop(plant, newton.point, newton.envelope, compile_code=compile_code).fly(
-            newton.plan.gains[0], starts, np.zeros((3, N)), 2.0
+            newton.law.gains[0], starts, np.zeros((3, N)), 2.0
         )
         for compile_code in (True, False)
     ]

@@ -13,9 +13,9 @@ from member_plans import PARAMETERS, with_scenario
 from controller.flight import watched_loop
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.critic_policy import CriticPolicy
+from controller.flight.critic_policy import CriticPolicy, critic_law
 from controller.flight.envelope import flight_envelope
-from controller.flight.gain_plan import GainPlan
+from controller.flight.flown_law import gain_law
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.signals import zero
@@ -23,7 +23,7 @@ from controller.flight.simulate import Scenario, fly
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo import member_flight
 from controller.monte_carlo.member_flight import fly_member
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo, critic_law, gain_law
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import fly_members
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import rates
@@ -71,7 +71,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
     """The summary of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every step."""
     assert member.samples is not None
     h, lowest, highest = member.step, np.array(plan.envelope.lowest), np.array(plan.envelope.highest)
-    K, rate, air = plan.law.constants.reshape(5, 6, order="F"), rate_of(plan, member), member.gust
+    K, rate, air = plan.law.gains[0], rate_of(plan, member), member.gust
     x, filter_ = member.initial.copy(), np.zeros(0) if air is None else air.start()
     errors, inputs, angles, left, flown = [], [], [], -1, member.duration
 
@@ -161,18 +161,14 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
     scenario, summary = fly_member(tight, 3)
     assert summary.left == ALPHA
     assert_same_flight(tight, 3, nonlinear_rate)
-    alone = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", gain_of(plan)[None]), scenario, narrow)
+    alone = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", plan.law.gains[0]), scenario, narrow)
     assert alone.departure is not None
     assert (alone.departure.state, alone.departure.time) == ("angle_of_attack", pytest.approx(summary.flown))
     assert np.abs(alone.states[alone.flight.times <= summary.flown, ALPHA] - alpha).max() < near
     scenario, at_once = fly_member(plan, 3)
     assert (at_once.left, at_once.flown, at_once.effort.tolist()) == (ALPHA, 0.0, [0.0] * 5)
     with pytest.raises(BadInputError, match="begins with angle_of_attack"):
-        fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", gain_of(plan)[None]), scenario, narrow)
-
-
-def gain_of(plan: MonteCarlo) -> np.ndarray:
-    return plan.law.constants.reshape(5, 6, order="F")
+        fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", plan.law.gains[0]), scenario, narrow)
 
 
 def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
@@ -186,23 +182,24 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 def test_a_member_is_a_scenario_that_flies_alone(plan: MonteCarlo) -> None:
     """The draw of a member, simulated with its whole history, is the flight that the Monte Carlo summed up."""
     member, summary = fly_member(plan, 3)
-    K = gain_of(plan)
-    result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
+    K = plan.law.gains[0]
+    result = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), member, plan.envelope)
     np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(np.abs(result.flight.errors[:-1]).max(axis=0), summary.peak_error, rtol=1e-9)
     assert np.any(result.flight.updrafts)
     with pytest.raises(BadInputError, match="still to be drawn"):
-        fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), plan.scenario, plan.envelope)
+        fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), plan.scenario, plan.envelope)
 
 
 def test_a_member_has_the_actuators_of_its_scenario(plan: MonteCarlo) -> None:
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     slow = Actuators(Input(*[0.02] * 5), lowest, highest, Input(*[np.inf] * 5))
     member, summary = fly_member(with_scenario(plan, actuators=slow), 3)
-    K = gain_of(plan)
-    result = fly(Aircraft(PARAMETERS), plan.point, GainPlan("exact", K[None]), member, plan.envelope)
-    np.testing.assert_allclose(result.flight.memory[-1], summary.memory, rtol=1e-9, atol=1e-12)
-    assert np.abs(summary.memory).max() > 1e-4
+    K = plan.law.gains[0]
+    result = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), member, plan.envelope)
+    np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
+    at_once = fly_member(with_scenario(plan, actuators=None), 3)[1]
+    assert np.abs(at_once.final - summary.final).max() > 1e-4
 
 
 def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: CriticPolicy) -> None:

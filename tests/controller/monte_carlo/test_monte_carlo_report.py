@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo, gain_law
+from controller.flight.flown_law import gain_law
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.monte_carlo_report import Outcome
 from controller.monte_carlo.stored_members import stream_monte_carlo
 

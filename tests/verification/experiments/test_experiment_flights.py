@@ -23,7 +23,7 @@ from verification.experiments.flown_laws import (
     MODIFIED,
     PRINTED,
     REWEIGHTED,
-    pilot,
+    law_of,
 )
 from verification.experiments.measures import gain_error
 from verification.experiments.metrics import TRACKED
@@ -146,7 +146,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(law: str) -> None:
 
 def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
     reference = setting.configuration.reference.signal
-    return pilot(setting, setting.case(5.0), law, predefined_time, False, reference).constants
+    return law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0].constants
 
 
 # Laws. ----------------------------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def newton(parameters: Parameters) -> FlownCase:
 
 
 def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -> None:
-    study = deviation_study(at_15.aircraft, at_15.point, at_15.plan, duration=2.0)
+    study = deviation_study(at_15.aircraft, at_15.point, at_15.law, duration=2.0)
     assert np.all((study.slopes > 1.9) & (study.slopes < 2.1)), study.slopes
     assert all(check.ok for check in study.checks())
     assert study.errors[0].max() < 1e-4
@@ -56,7 +56,7 @@ def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -
 def test_a_prediction_for_another_dihedral_is_wrong_to_first_order(newton: FlownCase) -> None:
     other = find_operating_point(newton.aircraft, level_flight(float(np.radians(15.5))))
     wrong = LinearizedAircraft.at(newton.aircraft, other)
-    study = deviation_study(newton.aircraft, newton.point, newton.plan, model=wrong, duration=2.0)
+    study = deviation_study(newton.aircraft, newton.point, newton.law, model=wrong, duration=2.0)
     failed = {check.name for check in study.checks() if not check.ok}
     assert failed >= {f"slope_{name}_at_least" for name in ("alpha", "pitch", "pitch_rate", "dihedral")}
     assert study.slopes[STATES.index("pitch_rate")] == pytest.approx(1.0, abs=0.15)
@@ -91,7 +91,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, sce
     result = flown(at_15, scenario)
     assert result.departure is None
     loop = CompiledLoop(result.loop)
-    adaptive = adaptive_states(loop, scenario.initial, at_15.plan.constants, tick=scenario.tick, ticks=scenario.ticks)
+    adaptive = adaptive_states(loop, scenario.initial, at_15.law, tick=scenario.tick, ticks=scenario.ticks)
     fixed = result.flight.states[:: scenario.steps_per_tick]
     checks = integration_checks(fixed, adaptive)
     assert [check.name for check in checks if not check.ok] == []
@@ -102,7 +102,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, sce
 
 def test_a_step_that_is_too_long_fails_the_check(newton: FlownCase) -> None:
     scenario = Scenario(duration=1.0, step=0.01, initial=SMALL)
-    checks = agreement_checks(newton.aircraft, newton.plan, flown(newton, scenario))
+    checks = agreement_checks(newton.aircraft, newton.law, flown(newton, scenario))
     failed = {check.name for check in checks if not check.ok}
     assert "integration_pitch_rate" in failed
     assert not any(name.startswith("slope") for name in failed)
@@ -156,10 +156,13 @@ def test_an_adaptive_integrator_that_stops_says_where() -> None:
     def rate(t: float, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         return y**2
 
-    loop: Any = SimpleNamespace(rate=rate, loop=SimpleNamespace(start=np.copy, constants=lambda of_policy: of_policy))
+    law: Any = SimpleNamespace(memory=None, constants=lambda tick: np.zeros(1))
+    loop: Any = SimpleNamespace(
+        rate=rate, loop=SimpleNamespace(start=lambda x, memory: np.copy(x), constants=lambda of_policy: of_policy)
+    )
     with (
         np.errstate(all="ignore"),
         pytest.raises(NoSolutionError, match=r"stopped after 1 s: Required step") as refusal,
     ):
-        adaptive_states(cast(CompiledLoop, loop), np.ones(1), lambda tick: np.zeros(1), tick=0.1, ticks=20)
+        adaptive_states(cast(CompiledLoop, loop), np.ones(1), law, tick=0.1, ticks=20)
     assert "\n" not in str(refusal.value)

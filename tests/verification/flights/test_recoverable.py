@@ -28,7 +28,7 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
     return recoverable_map(
         newton.aircraft,
         newton.point,
-        newton.plan.gains[0],
+        newton.law.gains[0],
         newton.envelope,
         speeds=np.array([-2.0, 0.0, 0.3, 2.0]),
         dihedrals=np.radians([-10.0, 0.0, 10.0]),
@@ -101,8 +101,8 @@ def test_maps_without_points_and_gains_that_do_not_stabilize_are_refused(newton:
         return recoverable_map(newton.aircraft, newton.point, gain, newton.envelope, **given)
 
     with pytest.raises(BadInputError, match="speeds are empty"):
-        build(newton.plan.gains[0], speeds=np.zeros(0))
+        build(newton.law.gains[0], speeds=np.zeros(0))
     with pytest.raises(BadInputError, match="at most 50000"):
-        build(newton.plan.gains[0], speeds=np.zeros(1000), dihedrals=np.zeros(1000))
+        build(newton.law.gains[0], speeds=np.zeros(1000), dihedrals=np.zeros(1000))
     with pytest.raises(BadInputError, match="abscissa"):
-        build(-newton.plan.gains[0])
+        build(-newton.law.gains[0])

@@ -1,13 +1,12 @@
-"""Which gain is used at each tick: one for the whole flight, or the one that is being learned."""
+"""Laws of learned gains: one for the whole flight, or the one that is being learned, a baseline before it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from controller.flight.policies import gain_constants
+from controller.flight.flown_law import FlownLaw, gain_law
 from controller.game.basis import basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
@@ -19,29 +18,6 @@ from hfa_model.support.errors import NoSolutionError
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
 BASELINE_EFFORT = 100.0
-
-
-@dataclass(frozen=True, eq=False)
-class GainPlan:
-    """gains: (N, 5, 6), the gain of each tick, the last one staying. law: whose it is.
-
-    certified_from: s, when the first certified gain takes over from the baseline; 0 when a certified gain flies from
-    the start. learned: the learning behind it, None for a gain that was given.
-    """
-
-    law: str
-    gains: np.ndarray
-    certified_from: float = 0.0
-    learned: LearningResult | None = None
-
-    @property
-    def online(self) -> bool:
-        """Whether the gain changes in flight."""
-        return len(self.gains) > 1
-
-    def constants(self, tick: int) -> np.ndarray:
-        """The constants of a `GainPolicy` in a tick, (30,)."""
-        return gain_constants(self.gains[min(tick, len(self.gains) - 1)])
 
 
 def baseline_value(game: Game) -> np.ndarray:
@@ -78,13 +54,19 @@ def learned_value(game: Game, law: str, seed: int, progress: Progress | None = N
     return result
 
 
-def frozen_plan(law: str, learned: LearningResult) -> GainPlan:
+def frozen_law(law: str, learned: LearningResult) -> FlownLaw:
     """The learned gain for the whole flight."""
-    return GainPlan(law, learned.K[None], learned=learned)
+    return gain_law(law, learned.K, learned=learned)
 
 
-def online_plan(game: Game, law: str, learned: LearningResult, tick: float) -> GainPlan:
-    """Learning in flight: in each tick of `tick` seconds the last gain that was certified by then.
+def online_law(game: Game, law: str, learned: LearningResult, tick: float) -> FlownLaw:
+    """Learning in flight: `certified_gains` tick by tick."""
+    gains, first = certified_gains(game, learned, tick)
+    return gain_law(law, gains, first, learned)
+
+
+def certified_gains(game: Game, learned: LearningResult, tick: float) -> tuple[np.ndarray, float]:
+    """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from when on, s.
 
     A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`); until there is
     one, the baseline is used. What has been learned at t is known at t: nothing of the later run is used.
@@ -99,7 +81,7 @@ def online_plan(game: Game, law: str, learned: LearningResult, tick: float) -> G
                 current, first = game.gain(P), min(first, index * tick)
             row += 1
         gains.append(current)
-    return GainPlan(law, np.array(gains), first, learned)
+    return np.array(gains), first
 
 
 def _is_value(game: Game, P: np.ndarray, scales: np.ndarray) -> bool:
