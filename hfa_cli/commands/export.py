@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from hfa_cli import games, options
 from hfa_cli.argument_types import output_file, parsed, whole
-from hfa_cli.flights import LAWS, check_learning, gain_plan_of
+from hfa_cli.flights import LAWS, check_learning, flown_law_of
 from hfa_cli.learning import add_settings
 from hfa_cli.origin import provenance
 from hfa_cli.output import check_folder, say_notes, show
@@ -89,7 +89,7 @@ def _model(arguments: argparse.Namespace) -> CModel:
     check_learning(arguments)
     aircraft = options.aircraft_of(arguments)
     model = linearize(aircraft, options.operating_point_of(arguments, aircraft))
-    gain = gain_plan_of(arguments, model).gains[0]
+    gain = flown_law_of(arguments, model).gains[0]
     return CModel(aircraft, model, gain, f"{provenance().text()}\n{provenance().command}")
 
 
