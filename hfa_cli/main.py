@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import contextlib
 import importlib
@@ -23,6 +24,8 @@ from hfa_model.support.version import toolchain_version
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
+#: Seconds after which a signal that Python swallowed is given again.
+_MOMENT = 0.05
 
 #: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
 COMMANDS = {
@@ -57,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
     try:
-        with _ended_by_sigterm():
+        with _ended_by_signals():
             code = _run(words)
         if sys.stdout is not None:
             sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
@@ -113,22 +116,50 @@ class _Terminated(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """In the block SIGTERM raises `_Terminated`, once, so that temporary files and workers go."""
-    alone = threading.current_thread() is threading.main_thread()
-    if not alone or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+def _ended_by_signals() -> Iterator[None]:
+    """In the block SIGTERM raises `_Terminated`, once, so that temporary files and workers go.
+
+    An exception that ends the run may be raised where Python only prints it (in a callback of the garbage collector or
+    of an import); the signal is then given again, or the run would go on as if nobody had asked.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
+    ours = signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    print_it = sys.unraisablehook
 
     def end(*_: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise _Terminated
 
-    signal.signal(signal.SIGTERM, end)
+    def again(ignored: sys.UnraisableHookArgs) -> None:
+        if not isinstance(ignored.exc_value, KeyboardInterrupt):
+            print_it(ignored)
+            return
+        number = signal.SIGTERM if isinstance(ignored.exc_value, _Terminated) else signal.SIGINT
+        if number == signal.SIGTERM:
+            signal.signal(signal.SIGTERM, end)
+        timer = threading.Timer(_MOMENT, _give, [number])
+        timer.daemon = True
+        timer.start()
+
+    if ours:
+        signal.signal(signal.SIGTERM, end)
+    sys.unraisablehook = again
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        sys.unraisablehook = print_it
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _give(number: int) -> None:
+    """A signal to the main thread; by the system where that can be had, because only that wakes it from a wait."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(number)
 
 
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:

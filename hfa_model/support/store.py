@@ -18,6 +18,7 @@ from uuid import uuid4
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.interrupts import held_back
 from hfa_model.support.version import toolchain_version
 
 #: Whether a chunk is complete, (chunks,), and a checksum of each of its arrays, (chunks, arrays).
@@ -74,6 +75,7 @@ class Store:
         flags = self._flags(0, self.chunks)
         return [number for number, flag in enumerate(flags) if flag and not (flag == 1 and self._holds(number))]
 
+    @held_back()
     def write(self, number: int, result: Mapping[str, np.ndarray]) -> list[int]:
         """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile.
 
@@ -86,11 +88,13 @@ class Store:
             checksums.append(checksum(values))
         return checksums
 
+    @held_back()
     def complete(self, number: int, checksums: list[int]) -> None:
         """Set the checksums and then the flag of a chunk whose data are written."""
         self._checksums[number] = checksums
         self._done[number] = 1
 
+    @held_back()
     def reopen(self, number: int) -> None:
         """Take the flag of a chunk back: it is to be computed again."""
         self._done[number] = 0
@@ -99,11 +103,13 @@ class Store:
     def session(self) -> Iterator[str]:
         """A mark that this store bears while the block runs, and no copy of it elsewhere: workers know it by that."""
         mark = uuid4().hex
-        self._group.attrs["session"] = mark
+        with held_back():
+            self._group.attrs["session"] = mark
         try:
             yield mark
         finally:
-            del self._group.attrs["session"]
+            with held_back():
+                del self._group.attrs["session"]
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
         """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what was written."""
@@ -117,6 +123,7 @@ class Store:
         whole = np.concatenate([np.empty((0, *array.shape[1:]), array.dtype), *parts])
         return whole[start - begin : stop - begin]
 
+    @held_back()
     def _part(self, name: str, number: int, complete: bool) -> np.ndarray:
         try:
             values = np.asarray(self._arrays[name][self._span(number)])
@@ -141,6 +148,7 @@ class Store:
     def _span(self, number: int) -> slice:
         return slice(number * self.chunk, min((number + 1) * self.chunk, self.rows))
 
+    @held_back()
     def _flags(self, first: int, last: int) -> np.ndarray:
         """`done` of chunks first .. last - 1: 0, 1, or anything else where it is damaged."""
         try:
@@ -160,6 +168,7 @@ def checksum(values: np.ndarray) -> int:
     return zlib.crc32(numbers.view(np.uint8).data)
 
 
+@held_back()
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
     """A new store; BadInputError when something is there already. provenance: where it comes from, JSON data."""
     zarr = _zarr()
@@ -180,6 +189,7 @@ def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | Non
     return Store(group, path)
 
 
+@held_back()
 def open_store(path: Path, layout: Layout | None = None) -> Store:
     """An existing store, to be read, or with its layout to be continued.
 

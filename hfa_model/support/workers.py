@@ -78,23 +78,19 @@ class Workers:
             futures[future] = key
             future.add_done_callback(finished.put)
 
-        try:
-            for key, task in left.items():
-                submit(key, task)
-            while True:
-                while len(futures) < _AHEAD * self._count and (item := next(waiting, None)) is not None:
-                    left[item[0]] = item[1]
-                    submit(*item)
-                if not futures:
-                    return
-                future = self._next(finished)
-                result = future.result()
-                key = futures.pop(future)
-                del left[key]
-                yield key, result
-        finally:
-            for future in futures:
-                future.cancel()
+        for key, task in left.items():
+            submit(key, task)
+        while True:
+            while len(futures) < _AHEAD * self._count and (item := next(waiting, None)) is not None:
+                left[item[0]] = item[1]
+                submit(*item)
+            if not futures:
+                return
+            future = self._next(finished)
+            result = future.result()
+            key = futures.pop(future)
+            del left[key]
+            yield key, result
 
     def _next(self, finished: SimpleQueue[Future[Any]]) -> Future[Any]:
         while True:

@@ -45,7 +45,8 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_the_run_ends_well_and_leaves_its_two_files_alone(identified: Run) -> None:
-    assert (identified.result.code, identified.result.err) == (0, "")
+    said = [line for line in identified.result.err.splitlines() if "minutes more" not in line]  # a slow machine is told
+    assert (identified.result.code, said) == (0, [])
     assert sorted(path.name for path in identified.folder.iterdir()) == ["evidence.json", FILE]
 
 

@@ -108,3 +108,33 @@ def test_warnings_of_libraries_are_notes_of_a_result(tmp_path: Path, monkeypatch
     notes = "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply; check the result\n"
     assert (result.code, result.out, result.err) == (plain.code, plain.out, plain.err + notes)
     assert hfa("solve", "--quiet", "--model", str(tmp_path / "plant.json")).err == ""
+
+
+class _SignalledWhenCollected:
+    """Python prints what is raised in a destructor and goes on."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+        time.sleep(0.0)
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [(signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"), (signal.SIGTERM, TERMINATED, "hfa: terminated\n")],
+)
+def test_a_signal_that_a_destructor_swallows_ends_the_run_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, said: str
+) -> None:
+    def run(_: object) -> int:
+        _SignalledWhenCollected(number)
+        time.sleep(20.0)
+        return 0
+
+    monkeypatch.setattr("hfa_cli.commands.trim.run", run)
+    start = time.monotonic()
+    found = hfa("trim", "--dihedral", "5")
+    assert (found.code, found.err) == (code, said)
+    assert time.monotonic() - start < 10.0
