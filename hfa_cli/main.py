@@ -154,7 +154,7 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _give(number: int) -> None:
+def _give(number: signal.Signals) -> None:
     """A signal to the main thread; by the system where that can be had, because only that wakes it from a wait."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident or 0, number)
