@@ -89,7 +89,7 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 
 
 def run_identification(seed: int = 0, progress: Callable[[int, int], None] | None = None) -> Identification:
-    """Identify, then collect the evidence; about 20 seconds. progress: called with (stages done, stages in all)."""
+    """Identify, then collect the evidence; a few seconds. progress: called with (stages done, stages in all)."""
     stages = len(ALTERNATIVES) + 2
 
     def done(stage: int) -> None:

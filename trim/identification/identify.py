@@ -6,12 +6,13 @@ every step. Each printed entry weighs with half a unit of its last digit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
 from hfa_model.support.by_value import ByValue
@@ -153,38 +154,85 @@ class _Problem:
         theta = ca.SX.sym("theta", len(IDENTIFIED))
         known = {name: value for name, (value, _, _) in ASSUMED.items()}
         p = Parameters(**known, **dict(zip(IDENTIFIED, ca.vertsplit(theta), strict=True)))
-        self._cases = [_compile(model, theta, p, structure) for model in models]
+        self._cases = [_Condition(model, theta, p, structure) for model in models]
+        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """The free inputs that balance each printed condition, by Newton's method (the loads are nearly affine)."""
-        return [_balance(case, theta) for case in self._cases]
+        """The free inputs that balance each printed condition."""
+        return [case.trim_inputs(theta) for case in self._cases]
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian."""
-        values, jacobians = [], []
-        for case, inputs in zip(self._cases, self.trim_inputs(theta), strict=True):
-            entries, by_theta, by_inputs, _, balance_by_theta, balance_by_inputs = map(np.array, case(theta, inputs))
-            inputs_by_theta = -np.linalg.solve(balance_by_inputs, balance_by_theta)
-            values.append(entries.ravel())
-            jacobians.append(by_theta + by_inputs @ inputs_by_theta)
-        return np.concatenate(values), np.vstack(jacobians)
+        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian.
+
+        The last answer is kept: the solver asks for values and Jacobian one after the other.
+        """
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            values, jacobians = zip(*(case.entries(theta) for case in self._cases), strict=True)
+            self._last = theta.copy(), (np.concatenate(values), np.vstack(jacobians))
+        return self._last[1]
 
 
-def _compile(model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> ca.Function:
-    """(parameters, free inputs) -> weighted entries and balance at one printed condition, with their Jacobians."""
-    (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
-    f = state_rates(x, u, p, variant)
-    rows = [STATES.index(name) for name in LINEAR_STATES]
-    A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
-    # The rows θ' = q and η' = η' are the same for every aircraft.
-    moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
-    entries = ca.vertcat(
-        *((A[i, j] - model.A[i, j]) / model.half_unit_A[i, j] for i in moved for j in range(A.shape[1])),
-        *((B[i, j] - model.B[i, j]) / model.half_unit_B[i, j] for i in moved for j in range(B.shape[1])),
-    )
-    balance = ca.vertcat(*(f[rows[i]] for i in moved))
+class _Condition:
+    """One printed condition as compiled functions of the parameters θ and the free inputs v."""
+
+    def __init__(self, model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> None:
+        (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
+        f = state_rates(x, u, p, variant)
+        rows = [STATES.index(name) for name in LINEAR_STATES]
+        A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
+        # The rows θ' = q and η' = η' are the same for every aircraft.
+        moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
+        entries = ca.vertcat(
+            *((A[i, j] - model.A[i, j]) / model.half_unit_A[i, j] for i in moved for j in range(A.shape[1])),
+            *((B[i, j] - model.B[i, j]) / model.half_unit_B[i, j] for i in moved for j in range(B.shape[1])),
+        )
+        balance = ca.vertcat(*(f[rows[i]] for i in moved))
+        point = ca.vertcat(*_printed_state(model), *_as_input(ca.vertsplit(inputs)))
+        entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
+        with_jacobian = balance, ca.jacobian(balance, inputs)
+        self._balance = _bound([theta, inputs], with_jacobian)
+        rest = ca.jacobian(balance, theta), entries, ca.jacobian(entries, theta), ca.jacobian(entries, inputs)
+        self._everything = _bound([theta, inputs], (*with_jacobian, *rest))
+
+    def trim_inputs(self, theta: np.ndarray) -> np.ndarray:
+        """v with balance(θ, v) = 0 by Newton's method (the loads are nearly affine)."""
+        inputs = best = _ROUGH_INPUTS
+        smallest = np.inf
+        for _ in range(_TRIM_STEPS):
+            balance, by_inputs = self._balance(theta, inputs)
+            size = float(np.abs(balance).max())
+            if not size < smallest:
+                break
+            best, smallest = inputs, size
+            inputs = inputs - np.linalg.solve(by_inputs, balance).ravel()
+        return best
+
+    def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The weighted entries at the trim, and their Jacobian by θ with the trim's share in it."""
+        _, balance_by_inputs, balance_by_theta, entries, by_theta, by_inputs = self._everything(
+            theta, self.trim_inputs(theta)
+        )
+        inputs_by_theta = -np.linalg.solve(balance_by_inputs, balance_by_theta)
+        return entries.ravel().copy(), by_theta + by_inputs @ inputs_by_theta
+
+
+def _bound(arguments: list[ca.SX], results: Sequence[ca.SX]) -> Callable[..., list[np.ndarray]]:
+    """The results as matrices of the arguments' values; each call overwrites them."""
+    bound = BoundFunction(ca.Function("printed_condition", arguments, [ca.densify(each) for each in results]))
+    matrices = [flat.reshape(each.shape, order="F") for flat, each in zip(bound.results, results, strict=True)]
+
+    def evaluate(*values: np.ndarray) -> list[np.ndarray]:
+        for target, value in zip(bound.inputs, values, strict=True):
+            target[:] = value
+        bound()
+        return matrices
+
+    return evaluate
+
+
+def _printed_state(model: PublishedModel) -> State:
     paper = published_data()["trim"]
-    state = State(
+    return State(
         speed=paper["speed"],
         alpha=np.radians(paper["alpha_deg"]),
         altitude=paper["altitude"],
@@ -193,28 +241,6 @@ def _compile(model: PublishedModel, theta: ca.SX, p: Parameters, variant: Varian
         dihedral=model.dihedral,
         dihedral_rate=paper["dihedral_rate"],
     )
-    control = _as_input(ca.vertsplit(inputs))
-    point = ca.vertcat(*state, *control)
-    entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
-    outputs = [
-        jacobian
-        for part in (entries, balance)
-        for jacobian in (part, ca.densify(ca.jacobian(part, theta)), ca.densify(ca.jacobian(part, inputs)))
-    ]
-    return ca.Function("printed_condition", [theta, inputs], outputs)
-
-
-def _balance(case: ca.Function, theta: np.ndarray) -> np.ndarray:
-    inputs = best = _ROUGH_INPUTS
-    smallest = np.inf
-    for _ in range(_TRIM_STEPS):
-        _, _, _, balance, _, by_inputs = map(np.array, case(theta, inputs))
-        size = float(np.abs(balance).max())
-        if not size < smallest:
-            break
-        best, smallest = inputs, size
-        inputs = inputs - np.linalg.solve(by_inputs, balance).ravel()
-    return best
 
 
 def _as_input(free: Sequence[Quantity]) -> Input:
