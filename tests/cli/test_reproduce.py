@@ -12,17 +12,27 @@ import numpy as np
 import pytest
 from cli import Terminal, assert_refused, hfa
 from experiment_configurations import BRIEF, COARSE, Changes, changed
+from matplotlib.figure import Figure
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from hfa_model.support.figure import new_figure
 from verification.experiments import configuration, reproduction as reproduce, result_folder as store
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.flown_laws import PRINTED
+from verification.experiments.panels import PaperFigure, draw
 from verification.experiments.reproduction import EXPERIMENTS
 
 FIGURES = {"5.1": range(3, 11), "5.2": range(11, 14), "5.3": range(14, 22), "5.4": range(22, 24)}
 
 
 SHORT = (COARSE, BRIEF)
+#: Drawn as figures 3, 6 to 10 and 12 are, of other flights.
+ALIKE = {4, 5, 13, *FIGURES["5.3"]}
+
+
+def plain(picture: PaperFigure) -> Figure:
+    """Nothing, in place of a figure that takes half a second to draw."""
+    return new_figure(1.0, 1.0)
 
 
 @contextmanager
@@ -41,11 +51,17 @@ def short() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def unpainted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "draw", plain)
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All experiments, one second each."""
+    """All experiments, one second each; of figures that are alike one is drawn."""
     folder = tmp_path_factory.mktemp("all") / "out"
-    with configured(*SHORT):
+    with configured(*SHORT), pytest.MonkeyPatch.context() as patched:
+        patched.setattr(store, "draw", lambda picture: (plain if picture.number in ALIKE else draw)(picture))
         result = hfa("reproduce", "all", "-o", str(folder))
     assert (result.code, result.err) == (DONE, "")
     assert len(result.out.splitlines()) == 2 + sum(len(one.claims) for one in EXPERIMENTS.values())
@@ -139,7 +155,18 @@ def test_the_same_run_gives_the_same_bits(finished: Path, tmp_path: Path) -> Non
     assert again == contents(finished / "5.4")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
+def test_the_other_figures_are_drawn_too(tmp_path: Path) -> None:
+    for section in ("5.1", "5.2", "5.3"):
+        assert hfa("reproduce", section, "-o", str(tmp_path)).code == DONE
+    pictures = [
+        tmp_path / section / f"figure-{n:02d}.png" for section in FIGURES for n in FIGURES[section] if n in ALIKE
+    ]
+    assert min(path.stat().st_size for path in pictures) > 20_000
+
+
+@pytest.mark.usefixtures("short", "unpainted")
 def test_a_damaged_result_is_made_anew(tmp_path: Path) -> None:
     words = ("reproduce", "5.4", "-o", str(tmp_path / "out"), "--resume")
     assert hfa(*words).code == DONE
@@ -195,6 +222,7 @@ def test_bad_input_is_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_law_of_ours_that_is_lost_is_a_failure(tmp_path: Path) -> None:
     """A wrong plant is unstable under every gain: the exact law is lost, and the exit code says so."""
     with configured(*SHORT, {"uncertainty": {"factors": (0.0, 0.1, 0.3, -30.0)}}):

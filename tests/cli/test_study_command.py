@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from cli import Terminal, hfa
+from cli import Result, Terminal, hfa
 
 from controller.study.published_study import STUDY
 from hfa_cli.main import DONE, INTERRUPTED
@@ -57,6 +58,19 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
         hfa(*words)
 
 
+QUICK = ("study", "--only", "theorem gains, explicit", "--folder", "rows", "--resume")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str]:
+    """What a row said, and its file."""
+    folder = tmp_path_factory.mktemp("study")
+    with contextlib.chdir(folder):
+        said = hfa(*QUICK)
+    assert said.code == DONE
+    return said, (folder / "rows" / "theorem-gains-explicit.json").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     "damage",
     [
@@ -67,16 +81,21 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
         lambda text: "[1]",
     ],
 )
-def test_a_row_that_is_not_todays_is_run_again(damage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("study", "--only", "theorem gains, explicit", "--folder", "rows", "--resume")
-    whole, file = hfa(*words), Path("rows", "theorem-gains-explicit.json")
-    assert whole.code == DONE
-    text = file.read_text(encoding="utf-8")
+def test_a_row_that_is_not_todays_is_run_again(whole: tuple[Result, str], damage: Callable[[str], str]) -> None:
+    said, text = whole
+    file = Path("rows", "theorem-gains-explicit.json")
+    file.parent.mkdir()
     file.write_text(damage(text), encoding="utf-8")
     assert file.read_text(encoding="utf-8") != text
-    assert hfa(*words) == whole
+    assert hfa(*QUICK) == said
     assert file.read_text(encoding="utf-8") == text
-    with monkeypatch.context() as patched:
-        patched.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
-        assert hfa(*words) == whole
+
+
+def test_a_row_of_another_version_is_run_again(whole: tuple[Result, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    said, text = whole
+    file = Path("rows", "theorem-gains-explicit.json")
+    file.parent.mkdir()
+    file.write_text(text, encoding="utf-8")
+    monkeypatch.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
+    assert hfa(*QUICK) == said
     assert '"toolchain": "0.0.9"' in file.read_text(encoding="utf-8")
