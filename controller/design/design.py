@@ -13,8 +13,8 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 
 #: Behind the name of an output: only its dependence on alpha and the inputs is integrated (the peer's A_z).
 SHORT_PERIOD = "_short_period"
-#: What the disturbance of the game is.
-DISTURBANCES = ("states", "updraft")
+#: Where the disturbance of the game enters.
+DISTURBANCES = ("states", "updraft", "commands")
 
 
 @dataclass(frozen=True)
@@ -41,24 +41,52 @@ class Actuator:
 
 
 @dataclass(frozen=True)
+class Feedforward:
+    """u_ff = share Γ w, the inputs that make the aircraft follow the command filter w of
+    r'' = ω² r_end - 2 ζ ω r' - ω² r exactly, when its actuators are `actuator`, through u' = (u_ff - u) / lag.
+
+    bandwidth ω: rad/s, damping ζ: 1, of the filter. share: 1. lag: s, 0 for none. BadInputError for another sign.
+    """
+
+    share: float = 1.0
+    lag: float = 0.0
+    bandwidth: float = 0.5
+    damping: float = 2.0
+    actuator: Actuator = Actuator()
+
+    def __post_init__(self) -> None:
+        """Refuse a filter that never arrives."""
+        for name in ("share", "bandwidth", "damping"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise BadInputError(f"the {name} of a feedforward is {value}; it must be a positive number")
+        if not (math.isfinite(self.lag) and self.lag >= 0.0):
+            raise BadInputError(f"the lag of a feedforward is {self.lag}; it must not be negative")
+
+
+@dataclass(frozen=True)
 class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for `integrals`.
 
-    actuators: input -> actuator; an input without one acts at once. disturbance: "states" adds to the rates of the six
-    states (the paper's), "updraft" is the vertical velocity of the air, ft/s. state_weights, input_weights: diagonal
-    of Q and R by name, in the names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of
-    the game, inf for an LQR. BadInputError when a name is unknown or given twice.
+    actuators: input -> actuator; an input without one acts at once. disturbances: where they enter -> intensity, which
+    scales the squared columns of E; "states": the rates of the six states (the paper's), "updraft": the vertical
+    velocity of the air, ft/s, "commands": the inputs. state_weights, input_weights: diagonal of Q and R by name, in the
+    names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
+    sensors: state or output -> intensity of its noise. sensor_lags: of a sensor, s. feedforward: of the commands.
+    BadInputError when a name is unknown or given twice.
     """
 
     name: str
     inputs: tuple[str, ...] = INPUTS
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     integrals: tuple[str, ...] = ()
-    disturbance: str = "states"
+    disturbances: Mapping[str, float] = field(default_factory=lambda: {"states": 1.0})
     state_weights: Mapping[str, float] = field(default_factory=dict)
     input_weights: Mapping[str, float] = field(default_factory=dict)
     delta: float = math.inf
     sensors: Mapping[str, float] = field(default_factory=dict)
+    sensor_lags: Mapping[str, float] = field(default_factory=dict)
+    feedforward: Feedforward | None = None
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is built."""
@@ -71,8 +99,9 @@ class Design:
             ("actuator", tuple(self.actuators), self.inputs),
             ("weight of a state", tuple(self.state_weights), self.states),
             ("weight of an input", tuple(self.input_weights), self.inputs),
-            ("sensor", tuple(self.sensors), (*self.states, *outputs)),
-            ("disturbance", (self.disturbance,), DISTURBANCES),
+            ("sensor", tuple(self.sensors), (*self.plant_states, *self.integral_states, *outputs)),
+            ("disturbance", tuple(self.disturbances), DISTURBANCES),
+            ("lag of a sensor", tuple(self.sensor_lags), tuple(self.sensors)),
         ):
             for name in names:
                 if name not in choices:
@@ -81,23 +110,42 @@ class Design:
                     )
                 if names.count(name) > 1:
                     raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
-        for name, intensity in self.sensors.items():
-            if not (math.isfinite(intensity) and intensity > 0.0):
-                raise BadInputError(
-                    f"design {self.name}: the noise of sensor {name} is {intensity:g}; it must be a positive number"
-                )
+        for what, numbers in (
+            ("noise of sensor", self.sensors),
+            ("lag of sensor", self.sensor_lags),
+            ("intensity of disturbance", self.disturbances),
+        ):
+            for name, value in numbers.items():
+                if not (math.isfinite(value) and value > 0.0):
+                    raise BadInputError(
+                        f"design {self.name}: the {what} {name} is {value:g}; it must be a positive number"
+                    )
+                if numbers is self.sensor_lags and name.endswith("_integral"):
+                    raise BadInputError(
+                        f"design {self.name}: {name} is made by the controller and has no lag; leave it out"
+                    )
         missing = [name for name in self.inputs if name not in self.input_weights]
         if missing:
             raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """The aircraft's six, then actuator positions, actuator rates, integrals."""
+    def plant_states(self) -> tuple[str, ...]:
+        """The aircraft's six, then actuator positions, actuator rates."""
         moving = [name for name in self.inputs if name in self.actuators]
         second = [name for name in moving if self.actuators[name].order == 2]
-        return (
-            *LINEAR_STATES,
-            *(f"{name}_position" for name in moving),
-            *(f"{name}_rate" for name in second),
-            *(f"{name}_integral" for name in self.integrals),
-        )
+        return (*LINEAR_STATES, *(f"{name}_position" for name in moving), *(f"{name}_rate" for name in second))
+
+    @property
+    def lagged_states(self) -> tuple[str, ...]:
+        """What the sensors with a lag say."""
+        return tuple(f"{name}_measured" for name in self.sensors if name in self.sensor_lags)
+
+    @property
+    def integral_states(self) -> tuple[str, ...]:
+        """Integrals of outputs."""
+        return tuple(f"{name}_integral" for name in self.integrals)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Those of the plant, sensors with a lag, integrals."""
+        return (*self.plant_states, *self.lagged_states, *self.integral_states)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from controller.design.design import Actuator, Design
+from controller.design.design import Actuator, Design, Feedforward
 from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.toml_file import names_of, read_named, table_of
@@ -15,18 +15,21 @@ from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.
 NAMED = {"paper": "paper.toml", "simvfa-1": "simvfa_1.toml", "simvfa-2": "simvfa_2.toml"}
-_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta", "actuators", "weights", "sensors")
+_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta")
+_TABLES = ("actuators", "weights", "sensors", "sensor_lags", "feedforward")
 
 
 def load_design(name: str) -> Design:
     """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its file.
 
-    inputs, integrals: lists of names. disturbance: "states" or "updraft". delta: a number, inf for none.
-    [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name =
-    weight. [sensors]: output or state = intensity of its noise.
+    inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
+    [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
+    (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
+    intensity of its noise, [sensor_lags]: its lag in s. [feedforward]: share, lag (s), bandwidth (rad/s) and damping of
+    the command filter, [feedforward.actuator] as above.
     BadInputError names the file, the entry and what is wrong with it.
     """
-    data = read_named("design", name, NAMED, "controller.designs", _KEYS)
+    data = read_named("design", name, NAMED, "controller.designs", (*_KEYS, *_TABLES))
     weights = table_of(name, data, "weights")
     odd = sorted(set(weights) - {"states", "inputs"})
     if odd:
@@ -40,25 +43,42 @@ def load_design(name: str) -> Design:
         name=name,
         inputs=names_of(name, data, "inputs", INPUTS),
         integrals=names_of(name, data, "integrals"),
-        disturbance=str(data.get("disturbance", "states")),
+        disturbances=_disturbances(name, data),
         delta=float(delta),
-        actuators={key: _actuator(name, key, table) for key, table in table_of(name, data, "actuators").items()},
+        actuators={
+            key: Actuator(**_fields(name, f"actuators.{shortened(key)}", table, Actuator))
+            for key, table in table_of(name, data, "actuators").items()
+        },
         state_weights=_numbers(name, weights, "states", "weight"),
         input_weights=_numbers(name, weights, "inputs", "weight"),
         sensors=_numbers(name, data, "sensors", "noise"),
+        sensor_lags=_numbers(name, data, "sensor_lags", "lag"),
+        feedforward=_feedforward(name, data) if "feedforward" in data else None,
     )
 
 
-def _actuator(where: str, key: str, table: Any) -> Actuator:
-    known, entry = [each.name for each in fields(Actuator)], f"actuators.{shortened(key)}"
+def _disturbances(where: str, data: Mapping[str, Any]) -> dict[str, float]:
+    value = data.get("disturbance", "states")
+    return _numbers(where, data, "disturbance", "intensity") if isinstance(value, dict) else {str(value): 1.0}
+
+
+def _feedforward(where: str, data: Mapping[str, Any]) -> Feedforward:
+    table = dict(table_of(where, data, "feedforward"))
+    actuator = Actuator(**_fields(where, "feedforward.actuator", table.pop("actuator", {}), Actuator))
+    return Feedforward(**_fields(where, "feedforward", table, Feedforward), actuator=actuator)
+
+
+def _fields(where: str, entry: str, table: Any, kind: type[Actuator | Feedforward]) -> dict[str, Any]:
+    """The numbers of a table that makes a value of this kind."""
+    known = [each.name for each in fields(kind)]
     if not isinstance(table, dict):
-        raise BadInputError(f"{where}: the actuator of {shortened(key)} is {shown(table)}; make it the table [{entry}]")
+        raise BadInputError(f"{where}: {entry} is {shown(table)}; make it the table [{entry}]")
     for name, value in table.items():
         if name not in known:
             raise BadInputError(f"{where}: unknown entry {entry}.{shortened(name)}; choose from {', '.join(known)}")
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise BadInputError(f"{where}: {entry}.{name} is {shown(value)}; give a number")
-    return Actuator(**table)
+    return dict(table)
 
 
 def _numbers(where: str, data: Mapping[str, Any], key: str, what: str) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,9 +24,9 @@ RANK = 1e-10
 class DesignModel:
     """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of `model`.
 
-    z: the states of the linear model, then actuator positions, rates and integrals (`states`). A: (n, n). B: (n, m).
-    E: (n, 6) or (n, 1). C: (p, n), D: (p, m) of the sensors. Units: those of the linear model; an integral has its
-    output's times s.
+    z: the states of the linear model, then actuator positions and rates, sensors with a lag, integrals (`states`).
+    A: (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity. C: (p, n),
+    D: (p, m) of the sensors. Units: those of the linear model; an integral has its output's times s.
     """
 
     design: Design
@@ -94,8 +95,8 @@ class DesignModel:
 def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a state of z.
 
-    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor sees the
-    updraft itself: its noise must not depend on the disturbance.
+    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor without a
+    lag sees a disturbance itself: its noise must not depend on the disturbance.
     """
     n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
     watched = (*design.integrals, *design.sensors)
@@ -110,19 +111,27 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
         (A if moved else B)[:n, place], (C if moved else D)[:, place] = model.B[:, column], of_a[:, column]
         if moved:
             _connect(A, B, number, names, name, design)
-    integrals = slice(len(names) - k, len(names))
-    A[integrals], B[integrals] = C[:k], D[:k]
-    for row, name in enumerate(watched[k:], k):
-        if name in names:
+    gust = np.vstack([wind, np.zeros((len(names) - n, 1))])
+    for row, name in enumerate(watched):
+        if row < k:
+            place = len(names) - k + row
+            A[place], B[place], gust[place] = C[row], D[row], of_w[row]
+        elif name in names:
             C[row, names.index(name)] = 1.0
-    E = np.eye(len(names), n)
-    if design.disturbance == "updraft":
-        E = np.vstack([wind, np.zeros((len(names) - n - k, 1)), of_w[:k]])
-        for name, seen in zip(design.sensors, of_w[k:, 0], strict=True):
-            if seen != 0.0:
+        if row >= k and name in design.sensor_lags:
+            place, lag = names.index(f"{name}_measured"), design.sensor_lags[name]
+            A[place], B[place], gust[place] = C[row] / lag, D[row] / lag, of_w[row] / lag
+            A[place, place] = -1.0 / lag
+            C[row], D[row], of_w[row] = np.eye(len(names))[place], 0.0, 0.0
+    sources = {"states": np.eye(len(names), n), "updraft": gust, "commands": B}
+    for name, *seen in zip(design.sensors, D[k:], of_w[k:], strict=True):
+        for source, column in zip(("commands", "updraft"), seen, strict=True):
+            if source in design.disturbances and np.any(column):
                 raise BadInputError(
-                    f"design {design.name}: sensor {name} sees the updraft itself; measure what follows from the states"
+                    f"design {design.name}: sensor {name} sees the {source} itself; measure what follows from the "
+                    "states, or give the sensor a lag"
                 )
+    E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
     units = dict(zip(model.inputs, model.input_units, strict=True))
     of_inputs = tuple(units[name] for name in design.inputs)
     return DesignModel(design, model, A, B, E, C[k:], D[k:], _units(design, model), of_inputs)
@@ -173,5 +182,7 @@ def _units(design: Design, model: LinearModel) -> tuple[str, ...]:
     found = dict(zip(model.states, model.state_units, strict=True))
     found |= {f"{name}_position": unit for name, unit in inputs.items()}
     found |= {f"{name}_rate": f"{unit}/s" for name, unit in inputs.items()}
+    for name in design.sensor_lags:
+        found[f"{name}_measured"] = found.get(name) or unit_of(name.removesuffix(SHORT_PERIOD))
     found |= {f"{name}_integral": f"{unit_of(name.removesuffix(SHORT_PERIOD))} s" for name in design.integrals}
     return tuple(found[name] for name in design.states)

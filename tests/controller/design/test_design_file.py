@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from controller.design.design import Actuator
+from controller.design.design import Actuator, Feedforward
 from controller.design.design_file import NAMED, load_design
 from hfa_model import BadInputError
 
@@ -27,6 +27,30 @@ def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
     assert mine.state_weights == theirs.state_weights
 
 
+def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    text = (DESIGNS / NAMED["simvfa-1"]).read_text(encoding="utf-8")
+    text += """
+    [sensors]
+    pitch_rate = 1e-4
+    [sensor_lags]
+    pitch_rate = 0.1
+    [disturbance]
+    updraft = 2.0
+    commands = 3.0
+    [feedforward]
+    share = 0.5
+    actuator = {order = 2, bandwidth = 1.5}
+    """
+    own.write_text(text, encoding="utf-8")
+    design = load_design(str(own))
+    assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
+    assert design.sensor_lags == {"pitch_rate": 0.1}
+    assert design.feedforward == Feedforward(share=0.5, actuator=Actuator(order=2, bandwidth=1.5))
+    assert load_design("simvfa-1").disturbances == {"states": 1.0}
+    assert load_design("simvfa-1").feedforward is None
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -36,9 +60,13 @@ def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
         ("[weights.outputs]\nx = 1", "unknown entry weights.outputs"),
         ("[weights.inputs]\nthrottle = -1", "the weight of throttle is -1; give a number that is not negative"),
         ("[weights.inputs]\nthrottle = nan", "the weight of throttle is nan"),
-        ("[actuators]\nthrottle = 3", "the actuator of throttle is 3; make it the table [actuators.throttle]"),
+        ("[actuators]\nthrottle = 3", "actuators.throttle is 3; make it the table [actuators.throttle]"),
         ("[actuators.throttle]\nlag = 3", "unknown entry actuators.throttle.lag; choose from order, bandwidth"),
         ("[actuators.throttle]\nbandwidth = '3'", "actuators.throttle.bandwidth is '3'; give a number"),
+        ("feedforward = 1", "feedforward is 1; make it the table [feedforward]"),
+        ("[feedforward]\ngain = 1", "unknown entry feedforward.gain; choose from share, lag"),
+        ("[feedforward]\nactuator = 1", "feedforward.actuator is 1; make it the table"),
+        ("[disturbance]\nupdraft = 'x'", "the intensity of updraft is 'x'; give a number"),
         ("delta = -1", "delta is -1; give a positive number"),
         ("delta = true", "delta is True"),
         ("delta = [", "is not a TOML file"),

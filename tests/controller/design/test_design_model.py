@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from controller import Game, published_game
-from controller.design.design import Actuator, Design
+from controller.design.design import Actuator, Design, Feedforward
 from controller.design.design_file import NAMED, load_design
 from controller.design.design_model import DesignModel, design_model
 from hfa_model import Aircraft, BadInputError
@@ -66,7 +66,7 @@ def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(published_air
 
 def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircraft) -> None:
     design = replace(load_design("simvfa-1"), integrals=("dihedral", "vertical_acceleration"), state_weights={})
-    gusty = design_at(published_aircraft, replace(design, disturbance="updraft"), 11.0)
+    gusty = design_at(published_aircraft, replace(design, disturbances={"updraft": 1.0}), 11.0)
     still = design_at(published_aircraft, design, 11.0)
     np.testing.assert_array_equal(gusty.A, still.A)
     assert gusty.E.shape == (len(gusty.states), 1)
@@ -93,6 +93,34 @@ def test_sensors_are_states_or_outputs_in_the_order_of_their_names(published_air
     direct = design_at(published_aircraft, replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE), 11.0)
     np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=1e-12)
     np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
+
+
+def test_a_sensor_with_a_lag_follows_its_output(published_aircraft: Aircraft) -> None:
+    """At rest it says what a sensor without one says, and its pole is at -1 / lag."""
+    design = replace(load_design("simvfa-1"), sensors={"pitch_rate": 1.0, "load_factor": 1.0})
+    slow = replace(design, sensor_lags={"load_factor": 0.2}, disturbances={"updraft": 4.0, "states": 9.0})
+    plain, lagged = (design_at(published_aircraft, each, 11.0) for each in (design, slow))
+    place = lagged.states.index("load_factor_measured")
+    assert lagged.state_units[place] == lagged.sensor_units[1] == "1"
+    np.testing.assert_array_equal(lagged.C[1], np.eye(len(lagged.states))[place])
+    others = [index for index in range(len(lagged.states)) if index != place]
+    np.testing.assert_array_equal(lagged.A[np.ix_(others, others)], plain.A)
+    np.testing.assert_allclose(0.2 * lagged.A[place, others], plain.C[1])
+    assert lagged.A[place, place] == -5.0
+    assert lagged.E.shape == (11, 7)
+    found = output_model(published_aircraft, lagged.model.point, ("load_factor",))
+    np.testing.assert_allclose(lagged.E[place, 0], 2.0 * found.F[0, 0] / 0.2)  # the lag lets the gust be seen
+    np.testing.assert_array_equal(lagged.E[:, 1:], 3.0 * np.eye(11, 6))
+
+
+def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Aircraft) -> None:
+    design = replace(load_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
+    built = design_at(published_aircraft, design, 11.0)
+    np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
+    np.testing.assert_array_equal(built.game().E, built.E)
+    at_once = replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE)
+    with pytest.raises(BadInputError, match="sensor load_factor sees the commands itself"):
+        design_at(published_aircraft, at_once, 11.0)
 
 
 def test_an_output_and_its_short_period_part_may_both_be_named(published_aircraft: Aircraft) -> None:
@@ -138,13 +166,26 @@ def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: in
         ({"actuators": {"throttle": Actuator()}}, "unknown actuator 'throttle'; choose from aileron_outer"),
         ({"state_weights": {"sped": 1.0}}, "unknown weight of a state 'sped'"),
         ({"input_weights": {}}, "input aileron_outer has no weight"),
-        ({"disturbance": "wind"}, "unknown disturbance 'wind'; choose from states, updraft"),
+        ({"disturbances": {"wind": 1.0}}, "unknown disturbance 'wind'; choose from states, updraft, commands"),
+        ({"disturbances": {"updraft": 0.0}}, "the intensity of disturbance updraft is 0; it must be a positive"),
+        ({"sensor_lags": {"speed": 0.1}}, "unknown lag of a sensor 'speed'"),
+        (
+            {"sensors": {"dihedral_integral": 1.0}, "sensor_lags": {"dihedral_integral": 1.0}},
+            "dihedral_integral is made by the controller and has no lag",
+        ),
     ],
 )
 def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:
     with pytest.raises(BadInputError, match="design simvfa-1: ") as caught:
         replace(load_design("simvfa-1"), **changes)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("changes", [{"share": 0.0}, {"bandwidth": -1.0}, {"damping": math.inf}, {"lag": -0.1}])
+def test_what_is_no_feedforward_is_refused(changes: dict) -> None:
+    (name,) = changes
+    with pytest.raises(BadInputError, match=f"the {name} of a feedforward is .*; it must"):
+        Feedforward(**changes)
 
 
 @pytest.mark.parametrize("changes", [{"order": 3}, {"effectiveness": 0.0}, {"bandwidth": -1.0}, {"damping": math.nan}])
