@@ -37,8 +37,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     content |= {key: np.array(getattr(controller, key), dtype=float) for key in _ARRAYS}
     names = {key: list(getattr(controller, key)) for key in _NAMES}
     if target.suffix.lower() == ".mat":
-        stacks = {key: value for key, value in content.items() if np.ndim(value) == 3}
-        content |= {key: np.moveaxis(value, 0, -1) for key, value in stacks.items()} | names
+        content |= names
     else:
         content |= {key: np.array(value, dtype=np.str_) for key, value in names.items()}
     save_data(target, content, Table((), ()))
