@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -36,12 +37,14 @@ class NamedGame:
     origin: str
     warnings: tuple[str, ...] = ()
     built: DesignModel | None = None
+    plant_provenance: Mapping[str, str] = field(default_factory=dict)
 
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""
         named = {name: list(getattr(self, name)) for name in ("states", "inputs", "state_units", "input_units")}
         delta = self.game.delta if math.isfinite(self.game.delta) else None
-        return {"plant": self.origin, **named, "delta": delta, "warnings": list(self.warnings)}
+        origin = {"plant_provenance": dict(self.plant_provenance)} if self.plant_provenance else {}
+        return {"plant": self.origin, **origin, **named, "delta": delta, "warnings": list(self.warnings)}
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
@@ -78,12 +81,11 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-        game, notes, names = stored_game(arguments.model, **changes)
+        game, notes, names, provenance = stored_game(arguments.model, **changes)
         n, m = game.B.shape
         plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
-        return NamedGame(
-            game, **(plain | {"input_units": ("",) * m} | names), origin=str(arguments.model), warnings=notes
-        )
+        labels = plain | {"input_units": ("",) * m} | names
+        return NamedGame(game, **labels, origin=str(arguments.model), warnings=notes, plant_provenance=provenance)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     model = linearize(aircraft, point)

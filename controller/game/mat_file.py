@@ -1,8 +1,9 @@
 """Matrices in a .mat file of MATLAB 4 to 7, read without trust: every length is checked before it is used.
 
 SciPy's `loadmat` follows the lengths in a damaged file out of its memory, which ends the process. What is read here
-is what a plant or a critic consists of: real and complex matrices, full and sparse, and text. Anything else (cells,
-structures, objects) is an entry whose value is not looked at. The formats: "MAT-File Format", The MathWorks.
+is what a plant or a critic consists of: real and complex matrices, full and sparse, text, cells of text, and single
+structures of all these. Anything else (other cells, arrays of structures, objects) is an entry whose value is not
+looked at. The formats: "MAT-File Format", The MathWorks.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from hfa_model.support.input_files import LARGEST
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
-_CHAR, _SPARSE, _OPAQUE = 4, 5, 17
+_CELL, _STRUCT, _CHAR, _SPARSE, _OPAQUE = 1, 2, 4, 5, 17
+#: Structures within structures; a file of a plant has two.
+_DEEPEST = 8
 _COMPLEX = 0x0800
 #: Type of stored numbers, and class of an array -> NumPy's type.
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -39,7 +42,7 @@ class Element(NamedTuple):
 
 
 def read_mat(content: bytes) -> dict[str, Any]:
-    """Name -> matrix (rows, columns), text (rows,), or an empty object where it is neither.
+    """Name -> matrix (rows, columns), text (rows,), cells of text (cells,), structure, or an empty object for the rest.
 
     ValueError says what is wrong with the file.
     """
@@ -92,7 +95,7 @@ def _elements(data: memoryview, order: str) -> Iterator[Element]:
         data = data[end:]
 
 
-def _matrix(data: memoryview, order: str) -> tuple[str, Any]:
+def _matrix(data: memoryview, order: str, depth: int = 0) -> tuple[str, Any]:
     parts = _elements(data, order)
     flags = _part(parts, order)
     if not flags.size:
@@ -102,6 +105,10 @@ def _matrix(data: memoryview, order: str) -> tuple[str, Any]:
         return _text(_piece(parts)), _unread()
     shape = tuple(_part(parts, order).tolist())
     name = _text(_piece(parts))
+    if kind == _CELL:
+        return name, _texts_of_cells(parts, shape, order)
+    if kind == _STRUCT:
+        return name, _structure(parts, shape, order, depth + 1)
     if kind == _CHAR:
         return name, _rows_of_text(_piece(parts), shape, order)
     if kind == _SPARSE:
@@ -113,6 +120,46 @@ def _matrix(data: memoryview, order: str) -> tuple[str, Any]:
     if is_complex:
         return name, _shaped(values, shape)
     return name, _shaped(values.astype(_CLASSES[kind]), shape)
+
+
+def _texts_of_cells(parts: Iterator[Element], shape: tuple[int, ...], order: str) -> np.ndarray:
+    """One text a cell, column after column; not looked at where a cell holds something else."""
+    cells = [piece.data for piece in parts if piece.kind == _MATRIX]
+    if min(shape, default=-1) < 0 or math.prod(shape) != len(cells):
+        raise ValueError("a cell array has another number of cells than it says")
+    texts = [_cell_text(cell, order) for cell in cells]
+    return _unread() if not texts or None in texts else np.array(texts, dtype=str)
+
+
+def _cell_text(cell: memoryview, order: str) -> str | None:
+    """The one row of text in a cell, "" where it is empty; None for anything else."""
+    parts = _elements(cell, order)
+    flags, shape = _part(parts, order), tuple(_part(parts, order).tolist())
+    if not flags.size or int(flags[0]) & 0xFF != _CHAR:
+        return None
+    _piece(parts)  # the name, which a cell does not have
+    if math.prod(shape) == 0:
+        return ""
+    rows = _rows_of_text(_piece(parts), shape, order)
+    return str(rows[0]) if rows.dtype.kind == "U" and rows.size == 1 else None
+
+
+def _structure(parts: Iterator[Element], shape: tuple[int, ...], order: str, depth: int) -> Any:
+    """Field -> value of a single structure; not looked at where there are many, or too deep."""
+    width, names = _part(parts, order), bytes(_piece(parts).data)
+    if math.prod(shape) != 1 or depth > _DEEPEST:
+        return _unread()
+    if width.size != 1 or width[0] < 1 or len(names) % int(width[0]):
+        raise ValueError("the fields of a structure have no names")
+    size = int(width[0])
+    fields = [names[i : i + size].split(b"\0")[0].decode("latin-1") for i in range(0, len(names), size)]
+    values = [piece.data for piece in parts if piece.kind == _MATRIX]
+    if len(values) != len(fields):
+        raise ValueError("a structure has another number of fields than it says")
+    return {
+        name: _matrix(value, order, depth)[1] if len(value) else np.empty((0, 0))
+        for name, value in zip(fields, values, strict=True)
+    }
 
 
 def _piece(parts: Iterator[Element]) -> Element:

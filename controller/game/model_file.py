@@ -33,19 +33,21 @@ class StoredGame(NamedTuple):
     """The game of a file, and what to know of it: entries that were not used, defaults that were taken.
 
     names: states, inputs and their units as the file has them, by key; a key without one name for each is left out.
+    provenance: where the plant comes from, as the file says it: entry -> text.
     """
 
     game: Game
     notes: tuple[str, ...]
     names: dict[str, tuple[str, ...]]
+    provenance: dict[str, str]
 
 
 def load_game(path: str | Path, **changes: Any) -> Game:
     """The game of `stored_game`, whose notes become warnings."""
-    game, notes, _ = stored_game(path, **changes)
-    for note in notes:
+    found = stored_game(path, **changes)
+    for note in found.notes:
         warnings.warn(note, stacklevel=2)
-    return game
+    return found.game
 
 
 def stored_game(
@@ -59,9 +61,10 @@ def stored_game(
 
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
     fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7).
+    A structure with A and B is read where the file has neither beside it.
     Raises BadInputError, one line that names the file.
     """
-    stored = read_arrays(path)
+    stored, inside = _plant_in(read_arrays(path))
     given = {key: stored[key] for key in MODEL_KEYS if key in stored}
     if "disturbances" in stored:
         given.pop("E", None)  # the wind's column in a file of `hfa linearize`; the game of such a file is the paper's
@@ -69,7 +72,7 @@ def stored_game(
     for key in ("A", "B"):
         if key not in given:
             raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{_present(stored)}")
-    notes = _notes(path, stored, given)
+    notes = (f"{path}: A and B are read from its structure {inside}",) * bool(inside) + _notes(path, stored, given)
     shape_A, shape_B = _shape(path, "A", given["A"]), _shape(path, "B", given["B"])
     if shape_B[0] == 1 != shape_A[0]:
         raise BadInputError(
@@ -89,9 +92,31 @@ def stored_game(
     given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
     try:
         game = Game(**given)
-        return StoredGame(game, notes, _names(stored, *game.B.shape))
+        return StoredGame(game, notes, _names(stored, *game.B.shape), _provenance(stored))
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
+
+
+def _plant_in(stored: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """The entries of the plant, and the name of the structure that they are in; "" where they are not in one."""
+    if "A" not in stored and "B" not in stored:
+        plants = [name for name, value in stored.items() if isinstance(value, dict) and {"A", "B"} <= set(value)]
+        if len(plants) == 1:
+            return stored[plants[0]], plants[0]
+    return stored, ""
+
+
+def _provenance(stored: dict[str, Any]) -> dict[str, str]:
+    """Texts of the provenance block: of JSON and .mat a structure, of .npz entries `provenance.version` and so on."""
+    block = stored.get("provenance", {})
+    found = dict(block) if isinstance(block, dict) else {}
+    found |= {
+        name.removeprefix("provenance."): value for name, value in stored.items() if name.startswith("provenance.")
+    }
+    texts = {name: np.ravel(value).tolist() for name, value in found.items() if not isinstance(value, dict)}
+    return {
+        name: words[0] for name, words in texts.items() if len(words) == 1 and isinstance(words[0], str) and words[0]
+    }
 
 
 def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli import hfa
+from scipy.io import savemat
 
 from hfa_model import INPUTS, LINEAR_STATES
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz"])
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
 @pytest.mark.parametrize("command", ["solve", "learn", "verify"])
 def test_a_linear_model_keeps_its_names(tmp_path: Path, command: str, suffix: str) -> None:
     plant = tmp_path / f"plant.{suffix}"
@@ -19,6 +21,8 @@ def test_a_linear_model_keeps_its_names(tmp_path: Path, command: str, suffix: st
     found = json.loads(hfa(command, "--model", str(plant), "--json").out)
     assert (tuple(found["states"]), tuple(found["inputs"])) == (LINEAR_STATES, INPUTS)
     assert found["state_units"][:2] == ["ft/s", "rad"]
+    assert found["plant_provenance"]["parameters"] == "identified"
+    assert found["plant_provenance"]["command"].startswith("hfa linearize --dihedral 12 -o ")
 
 
 def test_names_that_do_not_fit_are_left_aside(tmp_path: Path) -> None:
@@ -27,3 +31,15 @@ def test_names_that_do_not_fit_are_left_aside(tmp_path: Path) -> None:
     plant.write_text(json.dumps(data), encoding="utf-8")
     found = json.loads(hfa("solve", "--model", str(plant), "--json").out)
     assert (found["states"], found["inputs"], found["state_units"]) == (["x1"], ["u1"], [""])
+
+
+def test_a_structure_of_a_mat_file_is_read(tmp_path: Path) -> None:
+    path, plain = tmp_path / "plant.mat", {"A": -np.eye(2), "B": np.ones((2, 1)), "Q": np.eye(2), "R": np.eye(1)}
+    names = np.array(["height", "rate"], dtype=object)
+    savemat(path, {"plant": {**plain, "states": names, "inputs": np.array(["flap"], dtype=object)}, "other": 3.0})
+    result = hfa("solve", "--model", str(path), "--json")
+    found = json.loads(result.out)
+    assert (found["states"], found["inputs"]) == (["height", "rate"], ["flap"])
+    assert f"{path}: A and B are read from its structure plant" in found["warnings"]
+    savemat(path, {**plain, "tree": {"leaf": 1.0}})
+    assert "tree not used" in hfa("solve", "--model", str(path)).err

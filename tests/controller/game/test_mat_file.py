@@ -42,7 +42,16 @@ def _content(rng: np.random.Generator, form: str) -> dict[str, Any]:
     numbers = 10 * rng.normal(size=rng.integers(1, 6, 2))
     common = {"full": numbers, "complex": numbers + 1j, "text": "wing"[: rng.integers(1, 5)]}
     more = {"sparse": csc_array(numbers * (numbers > 0)), "short": numbers.astype("i2"), "single": numbers.astype("f4")}
-    return common if form == "4" else common | more | {"flags": numbers > 0, "tree": {"A": numbers}}
+    return common if form == "4" else common | more | {"flags": numbers > 0, "tree": {"A": numbers}} | _TREES
+
+
+#: What `hfa linearize -o` writes beside its matrices, and what is not looked at.
+_TREES = {
+    "names": np.array(["speed", "", "pitch rate"], dtype=object),
+    "deep": {"block": {"text": "x", "empty": "", "names": np.array(["a"], dtype=object)}, "count": 3.0},
+    "mixed": np.array(["a", 3.0], dtype=object),
+    "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
+}
 
 
 @pytest.mark.parametrize(("form", "packed"), [("4", False), ("5", False), ("5", True)])
@@ -51,6 +60,30 @@ def test_what_scipy_writes(form: str, packed: bool) -> None:
         stream = io.BytesIO()
         scipy.io.savemat(stream, _content(np.random.default_rng(seed), form), format=form, do_compression=packed)
         assert _agrees(stream.getvalue()) == (3 if form == "4" else 7)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_cells_of_text_and_structures(packed: bool) -> None:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, _TREES, do_compression=packed)
+    found = read_mat(stream.getvalue())
+    assert found["names"].tolist() == ["speed", "", "pitch rate"]
+    block = found["deep"]["block"]
+    assert (block["text"].tolist(), block["names"].tolist(), block["empty"].size) == (["x"], ["a"], 0)
+    assert found["deep"]["count"] == 3.0
+    assert {found[name].dtype.kind for name in ("mixed", "many")} == {"O"}
+
+
+def test_structures_within_structures_end_somewhere() -> None:
+    tree: dict[str, Any] = {"leaf": 1.0}
+    for _ in range(30):
+        tree = {"next": tree}
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"tree": tree})
+    found, depth = read_mat(stream.getvalue())["tree"], 0
+    while isinstance(found, dict):
+        found, depth = found["next"], depth + 1
+    assert (depth, found.dtype.kind) == (8, "O")
 
 
 @pytest.mark.skipif(not FILES, reason="this SciPy comes without its test files")

@@ -81,7 +81,7 @@ def test_another_size_needs_its_own_weights(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
 def test_misnamed_entries_and_defaults_are_told(tmp_path: Path, suffix: str) -> None:
     path = stored(tmp_path / f"plant{suffix}", A=A2, B=B2, Q=Q2, R=R1, D=[[1.0], [0.0]], gamma=7.0)
-    game, notes, _ = stored_game(path)
+    game, notes, *_ = stored_game(path)
     assert game.delta == 200.0
     assert notes == (
         f"{path}: D, gamma not used; a model file holds A, B, E, Q, R, delta",
