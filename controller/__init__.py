@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from controller.flight.simulate import Scenario as Scenario, fly as fly
     from controller.flight.uncertain import Uncertainty as Uncertainty
     from controller.game.basis import Basis as Basis, basis as basis
+    from controller.game.history import History as History
+    from controller.game.history_file import load_history as load_history
     from controller.game.learning_result import LearningResult as LearningResult
     from controller.game.model_file import load_critic as load_critic, load_game as load_game
     from controller.game.zero_sum import Game as Game, published_game as published_game
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from controller.laws.integral_rl import IrlSettings as IrlSettings
     from controller.laws.learn import LAWS as LAWS, learn as learn
     from controller.laws.published_law import PublishedSettings as PublishedSettings
+    from controller.laws.run import Process as Process, Run as Run, run as run
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo
     from controller.monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
     from controller.samples.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
         from_weights as from_weights,
     )
     from verification.critic.check_report import check_report as check_report
-    from verification.critic.critic_check import CriticCheck as CriticCheck, check_critic as check_critic
+    from verification.critic.critic_check import (
+        CriticCheck as CriticCheck,
+        check_critic as check_critic,
+        check_history as check_history,
+    )
     from verification.critic.critic_errors import relative_error as relative_error
     from verification.experiments.configuration import section5_configuration as section5_configuration
     from verification.experiments.experiment_flights import FlightPlan as FlightPlan, fly as fly

@@ -20,7 +20,7 @@ REPORTS = 50
 
 
 class Process(Protocol):
-    """A learning law on one game and one stack: a start, a pure step, and what to write down."""
+    """A learning law on one game and its data: a start, a pure step, and what to write down. Any object that has it."""
 
     @property
     def ticks(self) -> int:
@@ -33,7 +33,8 @@ class Process(Protocol):
         """The memory after tick number `tick` (0 .. ticks - 1)."""
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """The row of history after `tick` ticks (0 .. ticks); holds "time" and "law_residual_norm"."""
+        """The row of history after `tick` ticks (0 .. ticks): "time", s, and what else is to be kept, each time the
+        same names; with "law_residual_norm", the residual that the law drives to zero, the progress shows it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,4 +68,5 @@ def _row(process: Process, tick: int, memory: Memory) -> Mapping[str, Any]:
 
 
 def _line(row: Mapping[str, Any]) -> str:
-    return f"t = {row['time']:.3g} s, residual of the law {row['law_residual_norm']:.3g}"
+    residual = f", residual of the law {row['law_residual_norm']:.3g}" if "law_residual_norm" in row else ""
+    return f"t = {row['time']:.3g} s{residual}"

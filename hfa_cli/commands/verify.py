@@ -11,28 +11,32 @@ from pathlib import Path
 from typing import Any
 
 from controller.game.basis import basis
+from controller.game.history_file import load_history
 from controller.game.learning_result import LearningResult
 from controller.game.model_file import load_critic
+from controller.game.zero_sum import Game
 from hfa_cli import options
 from hfa_cli.argument_types import input_file, positive
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
 from hfa_cli.origin import provenance
-from hfa_cli.output import say_notes, show
+from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
-from verification.critic.candidate import Candidate, from_stored, from_weights
+from verification.critic.candidate import from_stored, from_weights
 from verification.critic.check_report import check_report
-from verification.critic.critic_check import LIMIT, CriticCheck, check_critic
+from verification.critic.critic_check import LIMIT, CriticCheck, check_critic, check_history
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    about = f"a critic from elsewhere: W, or P, or K ({' '.join(MATRIX_FILES)})"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+    about = f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)} .csv)"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES, ".csv"), "FILE", about)
     add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
+    about = "by when the errors of --weights over time must be within the limit for good"
+    add_value(parser, "--predefined-time", positive, "S", about)
     about = f"limit of the relative errors; default {LIMIT:g}"
     add_value(parser, "--limit-error", positive, "X", about, default=LIMIT)
     about = "exit 0 when the critic costs at most this much more than the optimum"
@@ -43,25 +47,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
-    if arguments.weights is None and arguments.basis is not None:
-        raise BadInputError("--basis belongs to --weights; for a law, use --set basis=NAME")
+    for name in ("basis", "predefined_time"):
+        if arguments.weights is None and getattr(arguments, name) is not None:
+            option = name.replace("_", "-")
+            raise BadInputError(f"--{option} belongs to --weights; for a law, use --set {name}=...")
     if arguments.weights is not None:
         options.refuse(arguments, ("law", "seed", "set"), "belongs to a law; leave it out with --weights")
     named = game_of(arguments)
-    candidate, result = _candidate(arguments, named)
-    time = None if result is None else result.settings.get("predefined_time")
 
     def at_dihedral(degrees: float) -> Any:
         return game_of(argparse.Namespace(**vars(arguments) | {"dihedral": math.radians(degrees)})).game
 
-    check = check_critic(
-        named.game,
-        candidate,
-        limit=arguments.limit_error,
-        run=result,
-        predefined_time=time,
-        at_dihedral=None if arguments.dihedral is None else at_dihedral,
-    )
+    options_of_all = {
+        "limit": arguments.limit_error,
+        "at_dihedral": None if arguments.dihedral is None else at_dihedral,
+    }
+    result, time = None, None
+    if arguments.weights is None:
+        result = run_learning(arguments, named.game)
+        time = result.settings.get("predefined_time")
+        learned = from_weights(named.game, result.weights[-1], result.basis)
+        check = check_critic(named.game, learned, run=result, predefined_time=time, **options_of_all)
+    else:
+        check = _check_file(arguments, named.game, options_of_all)
     if arguments.picture is not None:
         _draw(check, named, result, time, arguments.picture)
     limit_cost = arguments.limit_cost
@@ -71,16 +79,20 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if (check.ok if limit_cost is None else check.flight.within(limit_cost)) else 1
 
 
-def _candidate(arguments: argparse.Namespace, named: NamedGame) -> tuple[Candidate, LearningResult | None]:
-    if arguments.weights is None:
-        result = run_learning(arguments, named.game)
-        return from_weights(named.game, result.weights[-1], result.basis), result
-    functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(named.game.A))
-    stored = load_critic(arguments.weights)
+def _check_file(arguments: argparse.Namespace, game: Game, options_of_all: dict[str, Any]) -> CriticCheck:
+    """The critic in a file, or each of its rows where it has a time."""
+    path, time = arguments.weights, arguments.predefined_time
+    functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
+    history = load_history(path, game, arguments.basis)
+    if history is None and time is not None:
+        raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     try:
-        return from_stored(named.game, stored, functions), None
+        if history is not None:
+            told = Progress("compare")
+            return check_history(game, history, predefined_time=time, progress=told, **options_of_all)
+        return check_critic(game, from_stored(game, load_critic(path), functions), **options_of_all)
     except BadInputError as error:
-        raise BadInputError(f"{arguments.weights}: {error}") from error
+        raise BadInputError(f"{path}: {error}") from error
 
 
 def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, time: float | None, path: Path) -> None:

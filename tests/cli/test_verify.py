@@ -14,6 +14,7 @@ from game_files import small, stored
 from planted_critics import NAMED, UNNAMED
 from scipy.io import loadmat
 
+from controller.game.model_file import load_game
 from controller.game.zero_sum import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from verification.riccati.gare import solve_game
@@ -177,6 +178,34 @@ def test_verify_draws_what_it_refuses(kind: str) -> None:
     picture = Path("check.svg").read_text(encoding="utf-8")
     assert f"<!-- {kind} learned -->" in picture
     assert f"<!-- {'K' if kind == 'P' else 'P'} learned -->" not in picture
+
+
+# A critic over time.
+
+
+def test_a_critic_over_time_is_held_to_its_time() -> None:
+    plant, exact = small("plant.json"), solve_game(load_game("plant.json")).P
+    times = np.arange(0.0, 4.5, 0.5)
+    sizes = np.where(times < 2.0, 0.5, 1e-9)
+    table = np.column_stack([times, np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])])
+    np.savetxt("history.csv", table, delimiter=",")
+    words = ("verify", "--model", plant, "--weights", "history.csv")
+    data = answer(*words, "--predefined-time", "2", "--picture", "over_time.svg", "-o", "out.csv")
+    settling = checks_of(data)["settling_time"]
+    assert (settling["value"], settling["limit"], settling["ok"]) == (2.0, 2.0, True)
+    assert data["history"]["predefined_time_kept"] is True
+    assert data["history"]["K_rel_error"] == pytest.approx(sizes, rel=1e-4)
+    assert "T_w = 2 s" in Path("over_time.svg").read_text(encoding="utf-8")
+    with Path("out.csv").open(encoding="utf-8") as file:
+        assert [float(row["time [s]"]) for row in csv.DictReader(file)] == times.tolist()
+    late = hfa(*words, "--predefined-time", "1.9")
+    assert late.code == FAILED
+    assert "FAIL settling_time: the largest error stays within 1e-06 from 2 s on; T_w is 1.9 s" in late.out
+    single = stored("single.npz", P=exact)
+    refused = hfa("verify", "--model", plant, "--weights", single, "--predefined-time", "2")
+    assert (refused.code, "single.npz has no time" in refused.err) == (BAD_INPUT, True)
+    refused = hfa("verify", "--model", plant, "--predefined-time", "2")
+    assert refused.err == "hfa: --predefined-time belongs to --weights; for a law, use --set predefined_time=...\n"
 
 
 # What a critic costs in flight.

@@ -30,8 +30,9 @@ def check_figure(
 ) -> Figure:
     """P learned, exact and their difference as heat maps (signed logarithmic scale), K where there is no P; of a run
     also residual and error over time."""
-    figure = new_figure(12.0, 3.6 if run is None else 7.0)
-    grid = figure.add_gridspec(1 if run is None else 2, 3)
+    over_time = run is not None or check.history is not None
+    figure = new_figure(12.0, 7.0 if over_time else 3.6)
+    grid = figure.add_gridspec(2 if over_time else 1, 3)
     name, rows, learned, exact = "P", states, check.candidate.P, check.exact.P
     if learned is None:
         name, rows, learned, exact = "K", inputs, check.candidate.K, check.exact.K
@@ -42,16 +43,29 @@ def check_figure(
         _heat_map(figure, axes, title, matrix, size)
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    history = check.history
     if run is not None:
-        _over_time(figure.add_subplot(grid[1, :]), check, run, predefined_time)
+        matrix = check.candidate.functions.matrix
+        errors = np.array([relative_error(matrix(weights), check.exact.P) for weights in run.weights])
+        curves = {"residual |e| / |z'Qz|": run.residual_norm, "error |P - P exact| / |P exact|": errors}
+        _over_time(figure.add_subplot(grid[1, :]), run.times, curves, predefined_time)
+    elif history is not None:
+        curves = {
+            "Riccati residual": history.residuals,
+            "error |P - P exact| / |P exact|": history.P_errors,
+            "error |K - K exact| / |K exact|": history.K_errors,
+            "largest error": history.largest,
+        }
+        axes = figure.add_subplot(grid[1, :])
+        axes.axhline(history.limit, color="C3", linewidth=0.8, label=f"limit {history.limit:g}")
+        _over_time(axes, history.times, curves, history.predefined_time)
     return figure
 
 
-def _over_time(axes: Axes, check: CriticCheck, run: LearningResult, predefined_time: float | None) -> None:
-    axes.semilogy(run.times, np.maximum(run.residual_norm, _FLOOR), color="C0", label="residual |e| / |z'Qz|")
-    matrix = check.candidate.functions.matrix
-    errors = [relative_error(matrix(weights), check.exact.P) for weights in run.weights]
-    axes.semilogy(run.times, np.maximum(errors, _FLOOR), "--", color="C1", label="error |P - P exact| / |P exact|")
+def _over_time(axes: Axes, times: np.ndarray, curves: dict[str, np.ndarray], predefined_time: float | None) -> None:
+    known = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
+    for (label, values), style in zip(known.items(), ("-", "--", "-.", ":"), strict=False):
+        axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
     axes.set_ylim(bottom=_FLOOR)

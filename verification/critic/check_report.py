@@ -42,10 +42,11 @@ def check_report(
             checks_block(check.checks),
             _margins(check),
             _cost(check),
+            *(() if check.history is None else (check.history.block(),)),
             Table(("entry", "learned", "exact", "difference"), shown),
         ),
         data=check.to_dict() if limit_cost is None else _with_limit(check, limit_cost),
-        records=records,
+        records=records if check.history is None else check.history.records(),
     )
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from controller.game.basis import basis
+from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.support.checks import Check, at_least, at_most, below
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report, Reported
-from verification.critic.candidate import Candidate
-from verification.critic.critic_errors import box_errors, gain_errors, ordinary_box, value_errors
+from verification.critic.candidate import Candidate, from_stored
+from verification.critic.critic_errors import critic_errors
+from verification.critic.critic_history import HistoryErrors, history_errors
 from verification.critic.diagnosis import diagnose
 from verification.critic.flight_cost import SIGNLESS, FlightCost, flight_cost
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
@@ -39,6 +42,7 @@ class CriticCheck(Reported):
 
     exact: the certified solution. candidate: what was judged. learned_margin, exact_margin: disk margins of both gains,
     None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or "".
+    history: the errors over time, of a history.
     """
 
     exact: GameSolution
@@ -48,6 +52,7 @@ class CriticCheck(Reported):
     exact_margin: DiskMargin
     flight: FlightCost
     diagnosis: str
+    history: HistoryErrors | None = None
 
     @property
     def ok(self) -> bool:
@@ -87,6 +92,7 @@ class CriticCheck(Reported):
             "disk_margin": None if self.learned_margin is None else self.learned_margin.disk,
             "disk_margin_exact": self.exact_margin.disk,
             "graded": self.flight.to_dict(),
+            **({} if self.history is None else {"history": self.history.to_dict()}),
         }
 
     def _value_of(self, name: str) -> float:
@@ -118,11 +124,7 @@ def check_critic(
     gain, too_large = flight.gain, f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
     K, P, finite = candidate.K, candidate.P, candidate.finite
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
-    errors = [
-        *gain_errors(game, K, exact.K, limit),
-        *box_errors(game, candidate, exact, ordinary_box(game) if box is None else box, limit),
-        *(value_errors(game, P, exact.P, limit) if P is not None else ()),
-    ]
+    errors = critic_errors(game, candidate, exact, limit, box)
     checks = [
         *errors,
         below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
@@ -143,6 +145,26 @@ def check_critic(
         flight=flight,
         diagnosis=diagnosis,
     )
+
+
+def check_history(
+    game: Game,
+    history: History,
+    *,
+    limit: float = LIMIT,
+    predefined_time: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    at_dihedral: Callable[[float], Game] | None = None,
+) -> CriticCheck:
+    """`check_critic` of the last row of a history, and the errors of every row; somebody's own W(t), P(t) or K(t).
+
+    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such check.
+    """
+    check = check_critic(
+        game, from_stored(game, history.last, basis(history.basis, len(game.A))), limit=limit, at_dihedral=at_dihedral
+    )
+    errors = history_errors(game, check.exact, history, limit, predefined_time, progress)
+    return replace(check, checks=(*check.checks, *errors.checks()), history=errors)
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float, seed: int) -> tuple[Check, ...]:

@@ -59,6 +59,17 @@ def input_weights(game: Game) -> np.ndarray:
     return np.asarray(np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T)
 
 
+def critic_errors(
+    game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: np.ndarray | None = None
+) -> tuple[Check, ...]:
+    """Every error of a critic: of K, over the box (default `ordinary_box`), and of P where it has one."""
+    return (
+        *gain_errors(game, candidate.K, exact.K, limit),
+        *box_errors(game, candidate, exact, ordinary_box(game) if box is None else box, limit),
+        *(value_errors(game, candidate.P, exact.P, limit) if candidate.P is not None else ()),
+    )
+
+
 def gain_errors(game: Game, K: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
     """Errors of K (m, n): as it is, as R^(1/2) K U, and entry by entry as diag(R)^(1/2) K U, U = `balanced_units`."""
     units, weights = balanced_units(game), input_weights(game)

@@ -38,9 +38,14 @@ def settling_time(game: Game, run: LearningResult, functions: Basis) -> float:
     units = balanced_units(game)
     balanced, squared = in_units(game, units), np.outer(units, units)
     residuals = np.array([relative_residual(balanced, functions.matrix(weights) * squared) for weights in run.weights])
-    above = np.flatnonzero(~(residuals <= SETTLED))
+    return settled_at(run.times, residuals, SETTLED)
+
+
+def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
+    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one does not."""
+    above = np.flatnonzero(~(sizes <= limit))
     first = int(above[-1]) + 1 if len(above) else 0
-    return float(run.times[first]) if first < len(run.times) else math.inf
+    return float(times[first]) if first < len(times) else math.inf
 
 
 def poor_data(run: LearningResult) -> str:
