@@ -14,7 +14,6 @@ from controller.game.basis import basis
 from controller.game.history_file import load_history
 from controller.game.learning_result import LearningResult
 from controller.game.model_file import load_critic
-from controller.game.zero_sum import Game
 from hfa_cli import options
 from hfa_cli.argument_types import input_file, positive
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
@@ -69,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         learned = from_weights(named.game, result.weights[-1], result.basis)
         check = check_critic(named.game, learned, run=result, predefined_time=time, **options_of_all)
     else:
-        check = _check_file(arguments, named.game, options_of_all)
+        check = _check_file(arguments, named, options_of_all)
     if arguments.picture is not None:
         _draw(check, named, result, time, arguments.picture)
     limit_cost = arguments.limit_cost
@@ -79,9 +78,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if (check.ok if limit_cost is None else check.flight.within(limit_cost)) else 1
 
 
-def _check_file(arguments: argparse.Namespace, game: Game, options_of_all: dict[str, Any]) -> CriticCheck:
+def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any]) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time."""
-    path, time = arguments.weights, arguments.predefined_time
+    path, time, game = arguments.weights, arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
     history = load_history(path, game, arguments.basis)
     if history is None and time is not None:
