@@ -23,6 +23,7 @@ from hfa_cli.learning import add_settings, law_settings, show_learning
 from hfa_cli.origin import provenance, signed
 from hfa_cli.output import say_notes, show
 from hfa_cli.parser import add_named, add_value
+from hfa_cli.stored_law import check_stored, stored_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
@@ -91,7 +92,7 @@ def add_envelope(parser: argparse._ActionsContainer) -> None:
 
 
 def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
-    """--law (one of `laws`), --set, --seed, --delta, --Q, --R."""
+    """--law (one of `laws`) or a file in its place, --set, --seed, --delta, --Q, --R."""
     parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(laws)}; default certified")
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data and of the turbulence; default 0")
@@ -113,7 +114,8 @@ def law_of(arguments: argparse.Namespace, laws: tuple[str, ...] = LAWS) -> str:
 
 def check_learning(arguments: argparse.Namespace) -> None:
     """BadInputError for an unknown law, and for options of learning where nothing is learned."""
-    if law_of(arguments) != "exact":
+    stored = check_stored(arguments)
+    if law_of(arguments) != "exact" and not stored:
         return
     for name in ("online", "set"):
         if getattr(arguments, name, None):
@@ -129,6 +131,8 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
     from verification.riccati.gare import solve_game
 
     game = game_on(model, arguments)
+    if check_stored(arguments):
+        return stored_law(arguments, game)
     if arguments.law == "exact":
         return gain_law("exact", solve_game(game).K)
     told = show_learning if sys.stderr.isatty() else None

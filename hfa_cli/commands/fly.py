@@ -22,6 +22,7 @@ from hfa_cli.flights import (
     tell,
 )
 from hfa_cli.output import Progress
+from hfa_cli.stored_law import add_stored
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.text import in_degrees
 from trim.linear.linearize import linearize
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser)
+    add_stored(parser)
     parser.add_argument(
         "--online",
         action="store_true",

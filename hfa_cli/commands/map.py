@@ -21,6 +21,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import Progress
 from hfa_cli.parser import add_value
 from hfa_cli.ranges import array_of, value_range
+from hfa_cli.stored_law import add_stored
 from trim.linear.linearize import linearize
 
 _MOST_POINTS = 1000
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_parameters(parser)
     add_weights(parser)
+    add_stored(parser)
     for name, (about, unit, text) in _RANGES.items():
         about_it = f"off trim, {unit}; default {text}"
         add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=text)
@@ -71,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress=Progress(f"map, {dynamics}"),
         )
         found.append(result)
-    report = map_report(tuple(found), arguments.law)
+    report = map_report(tuple(found), law.name)
     if arguments.picture is not None:
         from hfa_model.support.figure import save
         from verification.flights.flight_figures import map_figure

@@ -14,8 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from controller.flight.critic_policy import CriticPolicy
 from controller.flight.signals import Signal
 from controller.game.zero_sum import Game
@@ -30,6 +28,7 @@ from hfa_cli.flights import (
     add_times,
     add_weights,
     envelope_of,
+    flown_law_of,
     game_on,
     initial_of,
     law_of,
@@ -38,10 +37,10 @@ from hfa_cli.flights import (
     signal_of,
     tell,
 )
-from hfa_cli.learning import law_settings
 from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, check_target
 from hfa_cli.parser import add_named, add_value
+from hfa_cli.stored_law import add_stored, check_stored
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import LinearModel, linearize
 
@@ -61,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser, (*LAWS, *_CRITICS))
-    parser.add_argument("--gain", metavar="FILE", help="use the gain K in this file (.json .npz .mat) instead of a law")
+    add_stored(parser)
     add_value(
         parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
     )
@@ -148,28 +147,14 @@ def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
 
 def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -> FlownLaw:
     """The gain or the critic that the options name, designed for the nominal model."""
-    from controller.flight.flown_law import gain_law
-
     law = law_of(arguments, (*LAWS, *_CRITICS))
-    if arguments.gain is not None:
-        if law != "certified" or arguments.set:
-            raise BadInputError("--gain takes the place of a law; leave out --law and --set")
-        for name in ("delta", "Q", "R"):
-            if options.given(arguments, name):
-                raise BadInputError(f"--{name} belongs to the game of a law; leave it out with --gain")
-        return gain_law(f"gain of {arguments.gain}", _stored_gain(arguments.gain))
+    if check_stored(arguments):
+        return flown_law_of(arguments, model)
     if arguments.set and law not in ("certified", "irl"):
         raise BadInputError(f"--set belongs to a law that learns before the flight; law {law!r} does not")
-    game = game_on(model, arguments)
     if law in _CRITICS:
-        return _critic(law, model, game, reference)
-    if law == "exact":
-        from verification.riccati.gare import solve_game
-
-        return gain_law(law, solve_game(game).K)
-    from controller.flight.learned_gain import learned_value
-
-    return gain_law(law, learned_value(game, law, seed_of(arguments), **law_settings(arguments)).K)
+        return _critic(law, model, game_on(model, arguments), reference)
+    return flown_law_of(arguments, model)
 
 
 def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
@@ -186,12 +171,3 @@ def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> Flow
     )
     assert isinstance(flown.policy, CriticPolicy)
     return critic_law(law, flown.policy)
-
-
-def _stored_gain(path: str) -> np.ndarray:
-    from controller.game.model_file import load_critic
-
-    K = load_critic(path).K
-    if K is None:
-        raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
-    return K

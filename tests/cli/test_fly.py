@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from game_files import stored
+
+from controller.game.basis import basis
+from controller.game.zero_sum import Game
+from verification.riccati.gare import solve_game
 
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
@@ -80,6 +85,40 @@ def test_the_command_learns_in_flight() -> None:
     result = hfa(*words)
     assert result.code == 0
     assert "the baseline gain is used until the first stabilizing certificate, at 0." in result.out
+
+
+def test_the_command_flies_a_gain_and_a_critic_of_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, game: Game
+) -> None:
+    """The exact gain, P and W from a file fly as --law exact does; another R changes the policy of P alone."""
+    monkeypatch.chdir(tmp_path)
+    exact = solve_game(game)
+    stored("K.json", K=exact.K)
+    stored("P.npz", P=exact.P)
+    stored("W.mat", W=basis("quadratic", 6).weights(exact.P))
+    flight = ("fly", "--dihedral", "15", "--duration", "0.5", "--initial", "speed=0.1", "--json")
+    expected = json.loads(hfa(*flight, "--law", "exact").out)
+    for option, file in (("--gain", "K.json"), ("--weights", "P.npz"), ("--weights", "W.mat"), ("--weights", "K.json")):
+        data = json.loads(hfa(*flight, option, file).out)
+        assert data["policy"]["law"] == f"{option[2:]} of {file}"
+        np.testing.assert_allclose(data["policy"]["K"], expected["policy"]["K"], rtol=1e-9)
+        assert data["final"]["alpha"] == pytest.approx(expected["final"]["alpha"], rel=1e-6)
+    costlier = json.loads(hfa(*flight, "--weights", "P.npz", "--R", "200,800,800,800,100").out)
+    np.testing.assert_allclose(costlier["policy"]["K"], exact.K / 2, rtol=1e-9)
+    stored("V.npz", W=np.ones(25))
+    stored("small.npz", K=np.eye(2))
+    for words, named in (
+        ("--gain P.npz", "P.npz: there is no K; --gain needs a file that holds one"),
+        ("--gain K.json --weights P.npz", "--gain and --weights do not go together"),
+        ("--gain K.json --law exact", "--gain takes the place of a law; leave out --law, --set and --online"),
+        ("--weights P.npz --online", "--weights takes the place of a law"),
+        ("--weights P.npz --delta 300", "--delta belongs to the game of a law; leave it out with --weights"),
+        ("--gain K.json --seed 3", "here nothing is random"),
+        ("--gain small.npz", "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6"),
+        ("--weights V.npz", "V.npz: there are 25 weights; a simulation takes the 21 of the quadratic basis"),
+        ("--weights none.npz", "there is no such file"),
+    ):
+        assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
 
 
 @pytest.mark.parametrize(

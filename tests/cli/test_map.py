@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from game_files import stored
 
 MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "-10:10:10")
 
@@ -22,8 +24,10 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
     assert len(table.read_text(encoding="utf-8").splitlines()) == 1 + 2 * 2 * 9
 
 
-def test_the_map_needs_no_picture() -> None:
-    said = json.loads(hfa(*MAP, "--commands", "0", "--json").out)
+def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndarray) -> None:
+    words = (*MAP[:3], *MAP[5:], "--commands", "0", "--gain", stored(tmp_path / "K.npz", K=gain))
+    assert hfa(*words).out.startswith(f"How far u = -K z holds, dihedral 15 deg, law gain of {tmp_path / 'K.npz'}\n")
+    said = json.loads(hfa(*words, "--json").out)
     assert said["schema"] == "hfa.recoverable-map/1"
     assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]
 

@@ -1,0 +1,64 @@
+"""A gain or a critic from a file in place of a law: --gain and --weights of the commands that simulate."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from hfa_cli import options
+from hfa_cli.argument_types import input_file
+from hfa_cli.games import MATRIX_FILES
+from hfa_cli.parser import add_value
+from hfa_model.support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from controller.flight.flown_law import FlownLaw
+    from controller.game.zero_sum import Game
+
+_FILES = ("gain", "weights")
+
+
+def add_stored(parser: argparse.ArgumentParser) -> None:
+    """--gain and --weights."""
+    suffixes = " ".join(MATRIX_FILES)
+    about = f"use the gain K in this file instead of a law ({suffixes})"
+    add_value(parser, "--gain", input_file(*MATRIX_FILES), "FILE", about)
+    about = f"use the policy of the critic in this file: quadratic weights W, or P, or K ({suffixes})"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+
+
+def check_stored(arguments: argparse.Namespace) -> bool:
+    """Whether a file takes the place of a law; BadInputError for options that then would change nothing."""
+    given = [name for name in _FILES if getattr(arguments, name, None) is not None]
+    if not given:
+        return False
+    if len(given) == 2:
+        raise BadInputError("--gain and --weights do not go together; give one of them")
+    option = f"--{given[0]}"
+    if arguments.law != "certified" or arguments.set or getattr(arguments, "online", False):
+        raise BadInputError(f"{option} takes the place of a law; leave out --law, --set and --online")
+    of_the_game = ("delta", "Q", "R") if given[0] == "gain" else ("delta", "Q")
+    options.refuse(arguments, of_the_game, f"belongs to the game of a law; leave it out with {option}")
+    return True
+
+
+def stored_law(arguments: argparse.Namespace, game: Game) -> FlownLaw:
+    """u = -K z of the file that the options name. game: whose B and R make K of a value."""
+    from controller.flight.flown_law import gain_law
+    from controller.game.basis import basis
+    from controller.game.model_file import load_critic
+    from verification.critic.candidate import from_gain, from_stored
+
+    path = arguments.weights if arguments.gain is None else arguments.gain
+    stored, functions = load_critic(path), basis("quadratic", len(game.A))
+    if arguments.gain is not None and stored.K is None:
+        raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
+    if arguments.gain is None and stored.W is not None and stored.W.size != functions.size:
+        raise BadInputError(
+            f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
+        )
+    try:
+        K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    return gain_law(f"{'weights' if arguments.gain is None else 'gain'} of {path}", K)
