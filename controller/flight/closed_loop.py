@@ -18,6 +18,7 @@ import numpy as np
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
 from controller.flight.integrator import integrate
+from controller.flight.stiff import integrate_stiff
 from controller.flight.plants import Plant
 from controller.flight.policies import Policy, Seen
 from controller.flight.signals import TimeVector
@@ -191,14 +192,16 @@ class CompiledLoop:
         steps_per_tick: int,
         ticks: int,
         memory: np.ndarray | None = None,
+        stiff: bool = False,
         **options: Any,
     ) -> Flight:
-        """Integrate from x(0) = `initial`, memory(0) = `memory`; constants: of the policy.
+        """Integrate from x(0) = `initial`, memory(0) = `memory`; constants: of the policy. stiff: `integrate_stiff`.
 
         The other arguments as in `integrator.integrate`.
         """
         start, every = self.loop.start(initial, memory), self.loop.constants(constants)
-        path = integrate(self.rate, start, every, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
+        method = integrate_stiff if stiff else integrate
+        path = method(self.rate, start, every, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
         # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
         last = (len(path.times) - 1) // steps_per_tick - 1
         rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, last)

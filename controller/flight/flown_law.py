@@ -22,7 +22,7 @@ class FlownLaw:
 
     table: (N, k). memory: (m,). identity: JSON data that decides what it does. certified_from: s, when what is learned
     takes over from a baseline; 0 when it is used from the start. learned: the learning behind it, None for a law that
-    was given.
+    was given. fastest: of its own modes, 1/s, as far as it is known; decides how it is integrated.
     """
 
     name: str
@@ -32,6 +32,7 @@ class FlownLaw:
     identity: Mapping[str, object] = field(default_factory=dict)
     certified_from: float = 0.0
     learned: LearningResult | None = None
+    fastest: float = 0.0
 
     @property
     def online(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.flight.dihedral_table import interpolated
 from controller.flight.policies import Memoryless, Seen
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
@@ -65,13 +66,7 @@ class Schedule:
         return ca.reshape(self._at(flat, dihedral), _M, _N)
 
     def _at(self, table: np.ndarray, dihedral: Any) -> Any:
-        """table_0 + Σ_i (table_i+1 - table_i) sat((η - η_i)/(η_i+1 - η_i), 0, 1)."""
-        value = ca.DM(table[0])
-        for i in range(len(table) - 1):
-            low, high = float(self.dihedrals[i]), float(self.dihedrals[i + 1])
-            share = ca.fmin(ca.fmax((dihedral - low) / (high - low), 0.0), 1.0)
-            value = value + ca.DM(table[i + 1] - table[i]) * share
-        return value
+        return interpolated(self.dihedrals, table, dihedral)
 
 
 @dataclass(frozen=True)

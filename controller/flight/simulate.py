@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.actuators import Actuators
+from controller.flight.actuators import LONGEST_STEP, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.envelope import Departure, Envelope, angles_of_attack
 from controller.flight.flown_law import FlownLaw
@@ -199,6 +199,7 @@ def fly(
         steps_per_tick=scenario.steps_per_tick,
         ticks=ticks,
         memory=law.memory,
+        stiff=_stiff(law, scenario),
     )
     return replace(result, predicted=predicted)
 
@@ -234,12 +235,18 @@ def fly_law(
         steps_per_tick=scenario.steps_per_tick,
         ticks=scenario.ticks,
         memory=law.memory,
+        stiff=_stiff(law, scenario),
         progress=progress,
         stop=left,
     )
     updrafts = flight.updrafts if scenario.moving_air else None
     departure = envelope.departure(flight.times, flight.states + offsets, updrafts)
     return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
+
+
+def _stiff(law: FlownLaw, scenario: Scenario) -> bool:
+    """Whether the law has modes that Runge-Kutta 4 cannot follow with the step of the scenario."""
+    return law.fastest * scenario.step > LONGEST_STEP
 
 
 def with_errors(aircraft: Aircraft, scenario: Scenario) -> Equations:

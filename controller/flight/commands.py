@@ -1,0 +1,115 @@
+"""Step sequences of commanded outputs through a second-order filter: what a servo is to follow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES
+
+
+@dataclass(frozen=True, eq=False)
+class CommandSteps:
+    """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0.
+
+    s: the step response of the filter. names: outputs, as deviations from trim. times: t_i (S,), s, increasing,
+    from 0 on. values: R (S, k), in the outputs' units. bandwidth ω, rad/s; damping ζ. BadInputError when a number or
+    a shape is wrong, or a name is given twice.
+    """
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    values: np.ndarray
+    bandwidth: float = 0.5
+    damping: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check once."""
+        if np.shape(self.values) != (len(self.times), len(self.names)) or not np.all(np.isfinite(self.values)):
+            raise BadInputError(
+                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)} finite rows of"
+                f" {len(self.names)}"
+            )
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise BadInputError(f"the command of {name} is given twice; give it once")
+        if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
+            raise BadInputError("the times of the commands must increase, from 0 on")
+        for name in ("bandwidth", "damping"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise BadInputError(f"the {name} of the command filter is {value:g}; it must be a positive number")
+
+    def at(self, t: Any) -> Any:
+        """r(t), (k,), at a CasADi expression."""
+        return self._summed(t, self._response)
+
+    def rate(self, t: Any) -> Any:
+        """r'(t), (k,)."""
+        return self._summed(t, self._response_rate)
+
+    def end(self, t: Any) -> Any:
+        """r_step(t), (k,): what the filter is on its way to."""
+        return self._summed(t, lambda late: late >= 0.0, shift=0.0)
+
+    def sampled(self, times: np.ndarray) -> np.ndarray:
+        """r at many times, (N, k)."""
+        t = ca.SX.sym("t")
+        function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
+        return np.array(function(times[None])).T.reshape(len(times), len(self.names))
+
+    def _summed(self, t: Any, response: Any, shift: float | None = None) -> Any:
+        total = ca.SX.zeros(len(self.names))
+        jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
+        for begin, jump in zip(self.times.tolist(), jumps, strict=True):
+            late = t - begin
+            total = total + ca.DM(jump) * response(late if shift is not None else ca.fmax(late, 0.0))
+        return total
+
+    def _response(self, tau: Any) -> Any:
+        w, z = self.bandwidth, self.damping
+        if z == 1.0:
+            return 1 - (1 + w * tau) * ca.exp(-w * tau)
+        if z < 1.0:
+            v = w * math.sqrt(1 - z**2)
+            return 1 - ca.exp(-z * w * tau) * (ca.cos(v * tau) + z * w / v * ca.sin(v * tau))
+        slow, fast = self._poles
+        return 1 - (fast * ca.exp(-slow * tau) - slow * ca.exp(-fast * tau)) / (fast - slow)
+
+    def _response_rate(self, tau: Any) -> Any:
+        w, z = self.bandwidth, self.damping
+        if z == 1.0:
+            return w**2 * tau * ca.exp(-w * tau)
+        if z < 1.0:
+            v = w * math.sqrt(1 - z**2)
+            return w**2 / v * ca.exp(-z * w * tau) * ca.sin(v * tau)
+        slow, fast = self._poles
+        return slow * fast / (fast - slow) * (ca.exp(-slow * tau) - ca.exp(-fast * tau))
+
+    @property
+    def _poles(self) -> tuple[float, float]:
+        spread = math.sqrt(self.damping**2 - 1)
+        return self.bandwidth * (self.damping - spread), self.bandwidth * (self.damping + spread)
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedStates:
+    """x_d(t), (6,): the commands of states of the linear model, 0 for the others; the reference of a flight."""
+
+    commands: CommandSteps
+
+    @property
+    def size(self) -> int:
+        """The six states of the linear model."""
+        return len(LINEAR_STATES)
+
+    def at(self, t: Any) -> Any:
+        """x_d(t)."""
+        names = self.commands.names
+        chosen = np.array([[float(name == state) for name in names] for state in LINEAR_STATES])
+        return ca.mtimes(ca.DM(chosen.reshape(len(LINEAR_STATES), len(names))), self.commands.at(t))
