@@ -43,6 +43,7 @@ COMMANDS = {
     "export": "the aircraft for other tools: C source, FMU, MATLAB",
     "study": "the paper's update law as printed, every setting, with causes; takes minutes",
     "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
+    "servo": "fly servos through step commands and actuator faults, law by law",
     "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
     "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
     "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence, on any workers",

@@ -18,10 +18,10 @@ import numpy as np
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
 from controller.flight.integrator import integrate
-from controller.flight.stiff import integrate_stiff
 from controller.flight.plants import Plant
 from controller.flight.policies import Policy, Seen
 from controller.flight.signals import TimeVector
+from controller.flight.stiff import integrate_stiff
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 

@@ -129,7 +129,9 @@ def servo_law(
     told = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:
         if name not in told:
-            raise BadInputError(f"controller {controller.name} follows no command of {name}; choose from {', '.join(told)}")
+            raise BadInputError(
+                f"controller {controller.name} follows no command of {name}; choose from {', '.join(told)}"
+            )
     at = point.states.dihedral
     reached = [at, *(at + commands.values[:, commands.names.index(n)] for n in commands.names if n == "dihedral")]
     controller.refuse_other(aircraft, float(np.min(np.hstack(reached))), float(np.max(np.hstack(reached))))

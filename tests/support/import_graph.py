@@ -36,6 +36,7 @@ ROOMS = (
     "verification.published",
     "verification.validation",
     "verification.flights",
+    "verification.servo",
     "verification.proof",
     "verification.experiments",
     "hfa_cli",

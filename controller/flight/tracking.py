@@ -1,0 +1,53 @@
+"""How well a flight follows its commands, and how fast its actuators move."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.flight.commands import CommandSteps
+from controller.flight.servo_policy import MeasuredOutputs
+from controller.flight.simulate import NonlinearFlight
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import LINEAR_STATES, STATES
+
+_ROWS = [STATES.index(name) for name in LINEAR_STATES]
+
+
+class Tracked(NamedTuple):
+    """An output and its command, (N,) each as deviations from trim; root mean square and largest of their difference.
+
+    Of the whole flight, in the output's unit.
+    """
+
+    name: str
+    output: np.ndarray
+    command: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """sqrt(mean (z - r)²)."""
+        return float(np.sqrt(np.mean((self.output - self.command) ** 2)))
+
+    @property
+    def largest(self) -> float:
+        """max |z - r|."""
+        return float(np.abs(self.output - self.command).max())
+
+
+def tracked(aircraft: Aircraft, result: NonlinearFlight, commands: CommandSteps) -> tuple[Tracked, ...]:
+    """Each commanded output of a flight of the aircraft beside its command, without the noise of the sensors."""
+    outputs = MeasuredOutputs(aircraft, result.point, commands.names)
+    flight = result.flight
+    z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T
+    return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
+
+
+def fastest_inputs(result: NonlinearFlight) -> np.ndarray:
+    """Largest |ΔU| / step of each input, (5,), per s."""
+    flight = result.flight
+    if len(flight.times) < 2:
+        return np.zeros(flight.inputs.shape[1])
+    rates: np.ndarray = np.abs(np.diff(flight.inputs, axis=0)).max(axis=0) / (flight.times[1] - flight.times[0])
+    return rates

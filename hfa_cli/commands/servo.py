@@ -1,0 +1,65 @@
+"""Fly servos through the step commands of SimVFA, with the actuators as designed and with its faults, law by law.
+
+The flights begin at 11 degrees. Writes FOLDER/CASE.json and CASE.png as each case is finished. A law that loses the
+aircraft is a result, not a failure.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa_cli import options
+from hfa_cli.argument_types import number, parsed
+from hfa_cli.origin import signed
+from hfa_cli.output import FORMATS, Progress, check_folder
+from hfa_cli.parser import add_value
+from hfa_model.support.errors import BadInputError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `hfa servo`."""
+    parser.add_argument("case", metavar="CASE", nargs="?", default="all", help="a case by its name, or all (default)")
+    about = "where results go; made when missing"
+    parser.add_argument("-o", "--output", required=True, type=parsed(check_folder), metavar="FOLDER", help=about)
+    parser.add_argument("--resume", action="store_true", help="keep the cases that are finished")
+    about = "fly this controller too (.npz); repeatable"
+    parser.add_argument("--controller", action="append", metavar="FILE", help=about)
+    add_value(parser, "--duration", number, "S", "default: the whole sequence, 1051")
+    options.add_aircraft(parser)
+    options.add_form(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly, keep, report."""
+    from controller.design.controller_file import load_controller
+    from verification.servo.cases import CASES, DURATION
+    from verification.servo.servo_flights import run_case
+    from verification.servo.servo_report import servo_report
+
+    if arguments.case not in (*CASES, "all"):
+        raise BadInputError(f"there is no case {arguments.case!r}; choose from {', '.join((*CASES, 'all'))}")
+    duration = DURATION if arguments.duration is None else arguments.duration
+    aircraft = options.aircraft_of(arguments)
+    controllers = {path: load_controller(path) for path in arguments.controller or ()}
+    counters: dict[str, Progress] = {}
+
+    def show_done(what: str, done: int, total: int) -> None:
+        case = what.partition(",")[0]
+        counters.setdefault(case, Progress(f"servo {case}"))(done, total)
+
+    names = CASES if arguments.case == "all" else (arguments.case,)
+    results = [
+        run_case(
+            aircraft,
+            name,
+            controllers,
+            arguments.output,
+            duration=duration,
+            resume=arguments.resume,
+            progress=show_done,
+        )
+        for name in names
+    ]
+    report = signed(servo_report(results))
+    print(report.json() if arguments.json else FORMATS[arguments.format or "text"](report))
+    return 0

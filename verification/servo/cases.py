@@ -1,0 +1,111 @@
+"""What `hfa servo` flies: the commands of SimVFA, its actuator faults, and the laws beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.commands import CommandedStates, CommandSteps
+from controller.flight.flown_law import FlownLaw, gain_law
+from controller.flight.servo_policy import servo_law
+from controller.flight.simulate import Scenario
+from controller.game.zero_sum import published_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import Input
+from trim.linear.linearize import linearize
+from trim.point.condition import CONTROL_LIMITS
+from trim.point.operating_point import OperatingPoint
+from verification.riccati.gare import solve_game
+from verification.servo.adaptive import adaptive_law
+from verification.servo.reference_model import REGULATED, reference_servo
+
+#: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.
+TRIM_DEG = 11.0
+ANGLES = np.radians(np.arange(21.0))
+#: s: a step each, the first after `_FIRST`; the flight ends with the last.
+_EACH, _FIRST = 70.0, 1.0
+_DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
+_ACCELERATION = np.array([-1.0, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0, 0])
+DURATION = _FIRST + _EACH * (len(_DIHEDRAL) - 1)
+#: Bandwidth ω, rad/s, and damping ζ of the actuators as designed.
+BANDWIDTH, DAMPING = 2.0, 0.7
+#: s; what is recorded. The integration chooses its own steps where a law is stiff.
+STEP = 0.02
+
+
+class Case(NamedTuple):
+    """Order of the actuators, and what befalls them."""
+
+    order: int
+    faults: tuple[ActuatorFault, ...]
+
+
+_WEAK = ActuatorFault(0.0, 0.2, 0.5, 0.8)
+CASES: dict[str, Case] = {
+    "order-1": Case(1, ()),
+    "order-1-fault": Case(1, (ActuatorFault(0.0, 0.2, 0.5),)),
+    "order-2": Case(2, ()),
+    "order-2-fault": Case(2, (_WEAK,)),
+}
+
+
+def simvfa_commands() -> CommandSteps:
+    """SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s²; its command filter."""
+    times = _FIRST + _EACH * np.arange(len(_DIHEDRAL))
+    return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]), 0.5, 2.0)
+
+
+def actuators_of(case: Case) -> Actuators:
+    """All five alike, within the control limits of a trim, without a limit of rate."""
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    every = Input(*[1.0 / BANDWIDTH] * len(lowest))
+    return Actuators(every, lowest, highest, Input(*[np.inf] * len(lowest)), case.order, DAMPING, case.faults)
+
+
+def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
+    """The flight of a case."""
+    return Scenario(
+        duration=duration,
+        step=STEP,
+        tick=STEP,
+        reference=CommandedStates(commands),
+        actuators=actuators_of(case),
+    )
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Where all laws begin, and what they follow."""
+
+    aircraft: Aircraft
+    point: OperatingPoint
+    commands: CommandSteps
+
+
+def _reference(order: int) -> Callable[[Flown], FlownLaw]:
+    def made(on: Flown) -> FlownLaw:
+        controller = reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)
+        return servo_law(controller, on.commands, on.aircraft, on.point)
+
+    return made
+
+
+def _paper(on: Flown) -> FlownLaw:
+    """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and no integrals."""
+    model = linearize(on.aircraft, on.point)
+    return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
+
+
+def laws_of(order: int, controllers: Mapping[str, ScheduledController]) -> dict[str, Callable[[Flown], FlownLaw]]:
+    """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for."""
+    found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
+    if order == 1:
+        found["simvfa-1 adaptive"] = lambda on: adaptive_law(on.aircraft, on.point, on.commands, ANGLES)
+    for name, controller in controllers.items():
+        found[name] = lambda on, each=controller: servo_law(each, on.commands, on.aircraft, on.point)
+    return found | {"paper": _paper}

@@ -1,0 +1,50 @@
+"""The picture of a case of `hfa servo`; draws, computes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.design.design import SHORT_PERIOD
+from hfa_model.outputs import unit_of
+from hfa_model.support.figure import new_figure
+from hfa_model.support.text import shown_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from verification.servo.servo_flights import ServoFlight
+
+
+def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
+    """Each commanded output with its command, and below it what every law misses; a lost law ends with a cross."""
+    names = [each.name for each in flights[0].tracked]
+    figure = new_figure(5.2 * len(names), 6.0)
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(2, len(names), sharex=True, squeeze=False)
+    longest = max(flights, key=lambda flight: len(flight.times))
+    for column, name in enumerate(names):
+        unit = unit_of(name.removesuffix(SHORT_PERIOD))
+        factor = 180.0 / np.pi if unit == "rad" else 1.0
+        above, below = panels[:, column]
+        above.plot(longest.times, factor * longest.tracked[column].command, ":", color="black", label="command")
+        for flight in flights:
+            each = flight.tracked[column]
+            (line,) = above.plot(flight.times, factor * each.output, linewidth=1.0, label=flight.law)
+            error = factor * (each.output - each.command)
+            below.plot(flight.times, error, linewidth=1.0, color=line.get_color())
+            if flight.lost_at is not None:
+                below.plot(flight.times[-1], error[-1], "x", color=line.get_color())
+        span = factor * float(np.abs(longest.tracked[column].command).max() or 1.0)
+        above.set_ylim(-2.0 * span, 2.0 * span)
+        below.set_ylim(-span, span)
+        above.set_ylabel(f"{name} off trim, {shown_unit(unit)}", fontsize=8)
+        below.set_ylabel(f"off its command, {shown_unit(unit)}", fontsize=8)
+        below.set_xlabel("time, s", fontsize=8)
+        for axes in (above, below):
+            axes.grid(alpha=0.3)
+            axes.tick_params(labelsize=7)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8)
+    return figure

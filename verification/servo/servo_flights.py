@@ -1,0 +1,133 @@
+"""The flights of `hfa servo`: a case under every law, kept as it is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.envelope import flight_envelope
+from controller.flight.plants import NonlinearPlant
+from controller.flight.simulate import fly_law
+from controller.flight.tracking import Tracked, fastest_inputs, tracked
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.figure import save
+from hfa_model.support.files import write_text
+from hfa_model.support.finished import finished, stamp
+from hfa_model.support.jsonable import records_text
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.servo.cases import CASES, DURATION, TRIM_DEG, Flown, laws_of, scenario_of, simvfa_commands
+
+SCHEMA = "hfa.servo/1"
+#: Told what is flown, and how many flights of how many are done.
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ServoFlight:
+    """A law in a case. lost_at: s, None when it held; left: the state that left its envelope first. fastest: largest
+    |ΔU / Δt| of the surfaces, rad/s. tracked: each commanded output."""
+
+    law: str
+    times: np.ndarray
+    tracked: tuple[Tracked, ...]
+    fastest: float
+    lost_at: float | None
+    left: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """English units and radians."""
+        return {
+            "law": self.law,
+            "rms_error": {each.name: each.rms for each in self.tracked},
+            "largest_error": {each.name: each.largest for each in self.tracked},
+            "fastest_surface": self.fastest,
+            "lost_at": self.lost_at,
+            "left": self.left,
+        }
+
+
+def fly_case(
+    aircraft: Aircraft,
+    name: str,
+    controllers: Mapping[str, ScheduledController],
+    duration: float = DURATION,
+    progress: Progress | None = None,
+) -> tuple[ServoFlight, ...]:
+    """Every law through the commands and the fault of a case of `CASES`."""
+    case, commands = CASES[name], simvfa_commands()
+    point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
+    envelope = flight_envelope(aircraft.parameters, point)
+    laws, flights = laws_of(case.order, controllers), []
+    for count, (law, make) in enumerate(laws.items()):
+        if progress is not None:
+            progress(f"{name}, {law}", count, len(laws))
+        made = make(Flown(aircraft, point, commands))
+        result = fly_law(NonlinearPlant(aircraft, point), made, scenario_of(case, commands, duration), envelope)
+        gone = result.departure
+        flights.append(
+            ServoFlight(
+                law,
+                result.flight.times,
+                tracked(aircraft, result, commands),
+                float(fastest_inputs(result)[1:].max()),
+                None if gone is None else gone.time,
+                None if gone is None else gone.state,
+            )
+        )
+    if progress is not None:
+        progress(name, len(laws), len(laws))
+    return tuple(flights)
+
+
+def run_case(
+    aircraft: Aircraft,
+    name: str,
+    controllers: Mapping[str, ScheduledController],
+    folder: Path,
+    *,
+    duration: float = DURATION,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """The result of a case in FOLDER/CASE.json, with its figure beside it.
+
+    resume: one that this version finished for the same aircraft, controllers and duration is not flown again.
+    """
+    from verification.servo.servo_figure import servo_figure
+
+    target, picture = folder / f"{name}.json", folder / f"{name}.png"
+    decides = _decides(aircraft, name, controllers, duration)
+    known = finished(target, decides) if resume and picture.is_file() else None
+    if known is not None:
+        return known
+    flights = fly_case(aircraft, name, controllers, duration, progress)
+    result: dict[str, Any] = {"schema": SCHEMA, **stamp(decides), "case": name, "dynamics": aircraft.variant.name}
+    result |= {"duration": duration, "flights": [flight.to_dict() for flight in flights]}
+    folder.mkdir(exist_ok=True)
+    save(servo_figure(name, flights), picture)
+    write_text(target, records_text(result))
+    return result
+
+
+def _decides(
+    aircraft: Aircraft, name: str, controllers: Mapping[str, ScheduledController], duration: float
+) -> dict[str, Any]:
+    case = CASES[name]
+    return {
+        "case": name,
+        "order": case.order,
+        "faults": [vars(fault) for fault in case.faults],
+        "dynamics": aircraft.variant.name,
+        "parameters": aircraft.parameters._asdict(),
+        "duration": duration,
+        "controllers": {
+            key: {part: getattr(made, part) for part in ("dihedrals", "A", "B", "C", "D", "W")}
+            for key, made in controllers.items()
+        },
+    }

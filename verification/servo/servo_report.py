@@ -1,0 +1,42 @@
+"""What `hfa servo` says: one table a case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hfa_model.support.report import Block, Report
+from hfa_model.support.text import Table
+from verification.servo.reference_model import REGULATED
+
+SCHEMA = "hfa.servo-table/1"
+
+
+def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
+    """Root mean square errors, surface rates, and what was lost, law by law."""
+    blocks = [Block((_title(result), _table(result))) for result in results]
+    title = "Servos through the commands and the actuator faults of SimVFA"
+    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": list(results)})
+
+
+def _title(result: Mapping[str, Any]) -> str:
+    return f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
+
+
+def _table(result: Mapping[str, Any]) -> Table:
+    angle, acceleration = REGULATED
+    rows = []
+    for flight in result["flights"]:
+        rms, lost = flight["rms_error"], flight["lost_at"]
+        rows.append(
+            (
+                flight["law"],
+                f"{math.degrees(rms[angle]):.3f}",
+                f"{rms[acceleration]:.3f}",
+                f"{math.degrees(flight['fastest_surface']):.3g}",
+                "held" if lost is None else f"{flight['left']} left at {lost:.4g} s",
+            )
+        )
+    header = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
+    return Table(header, rows)
