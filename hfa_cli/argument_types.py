@@ -138,3 +138,15 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(*suffixes: str) -> Callable[[str], Path | None]:
     """The type of files that can be written, with one of the suffixes."""
     return parsed(lambda text: check_target(text, suffixes))
+
+
+def numbers(form: str, *counts: int) -> Callable[[str], tuple[float, ...]]:
+    """The type of numbers between colons, as many as one of `counts`."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        parts = text.split(":")
+        if len(parts) not in counts:
+            raise ArgumentTypeError(f"is {text!r}; give {form}")
+        return tuple(number(part) for part in parts)
+
+    return convert

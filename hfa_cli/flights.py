@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.actuators import Actuators
 from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulate import NonlinearFlight, Scenario
 from controller.game.zero_sum import Game, published_game
 from hfa_cli import games
-from hfa_cli.argument_types import number, quantity, span, whole
+from hfa_cli.actuator_options import actuators_of, add_actuators
+from hfa_cli.argument_types import number, numbers, quantity, span, whole
 from hfa_cli.learning import add_settings, law_settings, show_learning
 from hfa_cli.origin import provenance, signed
 from hfa_cli.output import say_notes, show
@@ -27,9 +26,8 @@ from hfa_cli.stored_law import check_stored, stored_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
-from hfa_model.vectors import LINEAR_STATES, STATES, Input
+from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.linear.linearize import LinearModel
-from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 from trim.point.trim_report import warnings
 from verification.experiments.configuration import section5_configuration
@@ -42,7 +40,7 @@ LAWS = ("exact", "certified", "irl")
 #: In place of NAME=...: what the paper simulates in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
 #: How help shows colon-separated numbers.
-_LAG_RATE, _GUST, TURBULENCE = "LAG:RATE", "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
+_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
 _TICK = 0.01
 
 
@@ -54,9 +52,7 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     add_signal(parser, "--noise", "added to what a sensor says")
     missed = "factor on a parameter of the simulated aircraft, unknown to the design"
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
-    about = "first-order actuators, s and deg/s, within the trim's control limits"
-    add_value(parser, "--actuators", numbers(_LAG_RATE, 2), _LAG_RATE, about)
-    add_value(parser, "--engine", numbers(_LAG_RATE, 2), _LAG_RATE, "another lag and rate for the throttle, s and 1/s")
+    add_actuators(parser)
     add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
     add_value(parser, "--turbulence", numbers(TURBULENCE, 2), TURBULENCE, "Dryden turbulence, ft/s and ft, from --seed")
     add_envelope(parser)
@@ -185,7 +181,7 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
         disturbance=signal_of("disturbance", arguments.disturbance),
         noise=signal_of("noise", arguments.noise),
         errors=arguments.error or {},
-        actuators=_actuators(arguments),
+        actuators=actuators_of(arguments),
         gust=_gust(arguments, point.states.speed, duration),
     )
 
@@ -243,38 +239,9 @@ def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
     return (*values, frequency)
 
 
-def numbers(form: str, *counts: int) -> Callable[[str], tuple[float, ...]]:
-    """The type of numbers between colons, as many as one of `counts`."""
-
-    def convert(text: str) -> tuple[float, ...]:
-        parts = text.split(":")
-        if len(parts) not in counts:
-            raise argparse.ArgumentTypeError(f"is {text!r}; give {form}")
-        return tuple(number(part) for part in parts)
-
-    return convert
-
-
 def _check_state(name: str, names: tuple[str, ...]) -> None:
     if name not in names:
         raise argparse.ArgumentTypeError(f"is not among the states {', '.join(names)}")
-
-
-def _actuators(arguments: argparse.Namespace) -> Actuators | None:
-    if arguments.actuators is None:
-        if arguments.engine is not None:
-            raise BadInputError("--engine belongs to --actuators; give both")
-        return None
-    lag, degrees_per_second = arguments.actuators
-    if degrees_per_second <= 0:
-        raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
-    rate = math.radians(degrees_per_second)
-    engine_lag, engine_rate = lag, np.inf
-    if arguments.engine is not None:
-        engine_lag, engine_rate = arguments.engine
-    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    surfaces = len(lowest) - 1
-    return Actuators(Input(engine_lag, *[lag] * surfaces), lowest, highest, Input(engine_rate, *[rate] * surfaces))
 
 
 def _gust(arguments: argparse.Namespace, speed: float, duration: float) -> Gust | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import casadi as ca
@@ -102,6 +102,10 @@ class CommandedStates:
     """x_d(t), (6,): the commands of states of the linear model, 0 for the others; the reference of a flight."""
 
     commands: CommandSteps
+
+    def to_dict(self) -> dict[str, Any]:
+        """The steps as data for JSON."""
+        return asdict(self.commands)
 
     @property
     def size(self) -> int:

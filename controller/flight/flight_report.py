@@ -8,7 +8,9 @@ import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK, Departure, Envelope
 from controller.flight.flown_law import FlownLaw
+from controller.flight.servo_policy import ServoPolicy
 from controller.flight.simulate import NonlinearFlight
+from controller.flight.tracking import Tracked, tracked, tracking_table
 from hfa_model.support.checks import Check, checks_block
 from hfa_model.support.report import Part, Report
 from hfa_model.support.text import Table, in_degrees, short_number, shown_unit
@@ -29,9 +31,15 @@ def flight_report(result: NonlinearFlight, law: FlownLaw | None = None, checks: 
     words = "" if law is None else f", law {law.name}{kind}"
     parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
     parts += [_states(result), *([OVER_GROUND] if result.scenario.moving_air else []), _inputs(result)]
+    if law is not None and isinstance(law.policy, ServoPolicy) and law.policy.commands.names:
+        parts.insert(0, tracking_table(_tracked(result, law.policy)))
     if checks:
         parts.append(checks_block(checks))
     return Report(title(result, words), parts, data=_data(result, law, checks), records=_records(result))
+
+
+def _tracked(result: NonlinearFlight, policy: ServoPolicy) -> tuple[Tracked, ...]:
+    return tracked(result, policy.regulated, policy.commands)
 
 
 def title(result: NonlinearFlight, law: str) -> str:
@@ -139,6 +147,9 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
     if law is not None:
         data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
         data["policy"] |= {"K": law.gains[-1]} if len(law.gains) else {}
+        if isinstance(law.policy, ServoPolicy):
+            errors = _tracked(result, law.policy)
+            data["commanded"] = {each.name: {"rms_error": each.rms, "largest_error": each.largest} for each in errors}
     return data
 
 

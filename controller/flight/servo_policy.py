@@ -60,12 +60,13 @@ class MeasuredOutputs:
 class ServoPolicy:
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured dihedral.
 
-    outputs: what it measures. dihedral: of the trim in which the flight begins, rad.
+    outputs: what it measures. regulated: what is commanded. dihedral: of the trim in which the flight begins, rad.
     """
 
     controller: ScheduledController
     commands: CommandSteps
     outputs: MeasuredOutputs
+    regulated: MeasuredOutputs
     dihedral: float
 
     @property
@@ -133,10 +134,14 @@ def servo_law(
                 f"controller {controller.name} follows no command of {name}; choose from {', '.join(told)}"
             )
     at = point.states.dihedral
-    reached = [at, *(at + commands.values[:, commands.names.index(n)] for n in commands.names if n == "dihedral")]
-    controller.refuse_other(aircraft, float(np.min(np.hstack(reached))), float(np.max(np.hstack(reached))))
-    outputs = MeasuredOutputs(aircraft, point, controller.measurements)
-    policy = ServoPolicy(controller, commands, outputs, at)
+    reached = np.append(at + commands.values[:, np.array(commands.names) == "dihedral"], at)
+    if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle
+        reached = controller.dihedrals
+    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
+    outputs, regulated = (
+        MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
+    )
+    policy = ServoPolicy(controller, commands, outputs, regulated, at)
     stacks = {name: getattr(controller, name) for name in ("dihedrals", "A", "B", "C", "D", "W")}
     follows = {"times": commands.times, "values": commands.values, "filter": [commands.bandwidth, commands.damping]}
     identity = {"controller": stacks, "commands": {"names": list(commands.names), **follows}}

@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.commands import CommandedStates
 from controller.flight.envelope import Departure, Envelope, angles_of_attack
 from controller.flight.flown_law import FlownLaw
 from controller.flight.gusts import Gust
@@ -97,7 +98,8 @@ class Scenario:
         """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
         signals = {name: getattr(self, name) for name in ("reference", "disturbance", "noise")}
         formulas = {
-            name: each.to_dict() if isinstance(each, Signal) else type(each).__name__ for name, each in signals.items()
+            name: each.to_dict() if isinstance(each, (Signal, CommandedStates)) else type(each).__name__
+            for name, each in signals.items()
         }
         return {
             "duration": self.duration,

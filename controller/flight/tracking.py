@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.design.design import SHORT_PERIOD
 from controller.flight.commands import CommandSteps
 from controller.flight.servo_policy import MeasuredOutputs
 from controller.flight.simulate import NonlinearFlight
-from hfa_model.aircraft import Aircraft
+from hfa_model.outputs import unit_of
+from hfa_model.support.text import Table, short_number, shown_unit
 from hfa_model.vectors import LINEAR_STATES, STATES
 
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
@@ -36,9 +38,8 @@ class Tracked(NamedTuple):
         return float(np.abs(self.output - self.command).max())
 
 
-def tracked(aircraft: Aircraft, result: NonlinearFlight, commands: CommandSteps) -> tuple[Tracked, ...]:
-    """Each commanded output of a flight of the aircraft beside its command, without the noise of the sensors."""
-    outputs = MeasuredOutputs(aircraft, result.point, commands.names)
+def tracked(result: NonlinearFlight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
+    """Each commanded output of a flight beside its command, without the noise of the sensors."""
     flight = result.flight
     z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
@@ -51,3 +52,12 @@ def fastest_inputs(result: NonlinearFlight) -> np.ndarray:
         return np.zeros(flight.inputs.shape[1])
     rates: np.ndarray = np.abs(np.diff(flight.inputs, axis=0)).max(axis=0) / (flight.times[1] - flight.times[0])
     return rates
+
+
+def tracking_table(followed: tuple[Tracked, ...]) -> Table:
+    """Degrees for angles."""
+    rows = []
+    for each in followed:
+        unit = unit_of(each.name.removesuffix(SHORT_PERIOD))
+        rows.append((each.name, shown_unit(unit), short_number(each.rms, unit), short_number(each.largest, unit)))
+    return Table(("commanded output", "unit", "rms error", "largest error"), rows)

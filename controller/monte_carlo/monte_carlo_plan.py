@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.flight.commands import CommandedStates
 from controller.flight.envelope import Envelope
 from controller.flight.flown_law import FlownLaw
 from controller.flight.signals import Signal
@@ -47,7 +48,7 @@ class MonteCarlo:
             if getattr(self, name) < lowest:
                 raise BadInputError(f"{name} is {getattr(self, name)}; it must be at least {lowest}")
         for name in ("reference", "disturbance", "noise"):
-            if not isinstance(getattr(self.scenario, name), Signal):
+            if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
         if self.scenario.samples is not None:
             raise BadInputError("the scenario of a Monte Carlo is drawn already; give the one that it was drawn from")

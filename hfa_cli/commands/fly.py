@@ -22,6 +22,7 @@ from hfa_cli.flights import (
     tell,
 )
 from hfa_cli.output import Progress
+from hfa_cli.servo_options import add_controller, controlled
 from hfa_cli.stored_law import add_stored
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.text import in_degrees
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="learn in flight; a baseline gain until certified",
     )
+    add_controller(parser)
     add_signal(parser, "--reference", "what a state shall follow")
     add_scenario(parser)
     parser.add_argument(
@@ -69,7 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
     point = options.operating_point_of(arguments, aircraft)
     scenario = scenario_of(arguments, point)
     envelope = envelope_of(arguments, aircraft, point)
-    law = flown_law_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
+    law, scenario = controlled(arguments, aircraft, point, scenario)
+    if law is None:
+        law = flown_law_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
     result = fly(aircraft, point, law, scenario, envelope, progress=Progress("simulate"))
     checks: tuple[Check, ...] = ()
     if arguments.check:

@@ -18,7 +18,7 @@ from controller.flight.critic_policy import CriticPolicy
 from controller.flight.signals import Signal
 from controller.game.zero_sum import Game
 from hfa_cli import options
-from hfa_cli.argument_types import number, quantity, whole
+from hfa_cli.argument_types import number, numbers, quantity, whole
 from hfa_cli.flights import (
     LAWS,
     TURBULENCE,
@@ -32,7 +32,6 @@ from hfa_cli.flights import (
     game_on,
     initial_of,
     law_of,
-    numbers,
     seed_of,
     signal_of,
     tell,

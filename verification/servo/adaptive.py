@@ -1,4 +1,4 @@
-"""The adaptive law of SimVFA for actuators of order 1: output feedback of relative degree 2, as a policy with memory."""
+"""The adaptive law of SimVFA for actuators of order 1: output feedback of relative degree 2."""
 
 from __future__ import annotations
 

@@ -95,6 +95,10 @@ def _reference(order: int) -> Callable[[Flown], FlownLaw]:
     return made
 
 
+def _own(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
+    return lambda on: servo_law(controller, on.commands, on.aircraft, on.point)
+
+
 def _paper(on: Flown) -> FlownLaw:
     """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and no integrals."""
     model = linearize(on.aircraft, on.point)
@@ -106,6 +110,5 @@ def laws_of(order: int, controllers: Mapping[str, ScheduledController]) -> dict[
     found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
     if order == 1:
         found["simvfa-1 adaptive"] = lambda on: adaptive_law(on.aircraft, on.point, on.commands, ANGLES)
-    for name, controller in controllers.items():
-        found[name] = lambda on, each=controller: servo_law(each, on.commands, on.aircraft, on.point)
+    found |= {name: _own(controller) for name, controller in controllers.items()}
     return found | {"paper": _paper}

@@ -58,7 +58,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     C = np.vstack([np.eye(n)[built.states.index(RATE)], np.eye(n)[n - 2 :]])
     squared_up = np.vstack([game.B.T, _third_row(game.A.T, C.T, game.B.T)]).T
     B1 = sum(a * np.linalg.matrix_power(game.A, k) @ squared_up for k, a in enumerate(ALPHAS[order]))
-    _refuse_zeros(game.A, B1, C)
+    refuse_zeros(game.A, B1, C)
     S = _polar(C @ B1).T
     if S[2].sum() < 0.0:  # the sign of the third input is free; the tables between the angles need one
         squared_up, B1, S = squared_up * _THIRD, B1 * _THIRD, S * _THIRD[:, None]
@@ -102,7 +102,8 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     return np.concatenate([whole[p], gain[0]]) @ T
 
 
-def _refuse_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
+def refuse_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
+    """NoSolutionError when (A, B, C), with as many inputs as outputs and C B regular, has a zero that is not stable."""
     from scipy.linalg import null_space
 
     left, right = null_space(B.T).T, null_space(C)

@@ -12,6 +12,7 @@ import numpy as np
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
+from controller.flight.servo_policy import MeasuredOutputs
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import Tracked, fastest_inputs, tracked
 from hfa_model.aircraft import Aircraft
@@ -63,6 +64,7 @@ def fly_case(
     case, commands = CASES[name], simvfa_commands()
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
     envelope = flight_envelope(aircraft.parameters, point)
+    outputs = MeasuredOutputs(aircraft, point, commands.names)
     laws, flights = laws_of(case.order, controllers), []
     for count, (law, make) in enumerate(laws.items()):
         if progress is not None:
@@ -74,7 +76,7 @@ def fly_case(
             ServoFlight(
                 law,
                 result.flight.times,
-                tracked(aircraft, result, commands),
+                tracked(result, outputs, commands),
                 float(fastest_inputs(result)[1:].max()),
                 None if gone is None else gone.time,
                 None if gone is None else gone.state,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from controller.flight.actuators import Actuators
+from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
 from controller.flight.policies import GainPolicy, gain_constants
@@ -113,3 +116,47 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
 def test_a_trim_that_the_actuators_cannot_hold_is_refused() -> None:
     with pytest.raises(BadInputError, match=r"elevator_outer is 0\.7 at trim"):
         LIMITED.refuse_trim(np.array([0.0, 0.0, 0.0, 0.0, 0.7]))
+
+
+def test_of_order_2_it_is_the_second_order_response_and_its_rate_is_limited() -> None:
+    second = replace(FREE, order=2, damping=0.7)
+    flight = flown(second, constant(1.0, -2.0, 0.0, 0.0, 0.0))
+    w, v = 10.0, 10.0 * np.sqrt(1 - 0.7**2)
+    t = flight.times
+    response = 1 - np.exp(-0.7 * w * t) * (np.cos(v * t) + 0.7 * w / v * np.sin(v * t))
+    np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
+    held = flown(replace(LIMITED, order=2), constant(10.0, -10.0, 0.3, 0.0, 0.0))
+    assert np.abs(np.diff(held.inputs, axis=0)).max() <= 0.001 * (1.0 + 1e-9)
+    assert held.inputs.max() <= 0.4
+    assert held.inputs.min() >= -0.5
+
+
+def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
+    fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
+    flight = flown(replace(FREE, faults=(fault,)), constant(0.0, 1.0, 1.0, 0.0, 0.0))
+    whole, t = 1.0 - np.exp(-flight.times / 0.1), flight.times
+    np.testing.assert_allclose(flight.inputs[:, 1], whole, atol=1e-9)
+    before = 1.0 - np.exp(-0.5 / 0.1)
+    failed = np.where(t <= 0.5, whole, 0.25 + (before - 0.25) * np.exp(-2.0 * (t - 0.5)))
+    np.testing.assert_allclose(flight.inputs[:, 2], failed, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"effectiveness": 0.0}, "effectiveness after a fault is 0"),
+        ({"bandwidth": -1.0}, "bandwidth after a fault is -1"),
+        ({"damping": np.nan}, "damping after a fault is nan"),
+        ({"begin": -1.0}, "begins at -1 s"),
+        ({"inputs": ("flap",)}, "no input 'flap'"),
+    ],
+)
+def test_faults_that_cannot_be_flown_are_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        ActuatorFault(**change)
+
+
+@pytest.mark.parametrize(("change", "said"), [({"order": 3}, "order of the"), ({"damping": 0.0}, "damping of the")])
+def test_actuators_of_another_order_are_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        replace(FREE, **change)
