@@ -85,7 +85,7 @@ class ServoPolicy:
         return ca.mtimes(ca.DM(self._chosen), ca.mtimes(C, memory) + ca.mtimes(D, self._told(t, seen)))
 
     def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
-        """x'."""
+        """The rate of the states x of the controller."""
         A, B, _, _, W = self._at(seen)
         rate = ca.mtimes(A, memory) + ca.mtimes(B, self._told(t, seen))
         if not self.controller.W.any():

@@ -52,7 +52,7 @@ class AdaptivePolicy:
 
     @property
     def memory_size(self) -> int:
-        """77."""
+        """Reference model, filters and adaptive parameters: 77 numbers."""
         return sum(_SIZES)
 
     @property
