@@ -38,9 +38,10 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
     assert result.settling_time < 10.0
 
 
-def test_random_games_need_no_looser_limit() -> None:
+@pytest.mark.parametrize("games", [10, pytest.param(30, marks=pytest.mark.slow)])
+def test_random_games_need_no_looser_limit(games: int) -> None:
     rng = np.random.default_rng(21)
-    for _ in range(30):
+    for _ in range(games):
         n = int(rng.integers(1, 9))
         m, k = (int(rng.integers(1, n + 1)) for _ in range(2))
         A, B, E = (rng.standard_normal((n, columns)) for columns in (n, m, k))

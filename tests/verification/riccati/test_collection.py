@@ -63,16 +63,16 @@ def _bracket(sample: Sample) -> str:
     return "right, wide" if found.uncertain else "right"
 
 
-def test_five_games_of_each_structure() -> None:
-    verdicts = Counter(_verdict(sample) for sample in collection(5 * len(STRUCTURES), seed=1))
+def test_two_games_of_each_structure() -> None:
+    verdicts = Counter(_verdict(sample) for sample in collection(2 * len(STRUCTURES), seed=1))
     assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
-    assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 6
+    assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
 
 
 def test_smallest_delta_of_each_structure() -> None:
-    brackets = Counter(_bracket(sample) for sample in collection(5 * len(STRUCTURES), seed=1))
+    brackets = Counter(_bracket(sample) for sample in collection(2 * len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
-    assert brackets["right"] >= 30
+    assert brackets["right"] >= 12
 
 
 @pytest.mark.slow

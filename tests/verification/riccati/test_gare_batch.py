@@ -38,11 +38,12 @@ def test_below_the_smallest_delta_nothing_is_certified_and_nothing_is_given():
     assert np.isnan(batch.K).all()
 
 
-def test_random_games_are_accepted_exactly_when_they_have_a_solution():
+@pytest.mark.parametrize("count", [8, pytest.param(30, marks=pytest.mark.slow)])
+def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int) -> None:
     rng = np.random.default_rng(7)
     accepted = refused = 0
     for delta in (0.7, 1.5, 3.0, 8.0):
-        A, B = rng.standard_normal((30, 6, 6)), rng.standard_normal((30, 6, 2))
+        A, B = rng.standard_normal((count, 6, 6)), rng.standard_normal((count, 6, 2))
         like = Game(A[0], B[0], np.eye(6), np.eye(6), np.eye(2), delta)
         batch = solve_games(A, B, like)
         for i in range(len(A)):
@@ -55,8 +56,7 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution():
             assert batch.certified[i]
             assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-8 * np.linalg.norm(alone.P)
             accepted += 1
-    assert accepted >= 20
-    assert refused >= 20
+    assert min(accepted, refused) >= count // 2
 
 
 def test_a_singular_plant_does_not_stop_the_others():

@@ -72,9 +72,9 @@ def _what_scipy_says(game: Game) -> str:
 
 @pytest.mark.parametrize("scaled", [False, True])
 def test_subset_of_random_games(scaled: bool) -> None:
-    count = _judge(60, scaled=scaled, seed=1)
+    count = _judge(24, scaled=scaled, seed=1)
     assert count["refused at the edge"] == 0
-    assert min(count["accepted, rightly"], count["refused, rightly"]) >= 15
+    assert min(count["accepted, rightly"], count["refused, rightly"]) >= 6
 
 
 @pytest.mark.slow
@@ -86,14 +86,15 @@ def test_thousand_random_games(scaled: bool) -> None:
     assert count["SciPy alone: returns no solution"] + count["SciPy alone: returns an indefinite P"] >= 50
 
 
-def test_the_two_derivations_agree_on_existence() -> None:
+@pytest.mark.parametrize("games", [30, pytest.param(90, marks=pytest.mark.slow)])
+def test_the_two_derivations_agree_on_existence(games: int) -> None:
     rng = np.random.default_rng(3)
     verdicts: Counter[tuple[bool, bool]] = Counter()
-    for number in range(90):
+    for number in range(games):
         game = random_game(rng, scaled=number % 2 == 1)
         verdicts[_accepts(certified_solution, game), _accepts(iterated_solution, game)] += 1
     assert verdicts[True, False] == verdicts[False, True] == 0
-    assert min(verdicts[True, True], verdicts[False, False]) >= 20
+    assert min(verdicts[True, True], verdicts[False, False]) >= games // 5
 
 
 def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
