@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -125,18 +126,28 @@ def _stable_subspace(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> tuple[np.nd
 
 
 def _newton_step(A: np.ndarray, S: np.ndarray, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """X with F'X + X F = -residual, F = A - S P, as n² linear equations; nan where they are singular."""
+    """X with F'X + X F = -residual, F = A - S P, as n (n + 1) / 2 linear equations; nan where they are singular."""
     count, n, _ = A.shape
-    F = A - S @ P
-    eye = np.eye(n)
-    Ft = np.swapaxes(F, 1, 2)
-    operator = (Ft[:, :, None, :, None] * eye[None, None, :, None, :]) + (
-        eye[None, :, None, :, None] * Ft[:, None, :, None, :]
-    )
-    operator = operator.reshape(count, n * n, n * n)
-    right = -_riccati(A, S, Q, P).reshape(count, n * n, 1)
-    X = _solve(operator, right).reshape(count, n, n)
-    return (X + np.swapaxes(X, 1, 2)) / 2
+    equations, rows, columns = _lyapunov_equations(n)
+    operator = ((A - S @ P).reshape(count, n * n) @ equations).reshape(count, len(rows), len(rows))
+    found = _solve(operator, -_riccati(A, S, Q, P)[:, rows, columns, None])[:, :, 0]
+    X = np.empty_like(A)
+    X[:, rows, columns] = X[:, columns, rows] = found
+    return X
+
+
+@lru_cache(maxsize=8)
+def _lyapunov_equations(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The matrix of F'X + X F as an operator on the entries x of X with row <= column, linear in F, and their places.
+
+    Returns (n², s²) with s = n (n + 1) / 2, from F row by row to the operator row by row, and rows, columns, (s,).
+    """
+    rows, columns = np.triu_indices(n)
+    units = np.zeros((len(rows), n, n))
+    units[np.arange(len(rows)), rows, columns] = units[np.arange(len(rows)), columns, rows] = 1.0
+    entries = np.eye(n * n).reshape(n * n, 1, n, n)
+    images = np.swapaxes(entries, 2, 3) @ units + units @ entries
+    return np.swapaxes(images[:, :, rows, columns], 1, 2).reshape(n * n, -1), rows, columns
 
 
 def _solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -152,8 +163,11 @@ def _solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _riccati(A: np.ndarray, S: np.ndarray, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """A'P + P A + Q - P S P, symmetric to the last bit: near delta_min what rounding leaves between (i, j) and (j, i)
+    is most of the error of a Newton step."""
     half = np.swapaxes(A, 1, 2) @ P
-    return half + np.swapaxes(half, 1, 2) + Q - P @ S @ P
+    quadratic = P @ S @ P
+    return half + np.swapaxes(half, 1, 2) + Q - (quadratic + np.swapaxes(quadratic, 1, 2)) / 2
 
 
 def _largest(matrices: np.ndarray) -> np.ndarray:
