@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     )
     from verification.critic.critic_errors import relative_error as relative_error
     from verification.experiments.configuration import section5_configuration as section5_configuration
-    from verification.experiments.experiment_flights import FlightPlan as FlightPlan, fly as fly
+    from verification.experiments.experiment_flights import FlightPlan as FlightPlan, simulate_plan as simulate_plan
     from verification.experiments.setting import make_setting as make_setting
     from verification.flights.recoverable import recoverable_map as recoverable_map
     from verification.flights.scheduling import certified_schedule as certified_schedule

@@ -130,7 +130,7 @@ def test_resuming_simulates_nothing_again(finished: Path, monkeypatch: pytest.Mo
     def refuse(*_: Any) -> None:
         raise AssertionError("simulated again")
 
-    monkeypatch.setattr(reproduce, "fly", refuse)
+    monkeypatch.setattr(reproduce, "simulate_plan", refuse)
     with configured(*SHORT):
         result = hfa("reproduce", "all", "-o", str(finished), "--resume", "--json")
         assert result.code == DONE

@@ -66,7 +66,7 @@ class FlightRecord:
         return bool(np.isinf(self.lost_at))
 
 
-def fly(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
+def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     """Fly a plan under the conditions of a section of the paper."""
     configuration, case = setting.configuration, setting.case(plan.dihedral_deg)
     nothing = zero(len(LINEAR_STATES))

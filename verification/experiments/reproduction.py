@@ -11,7 +11,7 @@ from hfa_model.support.jsonable import jsonable
 from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment import Experiment, Outcome
-from verification.experiments.experiment_flights import fly
+from verification.experiments.experiment_flights import simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
 from verification.experiments.result_folder import finished_experiment, write_outcome
 from verification.experiments.setting import Setting
@@ -43,7 +43,7 @@ def run_experiment(experiment: Experiment, setting: Setting, progress: Progress 
     for count, plan in enumerate(plans):
         if progress is not None:
             progress(experiment.section, count, len(plans))
-        flown[plan] = fly(setting, plan, experiment.section)
+        flown[plan] = simulate_plan(setting, plan, experiment.section)
     if progress is not None:
         progress(experiment.section, len(plans), len(plans))
     evidence = Evidence(setting, experiment.section, flown)

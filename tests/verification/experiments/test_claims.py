@@ -21,7 +21,7 @@ from verification.experiments.claims import (
     check_claim,
 )
 from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, FlightRecord, fly
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord, simulate_plan
 from verification.experiments.flown_laws import EXACT
 from verification.experiments.measures import worst
 from verification.experiments.reproduction import EXPERIMENTS
@@ -76,7 +76,7 @@ def test_a_destabilised_flight_confirms_nothing(relation: str) -> None:
     """A plant of the opposite sign is unstable under the exact gain; its error is beyond every limit."""
     setting = make_setting(changed(COARSE))
     plan = FlightPlan(15.0, EXACT, uncertainty=-6.0)
-    record = fly(setting, plan, "5.1")
+    record = simulate_plan(setting, plan, "5.1")
     assert not record.held
     found = check_claim(claim_on(plan, relation, "close"), evidence_of(setting, "5.1", record))
     assert found.verdict == NOT_CONFIRMED
@@ -88,7 +88,7 @@ def test_a_destabilised_flight_confirms_nothing(relation: str) -> None:
 def test_a_claim_follows_its_number() -> None:
     setting = make_setting(changed(COARSE))
     plan = FlightPlan(15.0, EXACT)
-    evidence = evidence_of(setting, "5.1", fly(setting, plan, "5.1"))
+    evidence = evidence_of(setting, "5.1", simulate_plan(setting, plan, "5.1"))
     value = evidence.record(plan).metrics.relative_error["speed"]
     verdicts = [check_claim(claim_on(plan, "<=", limit), evidence).verdict for limit in (1.01 * value, 0.99 * value)]
     assert verdicts == [CONFIRMED, NOT_CONFIRMED]

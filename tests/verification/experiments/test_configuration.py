@@ -12,7 +12,7 @@ from experiment_configurations import COARSE, NOTHING, Changes, changed
 
 from hfa_model.support.errors import BadInputError
 from verification.experiments.configuration import SECTIONS, section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, fly
+from verification.experiments.experiment_flights import FlightPlan, simulate_plan
 from verification.experiments.flown_laws import EXACT
 from verification.experiments.setting import make_setting
 
@@ -82,6 +82,6 @@ def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(said: st
     assert section5_configuration().disturbance.sine == (SINE,)
     assert section5_configuration().disturbance.cosine == (COSINE,)
     setting = make_setting(changed(COARSE, changes))
-    error = fly(setting, FlightPlan(5.0, EXACT), "5.1").metrics.relative_error["alpha"]
+    error = simulate_plan(setting, FlightPlan(5.0, EXACT), "5.1").metrics.relative_error["alpha"]
     assert error > 10.0 * setting.configuration.criteria.close
     assert said.format(f"{error:.3g}") in " ".join(DOCUMENT.read_text(encoding="utf-8").split())

@@ -13,7 +13,7 @@ from verification.experiments.claims import (
     Evidence,
 )
 from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, FlightRecord, fly
+from verification.experiments.experiment_flights import FlightPlan, FlightRecord, simulate_plan
 from verification.experiments.flown_laws import (
     CERTIFIED,
     CERTIFIED_FF,
@@ -63,7 +63,7 @@ def test_tracking_is_what_another_study_found(
 ) -> None:
     """Printed matrices; the study was made with the other sign of one entry of A, which moves the third digit."""
     setting = make_setting(changed(COARSE, changes), "printed")
-    record = fly(setting, FlightPlan(dihedral, law), "5.1")
+    record = simulate_plan(setting, FlightPlan(dihedral, law), "5.1")
     assert rms(record) == pytest.approx(expected, abs=2e-3 if expected[0] > 1e-3 else 3e-3)
     assert (record.metrics.rms_error["speed"] < 1e-4) == (expected[0] < 1e-4)
 
@@ -71,7 +71,8 @@ def test_tracking_is_what_another_study_found(
 def test_the_optimum_tracks_alpha_only_with_another_weight() -> None:
     setting = make_setting(changed(COARSE))
     optimum, reweighted = (
-        fly(setting, FlightPlan(15.0, law), "5.1").metrics.relative_error["alpha"] for law in (EXACT_FF, REWEIGHTED)
+        simulate_plan(setting, FlightPlan(15.0, law), "5.1").metrics.relative_error["alpha"]
+        for law in (EXACT_FF, REWEIGHTED)
     )
     assert optimum > 0.5
     assert reweighted < 0.05
@@ -82,7 +83,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     """LSODA on the error equation with the forcing of the reference: states, cost and metrics."""
     setting = make_setting(changed(COARSE))
     case, configuration = setting.case(5.0), setting.configuration
-    record = fly(setting, FlightPlan(5.0, law), "5.1")
+    record = simulate_plan(setting, FlightPlan(5.0, law), "5.1")
     reference, disturbance, w = (
         configuration.reference.signal,
         configuration.disturbance.signal,
@@ -106,7 +107,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
 def test_the_disturbance_alone_costs_less_than_the_game_promises() -> None:
     setting = make_setting(changed(COARSE))
     for dihedral in (15.0, 5.0):
-        metrics = fly(setting, FlightPlan(dihedral, EXACT, commanded=False), "5.1").metrics
+        metrics = simulate_plan(setting, FlightPlan(dihedral, EXACT, commanded=False), "5.1").metrics
         assert 0.0 < metrics.attenuation < metrics.delta_squared
 
 
@@ -120,7 +121,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(law: str) -> None:
 
     setting = default_setting()
     case, configuration = setting.case(5.0), setting.configuration
-    record = fly(setting, FlightPlan(5.0, law), "5.2")
+    record = simulate_plan(setting, FlightPlan(5.0, law), "5.2")
     constants, w = constants_of(setting, law, 5.0), generator(configuration.reference.signal)
     d, reference = configuration.disturbance.signal, configuration.reference.signal
     x, rows = configuration.initial, [configuration.initial]
@@ -154,7 +155,7 @@ def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
 
 @pytest.mark.parametrize("dihedral", [15.0, 5.0])
 def test_the_law_as_printed_overflows_at_once(dihedral: float) -> None:
-    record = fly(default_setting(), FlightPlan(dihedral, PRINTED), "5.1")
+    record = simulate_plan(default_setting(), FlightPlan(dihedral, PRINTED), "5.1")
     assert not record.held
     assert record.lost_at <= 3e-4
     assert len(record.times) == 1
@@ -164,8 +165,8 @@ def test_the_law_as_printed_overflows_at_once(dihedral: float) -> None:
 
 def test_the_modified_law_flies_and_learns_and_can_be_frozen() -> None:
     setting = make_setting(changed(BRIEF))
-    free = fly(setting, FlightPlan(5.0, MODIFIED), "5.1")
-    frozen = fly(setting, FlightPlan(5.0, MODIFIED), "5.3")
+    free = simulate_plan(setting, FlightPlan(5.0, MODIFIED), "5.1")
+    frozen = simulate_plan(setting, FlightPlan(5.0, MODIFIED), "5.3")
     assert free.held
     assert frozen.held
     assert free.metrics.learning.late_change > 0.0
@@ -179,7 +180,7 @@ def test_the_modified_law_flies_and_learns_and_can_be_frozen() -> None:
 def test_the_certified_law_flies_a_baseline_and_then_the_exact_gain() -> None:
     setting = make_setting(changed(BRIEF))
     constants = constants_of(setting, CERTIFIED, 0.5)
-    record = fly(setting, FlightPlan(5.0, CERTIFIED), "5.2")
+    record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED), "5.2")
     exact = setting.case(5.0).exact.K
     first, last = (constants(tick)[:30].reshape(6, 5).T for tick in (0, 99))
     assert np.linalg.norm(first - exact) > 0.5 * np.linalg.norm(exact)
@@ -206,7 +207,7 @@ def test_integral_learning_flies_its_start_until_it_has_data() -> None:
 def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
     setting = make_setting(changed(COARSE, BRIEF))
     plain, wrong, noisy = (
-        fly(setting, plan, "5.3")
+        simulate_plan(setting, plan, "5.3")
         for plan in (
             FlightPlan(5.0, EXACT),
             FlightPlan(5.0, EXACT, uncertainty=0.3),

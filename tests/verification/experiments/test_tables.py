@@ -14,7 +14,7 @@ from experiment_configurations import changed
 
 from hfa_cli.main import DONE
 from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, fly
+from verification.experiments.experiment_flights import FlightPlan, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, REWEIGHTED
 from verification.experiments.reproduction import EXPERIMENTS
 from verification.experiments.setting import make_setting
@@ -124,6 +124,6 @@ def test_the_modifications_are_what_keeps_the_published_law_bounded() -> None:
     for name in held:
         for seed in (0, 2, 3):
             setting = make_setting(changed({"published_modified": {"basis": name}, "critic": {"seed": seed}}))
-            held[name] += sum(fly(setting, FlightPlan(angle, MODIFIED), "5.1").held for angle in (15.0, 5.0))
+            held[name] += sum(simulate_plan(setting, FlightPlan(angle, MODIFIED), "5.1").held for angle in (15.0, 5.0))
     assert held["quadratic"] == 6
     assert held["paper"] < 6
