@@ -50,7 +50,7 @@ def learned_value(game: Game, law: str, seed: int, progress: Progress | None = N
         start["initial_weights"] = tuple(weights.tolist())
     result = learn(game, law, seed, progress=progress, **(start | settings))
     if not result.converged:
-        raise NoSolutionError(f"law '{law}' is not certified here ({result.status}); choose another law or model")
+        raise NoSolutionError(f"law '{law}' is not certified here ({result.outcome}); choose another law or model")
     return result
 
 

@@ -37,7 +37,7 @@ def learning_report(
     rows = {name: data.pop(name) for name in _HISTORY}
     data |= {"W": result.weights[-1].tolist(), "converged": result.converged}
     return Report(
-        title=f"Law {result.law!r}, basis {result.basis!r}{f', on {origin}' if origin else ''}: {result.status}",
+        title=f"Law {result.law!r}, basis {result.basis!r}{f', on {origin}' if origin else ''}: {result.outcome}",
         parts=(
             f"Residual settled: {settled}; last residual {result.residual_norm[-1]:.3g}",
             f"Data: {excitation.samples} samples, rank {excitation.rank} of {excitation.size}, smallest eigenvalue of "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,13 @@ class SelfCheck:
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
 
+class Status(StrEnum):
+    """What became of a run: every certificate holds, or not."""
+
+    CONVERGED = "converged"
+    FAILED = "failed"
+
+
 @dataclass(frozen=True)
 class Excitation:
     """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 + σ'σ).
@@ -58,9 +66,8 @@ class LearningResult(Reported):
     times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm: (N,), Bellman
     residual of the game over the stack, |e| / |z'Qz|. law_residual_norm: (N,), the residual that the law
     itself drives to zero at that time (in the law's own normalisation and stage). P: (n, n), K: (m, n),
-    learned at the last time. settling_time: first time from which |e| stays below
-    `certify.RESIDUAL_LIMIT` of the size of the terms that cancel in it, s; inf when it does not. status: "converged" or
-    "failed: reason". diagnostics: further numbers of the law by name.
+    learned at the last time. settling_time: first time from which |e| stays below `certify.RESIDUAL_LIMIT` of the
+    size of the terms that cancel in it, s; inf when it does not. diagnostics: further numbers of the law by name.
     """
 
     law: str
@@ -74,7 +81,6 @@ class LearningResult(Reported):
     excitation: Excitation
     settling_time: float
     certificates: tuple[SelfCheck, ...]
-    status: str
     settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
@@ -82,7 +88,18 @@ class LearningResult(Reported):
     @property
     def converged(self) -> bool:
         """Whether every certificate holds."""
-        return self.status == "converged"
+        return all(row.ok for row in self.certificates)
+
+    @property
+    def status(self) -> Status:
+        """Whether every certificate holds, as a word."""
+        return Status.CONVERGED if self.converged else Status.FAILED
+
+    @property
+    def outcome(self) -> str:
+        """The status, and behind "failed: " every certificate that does not hold."""
+        failed = [str(row) for row in self.certificates if not row.ok]
+        return f"{self.status}: {'; '.join(failed)}" if failed else str(self.status)
 
     def report(self) -> Report:
         """Status, certificates, excitation, P and K."""
@@ -93,7 +110,9 @@ class LearningResult(Reported):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
         certificates = [{**asdict(row), "ok": row.ok} for row in self.certificates]
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
-        structured = {"excitation": asdict(self.excitation), "certificates": certificates}
+        names = [each.name for each in fields(self)]
+        names.insert(names.index("certificates") + 1, "status")
+        values = {name: getattr(self, name) for name in names}
+        structured = {"excitation": asdict(self.excitation), "certificates": certificates, "status": self.outcome}
         plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)
         return plain

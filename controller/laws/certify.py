@@ -34,12 +34,11 @@ def conclude(
     seed: int,
     diagnostics: dict[str, float],
 ) -> LearningResult:
-    """The result of a finished run: P and K of its last weights, with their certificates and status."""
+    """The result of a finished run: P and K of its last weights, with their certificates."""
     weights = history["weights"][-1]
     P = equations.basis.matrix(weights)
     with np.errstate(over="ignore", invalid="ignore"):  # a value that overflows fails its certificates
         rows = certificates(game, equations, weights, richness)
-    failed = [str(row) for row in rows if not row.ok]
     return LearningResult(
         law=law,
         basis=equations.basis.name,
@@ -52,7 +51,6 @@ def conclude(
         excitation=richness,
         settling_time=settled_at(history["time"], history["settling_residual"], RESIDUAL_LIMIT),
         certificates=rows,
-        status="converged" if not failed else f"failed: {'; '.join(failed)}",
         settings=settings,
         seed=seed,
         diagnostics=diagnostics,

@@ -161,7 +161,7 @@ def _certified(game: Game) -> LearningResult:
     law = certified_law(game, CertifiedSettings(tick=0.1), seed=0)
     result = law.conclude(run(law))
     if not result.converged:
-        raise NoSolutionError(f"no certified reference for the study: {result.status}")
+        raise NoSolutionError(f"no certified reference for the study: {result.outcome}")
     return result
 
 

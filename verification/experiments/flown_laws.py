@@ -150,7 +150,7 @@ def _learned(
     def critic(memory: np.ndarray) -> Critic:
         rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
         rows = np.clip(rows, 0, len(learned.times) - 1)
-        facts = {"status": learned.status, "learned_from": plan.certified_from} | learned.diagnostics
+        facts = {"status": learned.outcome, "learned_from": plan.certified_from} | learned.diagnostics
         functions = basis(learned.basis, len(LINEAR_STATES))
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 

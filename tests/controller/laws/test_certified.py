@@ -80,7 +80,7 @@ def assert_every_start_ends_right(indices: range) -> None:
         result = learn(game, seed=index, tick=0.2, samples=samples, initial_weights=tuple(weights))
         errors = relative_error(result.P, exact.P), relative_error(result.K, exact.K)
         if not (result.converged and max(errors) <= 1e-9 and result.settling_time <= 10.0):
-            wrong.append((index, errors, result.status))
+            wrong.append((index, errors, result.outcome))
     assert wrong == []
     assert 0.05 * len(indices) < stabilizing < 0.95 * len(indices)
 
@@ -117,7 +117,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
         if exact.exists:
             result = learn(game, seed=index, tick=0.2, initial_weights=0.0)
             assert relative_error(result.P, exact.P) < 1e-7
-            assert result.converged or "Newton correction" in result.status
+            assert result.converged or "Newton correction" in result.outcome
             solved += result.converged
         else:
             with pytest.raises(NoSolutionError):
@@ -213,7 +213,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
     right, wrong = (learn(g, tick=0.2, pool=stack) for g in (game, other))
     assert np.array_equal(right.weights, wrong.weights)
     assert right.converged
-    assert "Riccati residual" in wrong.status
+    assert "Riccati residual" in wrong.outcome
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -250,7 +250,7 @@ def test_noisy_derivatives_give_a_stabilizing_gain_and_no_certificate(noise: flo
         pool = random_pool(game, 500, seed=3)
         disturbed = np.random.default_rng(4).normal(size=pool.drifts.shape) * pool.drifts.std(axis=0)
         result = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + noise * disturbed))
-        assert result.status.startswith("failed: relative Riccati residual")
+        assert result.outcome.startswith("failed: relative Riccati residual")
         assert relative_error(result.P, exact.P) < 5.0 * noise
         assert abscissa(game.A - game.B @ result.K) < 0.0
         assert result.diagnostics["drift_misfit"] == pytest.approx(noise, rel=0.2)

@@ -76,7 +76,7 @@ def test_a_result_that_is_off_late_or_uncertified_is_seen() -> None:
         good._replace(P_error=math.nan),
         good._replace(K_error=math.nan),
         good._replace(settled=good.predefined_time + 1e-6),
-        good._replace(status="failed: rank"),
+        good._replace(status="failed"),
     ):
         with pytest.raises(AssertionError):
             assert_learned(wrong)

@@ -132,7 +132,7 @@ def test_singular_weights_are_told_from_definite_ones_beyond_rounding() -> None:
         Q = C.T @ C
         game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf)
         result = learn(game, tick=0.1)
-        assert result.converged, result.status
+        assert result.converged, result.outcome
         row = positivity(game, result.P, np.ones(3))
         assert (row.relation, row.limit) == (">=", -1e-10)
         signs.add(row.value > 0.0)

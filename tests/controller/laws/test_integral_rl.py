@@ -92,7 +92,7 @@ def test_lq_form_ignores_the_disturbance_weight(name: str) -> None:
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
     game, exact = published("15 deg")
     from_nothing = learn(game, "irl")
-    assert from_nothing.status.startswith("failed: abscissa of A - S P")
+    assert from_nothing.outcome.startswith("failed: abscissa of A - S P")
     assert relative_error(from_nothing.P, exact.P) > 0.05
     start = tuple(QUADRATIC.weights(1.5 * lq("15 deg")[1].P))
     assert learn(game, "irl", initial_weights=start).converged
@@ -104,7 +104,7 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
     exact = published("5 deg")[1] if form == "game" else lq("5 deg")[1]
     assert learn(game, "irl", form=form).converged
     biased = learn(game, "irl", form=form, disturbance_measured=False)
-    assert biased.status.startswith("failed: ")
+    assert biased.outcome.startswith("failed: ")
     assert relative_error(biased.K, exact.K) > 0.3
     assert learn(game, "irl", form=form, disturbance_measured=False, disturbance=0.0).converged
 

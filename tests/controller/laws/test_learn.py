@@ -74,7 +74,7 @@ def test_results_are_plain_json(law: str) -> None:
     result = short_run(law)
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == law
-    assert plain["status"] == result.status
+    assert plain["status"] == result.outcome
     assert np.array_equal(np.array(plain["P"]), result.P)
     assert plain["settings"]["basis" if law != "irl" else "form"] in ("quadratic", "game")
     assert [row["ok"] for row in plain["certificates"]] == [row.ok for row in result.certificates]

@@ -41,7 +41,7 @@ def test_weights_that_stay_finite_and_whose_residual_does_not_are_not_certified(
     result = learn(published("15 deg")[0], "published", initial_weights=1e60, step=0.1, **options)
     assert result.residual_norm[-1] == np.inf
     assert result.settling_time == np.inf
-    assert result.status.startswith("failed: ")
+    assert result.outcome.startswith("failed: ")
 
 
 def test_defaults_are_those_of_the_paper() -> None:
@@ -123,7 +123,7 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
         W, z = W + 0.01 * step, z + 0.01 * rate
     result = learn(game, "published", **{name: getattr(flown, name) for name in flown.__dataclass_fields__})
     assert result.weights[-1] == pytest.approx(W, rel=1e-12)
-    assert result.status.startswith("failed: ")
+    assert result.outcome.startswith("failed: ")
     assert result.diagnostics["alpha2"] == 2.0
     assert result.diagnostics["lambda_0"] == law.theorem.lambda_0
     assert result.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])

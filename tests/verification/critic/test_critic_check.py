@@ -136,7 +136,6 @@ def _result(game, weights, rank):
         excitation=Excitation(rank, 21, 50, 1e-3, 1e3, 1e-12),
         settling_time=1.0,
         certificates=(),
-        status="converged",
         settings={},
         seed=0,
     )
