@@ -2,49 +2,49 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import casadi as ca
 
 from hfa_model.kinematics import Flow, airspeed, center_flow, center_height, outer_flow
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, Quantity, State
+from hfa_model.vectors import Input, Quantity, State, T
 
 
-class PanelLoads(NamedTuple):
+class PanelLoads(NamedTuple, Generic[T]):
     """Loads on one panel in its own axes: wing and tail together unless said; lbf and ft lbf.
 
     forward, sideward, downward: force components at the reference point. tail_downward: the tail's share
     of `downward`, which acts at the end of the boom. moment: of the wing section about the quarter chord.
     """
 
-    lift: Quantity
-    drag: Quantity
-    forward: Quantity
-    sideward: Quantity
-    downward: Quantity
-    tail_downward: Quantity
-    moment: Quantity
+    lift: T
+    drag: T
+    forward: T
+    sideward: T
+    downward: T
+    tail_downward: T
+    moment: T
 
 
-class Loads(NamedTuple):
+class Loads(NamedTuple, Generic[T]):
     """Loads on the aircraft: lift, drag (lbf, about the flight path), pitching moment about the center of mass
     and moment of one outer panel about its hinge without spring and damper (ft lbf), thrust (lbf), and the
     loads of the center and of one outer panel."""
 
-    lift: Quantity
-    drag: Quantity
-    pitching_moment: Quantity
-    hinge_moment: Quantity
-    thrust: Quantity
-    center: PanelLoads
-    outer: PanelLoads
+    lift: T
+    drag: T
+    pitching_moment: T
+    hinge_moment: T
+    thrust: T
+    center: PanelLoads[T]
+    outer: PanelLoads[T]
 
 
 def panel_loads(
-    flow: Flow, speed: Quantity, aileron: Quantity, elevator: Quantity, density: Quantity, p: Parameters
-) -> PanelLoads:
+    flow: Flow, speed: Quantity, aileron: Quantity, elevator: Quantity, density: Quantity, p: Parameters[Quantity]
+) -> PanelLoads[Quantity]:
     """L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
@@ -74,8 +74,13 @@ def panel_loads(
 
 
 def aircraft_loads(
-    x: State, u: Input, density: Quantity, p: Parameters, variant: Variant, updraft: Quantity = 0.0
-) -> Loads:
+    x: State[Quantity],
+    u: Input[Quantity],
+    density: Quantity,
+    p: Parameters[Quantity],
+    variant: Variant,
+    updraft: Quantity = 0.0,
+) -> Loads[Quantity]:
     """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),

@@ -11,7 +11,9 @@ from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State
 
 
-def rates(x: State, u: Input, p: Parameters, variant: Variant, updraft: Quantity = 0.0) -> State:
+def rates(
+    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
+) -> State[Quantity]:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
     V'  = (T cos α - D)/m_tot - g sin γ
@@ -28,7 +30,9 @@ def rates(x: State, u: Input, p: Parameters, variant: Variant, updraft: Quantity
     return rates_from_loads(x, loads, p, variant)
 
 
-def rates_from_loads(x: State, loads: Loads, p: Parameters, variant: Variant) -> State:
+def rates_from_loads(
+    x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
+) -> State[Quantity]:
     """The same equations with the loads given: what is left is mechanics."""
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
@@ -50,7 +54,7 @@ def rates_from_loads(x: State, loads: Loads, p: Parameters, variant: Variant) ->
     )
 
 
-def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Quantity:
+def _pitch_acceleration(x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]) -> Quantity:
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
@@ -59,7 +63,12 @@ def _pitch_acceleration(x: State, loads: Loads, p: Parameters) -> Quantity:
 
 
 def _dihedral_acceleration(
-    x: State, speed_rate: Quantity, alpha_rate: Quantity, loads: Loads, p: Parameters, variant: Variant
+    x: State[Quantity],
+    speed_rate: Quantity,
+    alpha_rate: Quantity,
+    loads: Loads[Quantity],
+    p: Parameters[Quantity],
+    variant: Variant,
 ) -> Quantity:
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate

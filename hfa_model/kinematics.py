@@ -27,37 +27,37 @@ class Flow(NamedTuple):
     sideslip: Quantity
 
 
-def center_height(dihedral: Quantity, p: Parameters) -> Quantity:
+def center_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
     """z_c = (s/3) sin η: the center panel below the center of mass, ft."""
     return p.panel_span / 3 * ca.sin(dihedral)
 
 
-def outer_height(dihedral: Quantity, p: Parameters) -> Quantity:
+def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
     """z_o = -(s/6) sin η: an outer panel above the center of mass (negative), ft."""
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
-def airspeed(x: State, updraft: Quantity = 0.0) -> Quantity:
+def airspeed(x: State[Quantity], updraft: Quantity = 0.0) -> Quantity:
     """V_a = sqrt(V² + w² - 2 V w sin γ): the speed of the center of mass relative to the air, ft/s; V in still air."""
     if isinstance(updraft, float) and updraft == 0.0:
         return x.speed
     return ca.sqrt(x.speed**2 + updraft**2 - 2 * x.speed * updraft * ca.sin(x.pitch - x.alpha))
 
 
-def angle_of_attack(x: State, updraft: Quantity = 0.0) -> Quantity:
+def angle_of_attack(x: State[Quantity], updraft: Quantity = 0.0) -> Quantity:
     """α_a = atan2(V sin α + w cos θ, V cos α - w sin θ): of the center of mass through the air, rad; α in still air."""
     if isinstance(updraft, float) and updraft == 0.0:
         return x.alpha
     return ca.atan2(x.speed * ca.sin(x.alpha) + updraft * ca.cos(x.pitch), _forward(x, updraft))
 
 
-def center_flow(x: State, p: Parameters, updraft: Quantity = 0.0) -> Flow:
+def center_flow(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity = 0.0) -> Flow:
     """u = V cos α + q z_c - w sin θ,  w_c = V sin α + (s/3) cos η η' + w cos θ  (Gibson et al. 2011, Eqs. 75-76)."""
     forward = _forward(x, updraft) + x.pitch_rate * center_height(x.dihedral, p)
     return flow_of(forward, 0.0, _hinge_descent(x, p, updraft))
 
 
-def outer_flow(x: State, p: Parameters, updraft: Quantity = 0.0) -> Flow:
+def outer_flow(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity = 0.0) -> Flow:
     """u = V cos α + q z_o - w sin θ,  v = w_h sin η,  w_o = w_h cos η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ.
 
@@ -76,10 +76,10 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
-def _forward(x: State, updraft: Quantity) -> Quantity:
+def _forward(x: State[Quantity], updraft: Quantity) -> Quantity:
     return x.speed * ca.cos(x.alpha) - updraft * ca.sin(x.pitch)
 
 
-def _hinge_descent(x: State, p: Parameters, updraft: Quantity) -> Quantity:
+def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity) -> Quantity:
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + updraft * ca.cos(x.pitch)

@@ -23,12 +23,12 @@ from hfa_model.vectors import STATE_UNITS, STATES, Input, Quantity, State
 class Moment(NamedTuple):
     """Everything that an output may look at, at one instant: numbers or CasADi expressions."""
 
-    x: State
-    u: Input
-    p: Parameters
+    x: State[Quantity]
+    u: Input[Quantity]
+    p: Parameters[Quantity]
     updraft: Quantity
-    loads: Loads
-    rates: State
+    loads: Loads[Quantity]
+    rates: State[Quantity]
 
 
 class Output(NamedTuple):
@@ -39,7 +39,9 @@ class Output(NamedTuple):
     of: Callable[[Moment], Quantity]
 
 
-def moment_of(x: State, u: Input, p: Parameters, variant: Variant, updraft: Quantity = 0.0) -> Moment:
+def moment_of(
+    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
+) -> Moment:
     """Loads and rates at (x, u) in air that rises by `updraft`, ft/s."""
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, updraft)
     return Moment(x, u, p, updraft, loads, rates_from_loads(x, loads, p, variant))

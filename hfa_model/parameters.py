@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,10 @@ from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
 from hfa_model.support.report import Report, Reported
 from hfa_model.support.toml_file import finite_number
-from hfa_model.vectors import Quantity
+from hfa_model.vectors import T
 
 
-class Parameters(NamedTuple):
+class Parameters(NamedTuple, Generic[T]):
     """The aircraft as numbers (or CasADi symbols), English units: ft, slug, lbf, s, rad.
 
     Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are about
@@ -28,24 +28,24 @@ class Parameters(NamedTuple):
     and tail share one lift slope; `thrust_per_throttle` converts the throttle to total thrust.
     """
 
-    panel_mass: Quantity
-    panel_span: Quantity
-    chord: Quantity
-    tail_area: Quantity
-    boom_length: Quantity
-    inertia_roll: Quantity
-    inertia_pitch: Quantity
-    inertia_yaw: Quantity
-    lift_slope: Quantity
-    aileron_lift: Quantity
-    aileron_moment: Quantity
-    zero_lift_moment: Quantity
-    zero_lift_drag: Quantity
-    induced_drag: Quantity
-    hinge_stiffness: Quantity
-    hinge_damping: Quantity
-    thrust_per_throttle: Quantity
-    gravity: Quantity
+    panel_mass: T
+    panel_span: T
+    chord: T
+    tail_area: T
+    boom_length: T
+    inertia_roll: T
+    inertia_pitch: T
+    inertia_yaw: T
+    lift_slope: T
+    aileron_lift: T
+    aileron_moment: T
+    zero_lift_moment: T
+    zero_lift_drag: T
+    induced_drag: T
+    hinge_stiffness: T
+    hinge_damping: T
+    thrust_per_throttle: T
+    gravity: T
 
 
 class Field(NamedTuple):
@@ -94,7 +94,7 @@ class ParameterSet(ByValue, Reported):
     propagated from the rounding of the print; empty when nothing is identified. name: of the set or its file.
     """
 
-    values: Parameters
+    values: Parameters[float]
     sources: dict[str, str]
     notes: dict[str, str] = field(default_factory=dict)
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))

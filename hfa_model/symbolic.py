@@ -10,7 +10,9 @@ from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, STATES, Input, Quantity, State
 
 
-def state_rates(x: Quantity, u: Quantity, p: Quantity, variant: Variant, updraft: Quantity = 0.0) -> Quantity:
+def state_rates(
+    x: ca.SX, u: ca.SX, p: ca.SX | Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
+) -> ca.SX:
     """dX/dt, a column (7,) in the order of `STATES`: `dynamics.rates` of columns.
 
     x: (7,), u: (5,). p: (18,) in the order of `Parameters`, or a `Parameters`. updraft: ft/s, positive up.
@@ -18,7 +20,9 @@ def state_rates(x: Quantity, u: Quantity, p: Quantity, variant: Variant, updraft
     return ca.vertcat(*rates(*by_name(x, u, p), variant, updraft))
 
 
-def by_name(x: Quantity, u: Quantity, p: Quantity) -> tuple[State, Input, Parameters]:
+def by_name(
+    x: ca.SX, u: ca.SX, p: ca.SX | Parameters[Quantity]
+) -> tuple[State[Quantity], Input[Quantity], Parameters[Quantity]]:
     """The components of columns as `dynamics` and `aerodynamics` name them; a `Parameters` stays what it is."""
     parameters = p if isinstance(p, Parameters) else Parameters(*ca.vertsplit(p))
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), parameters

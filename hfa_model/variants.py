@@ -34,7 +34,7 @@ class Published:
 
     name = "published"
 
-    def outer_lever(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """l = s/2 - (s/3) sin η, ft."""
         return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
 
@@ -42,7 +42,7 @@ class Published:
         """π = 1."""
         return 1.0
 
-    def hinge_coupling(self, x: State, p: Parameters) -> Quantity:
+    def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
         """(m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], ft lbf."""
         sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -51,7 +51,7 @@ class Published:
             - 2 * p.panel_span / 3 * cos_eta * sin_eta * x.dihedral_rate**2
         )
 
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
         The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices, and the released
@@ -67,7 +67,7 @@ class Newton:
 
     name = "newton"
 
-    def outer_lever(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """l = (s/6) sin η, ft: the height of an outer panel above the center of mass."""
         return p.panel_span / 6 * ca.sin(dihedral)
 
@@ -75,7 +75,7 @@ class Newton:
         """π = cos η: the panel's spanwise axis leans by η out of the pitch axis."""
         return ca.cos(dihedral)
 
-    def hinge_coupling(self, x: State, p: Parameters) -> Quantity:
+    def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
         """(m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²], ft lbf."""
         cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -83,7 +83,7 @@ class Newton:
             - p.panel_span / 3 * cos_eta * ca.sin(x.dihedral) * x.dihedral_rate**2
         )
 
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the panel turns."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2

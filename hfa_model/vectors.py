@@ -3,42 +3,47 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeAlias, TypeVar
 
-#: A number or a CasADi expression (SX or MX); the shape, where it is not one number, stands in the docstring. To a
-#: type checker it is Any: the union of the three would let SX and MX be added, which CasADi refuses.
-Quantity: TypeAlias = Any
+if TYPE_CHECKING:
+    import casadi as ca
+
+#: A number or a CasADi expression; the shape, where it is not one number, stands in the docstring. SX stands for MX
+#: too: whatever computes with one does with the other, and a union of both would let them be added.
+Quantity: TypeAlias = "ca.SX | ca.DM | float"
+#: What a State, an Input, ... holds: numbers, CasADi expressions, units or scales.
+T = TypeVar("T", covariant=True)
 
 #: One degree, rad: 15 * DEGREE.
 DEGREE = math.pi / 180
 
 
-class State(NamedTuple):
+class State(NamedTuple, Generic[T]):
     """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2), or one quantity per state.
 
     The fields hold floats, CasADi expressions, units or scales: whatever is stated once per state.
     """
 
-    speed: Any
-    alpha: Any
-    altitude: Any
-    pitch: Any
-    pitch_rate: Any
-    dihedral: Any
-    dihedral_rate: Any
+    speed: T
+    alpha: T
+    altitude: T
+    pitch: T
+    pitch_rate: T
+    dihedral: T
+    dihedral_rate: T
 
 
-class Input(NamedTuple):
+class Input(NamedTuple, Generic[T]):
     """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2), or one quantity per input.
 
     `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (see `parameters.py`).
     """
 
-    throttle: Any
-    aileron_center: Any
-    aileron_outer: Any
-    elevator_center: Any
-    elevator_outer: Any
+    throttle: T
+    aileron_center: T
+    aileron_outer: T
+    elevator_center: T
+    elevator_outer: T
 
 
 STATES: tuple[str, ...] = State._fields

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -101,3 +102,29 @@ def test_a_type_checker_sees_the_types(tmp_path: Path) -> None:
     for name, result in zip(names, ("Sweep", "LinearModel", "Aircraft", "LearningResult", "GameSolution"), strict=True):
         line = revealed[names.index(name)]
         assert line.rstrip('"').endswith(f".{result}"), line
+
+
+@pytest.mark.slow
+def test_a_type_checker_sees_what_is_no_quantity(tmp_path: Path) -> None:
+    wrong = {
+        'center_height("15 deg", p)': "arg-type",
+        "x.sped": "attr-defined",
+        "airspeed(x) + STATE_UNITS.speed": "operator",
+        'State[Quantity](68.0, "2.8", 0.0, 0.0, 0.0, 0.0, 0.0)': "arg-type",
+        "load.lift + load.center": "operator",
+    }
+    head = (
+        "from hfa_model.aerodynamics import Loads",
+        "from hfa_model.kinematics import airspeed, center_height",
+        "from hfa_model.parameters import Parameters",
+        "from hfa_model.vectors import STATE_UNITS, Quantity, State",
+        "def use(x: State[Quantity], p: Parameters[Quantity], load: Loads[Quantity]) -> None:",
+        "    airspeed(x) + center_height(0.1, p)",
+    )
+    script = tmp_path / "user.py"
+    script.write_text("\n".join([*head, *(f"    {line}" for line in wrong)]))
+    command = [sys.executable, "-m", "mypy", "--config-file", os.devnull, "--cache-dir", os.devnull, str(script)]
+    found = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"MYPYPATH": str(ROOT)})
+    said = re.findall(rf"^{re.escape(str(script))}:(\d+): error: .*\[(.*)\]$", found.stdout, re.M)
+    expected = {(str(len(head) + 1 + index), code) for index, code in enumerate(wrong.values())}
+    assert set(said) == expected, found.stdout

@@ -19,7 +19,7 @@ from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import Parameters
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
-from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, State
+from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, Quantity, State
 from trim.point.condition import BALANCED, LIMITS, VARIABLES, level_flight
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import BALANCE
@@ -194,7 +194,8 @@ def newton_functions(variant: Variant) -> tuple[ca.Function, ca.Function]:
     condition, unknowns = ca.SX.sym("condition", len(CONDITION)), ca.SX.sym("v", len(_UNKNOWNS))
     at = dict(zip(CONDITION, ca.vertsplit(condition), strict=True))
     pitch = at["alpha"] + at["gamma"]
-    state = ca.vertcat(*State(at["speed"], at["alpha"], at["altitude"], pitch, 0, at["dihedral"], 0))
+    flight: State[Quantity] = State(at["speed"], at["alpha"], at["altitude"], pitch, 0.0, at["dihedral"], 0.0)
+    state = ca.vertcat(*flight)
     balance = state_rates(state, _input(unknowns), p, variant)[[STATES.index(name) for name in _EQUATIONS]]
     after = unknowns - _eliminate(ca.jacobian(balance, unknowns), balance)
     f = state_rates(x, u, p, variant)
@@ -228,4 +229,6 @@ def _eliminate(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def _input(unknowns: ca.SX) -> ca.SX:
-    return ca.vertcat(*Input(aileron_center=0.0, **dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True))))
+    free = dict(zip(_UNKNOWNS, ca.vertsplit(unknowns), strict=True))
+    control: Input[Quantity] = Input(aileron_center=0.0, **free)
+    return ca.vertcat(*control)

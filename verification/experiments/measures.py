@@ -15,10 +15,10 @@ from verification.experiments.setting import Setting
 Select = Callable[[Setting, str], tuple[FlightPlan, ...]]
 Measure = Callable[[Evidence, str], float]
 #: What is read of one flight: a number, or numbers by name.
-Quantity = Callable[[FlightMetrics], float | Mapping[str, float]]
+Metric = Callable[[FlightMetrics], float | Mapping[str, float]]
 
 
-def of_learning(number: Callable[[LearningMetrics], float]) -> Quantity:
+def of_learning(number: Callable[[LearningMetrics], float]) -> Metric:
     """A number of the learning of a flight."""
 
     def quantity(metrics: FlightMetrics) -> float:
@@ -28,19 +28,19 @@ def of_learning(number: Callable[[LearningMetrics], float]) -> Quantity:
     return quantity
 
 
-def worst(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
+def worst(select: Select, quantity: Metric, *, of: Iterable[str] = ()) -> Measure:
     """The largest number over the flights; of: names to look at, all when empty."""
     names = tuple(of)
     return lambda evidence, law: max(max(_numbers(one, quantity, names)) for one in _selected(evidence, select, law))
 
 
-def smallest(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
+def smallest(select: Select, quantity: Metric, *, of: Iterable[str] = ()) -> Measure:
     """The smallest such number."""
     names = tuple(of)
     return lambda evidence, law: min(min(_numbers(one, quantity, names)) for one in _selected(evidence, select, law))
 
 
-def spread(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
+def spread(select: Select, quantity: Metric, *, of: Iterable[str] = ()) -> Measure:
     """The largest (largest - smallest) / largest of a number between the flights; inf when it is inf in some only.
 
     A number that is inf in all flights (an error that never settles, say) tells nothing and is left out; inf when
@@ -60,7 +60,7 @@ def spread(select: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Mea
     return measure
 
 
-def ratio(select: Select, other: Select, quantity: Quantity, *, of: Iterable[str] = ()) -> Measure:
+def ratio(select: Select, other: Select, quantity: Metric, *, of: Iterable[str] = ()) -> Measure:
     """The largest number over the same number of the other flights, flight by flight and name by name."""
     names = tuple(of)
 
@@ -115,6 +115,6 @@ def _selected(evidence: Evidence, select: Select, law: str) -> list[FlightRecord
     return evidence.records(*select(evidence.setting, law))
 
 
-def _numbers(record: FlightRecord, quantity: Quantity, names: tuple[str, ...]) -> list[float]:
+def _numbers(record: FlightRecord, quantity: Metric, names: tuple[str, ...]) -> list[float]:
     value = quantity(record.metrics)
     return [value[name] for name in names or value] if isinstance(value, Mapping) else [float(value)]
