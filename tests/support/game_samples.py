@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from controller.game.zero_sum import Game, published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models
+from hfa_model.support.checks import Check
 from hfa_model.variants import VARIANTS
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
@@ -52,3 +54,8 @@ def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
         A, B, E, C = A * units[:, None] / units, B * units[:, None], E * units[:, None], C / units
     Q, R = C.T @ C, root @ root.T + 0.1 * np.eye(m)
     return Game(A, B, E, (Q + Q.T) / 2.0, (R + R.T) / 2.0, delta)
+
+
+def failed_names(checks: Iterable[Check]) -> set[str]:
+    """The names of the checks that do not hold."""
+    return {check.name for check in checks if not check.ok}

@@ -4,32 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from game_samples import INITIAL, game_models
+from game_samples import INITIAL, failed_names
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check
 from hfa_model.support.errors import NoSolutionError
 from verification.meaning.cost import cost_checks, cost_matrix, simulated_cost
 from verification.meaning.linear_flight import simulate
 from verification.meaning.saddle import saddle_checks
 from verification.riccati.gare import solve_game
-
-MODELS = sorted(game_models())
-
-
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
-
-
-@pytest.fixture(scope="module")
-def first() -> tuple[Game, np.ndarray]:
-    game = game_models()[MODELS[0]]
-    return game, solve_game(game).P
-
-
-def _failed(checks: tuple[Check, ...]) -> set[str]:
-    return {check.name for check in checks if not check.ok}
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
@@ -41,18 +23,18 @@ def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
 
 def test_cost_of_a_value_that_is_off_by_a_millionth_is_noticed(first: tuple[Game, np.ndarray]) -> None:
     game, P = first
-    assert _failed(cost_checks(game, P * (1.0 + 1e-6), INITIAL)) == {"cost_lyapunov", "cost_simulated"}
+    assert failed_names(cost_checks(game, P * (1.0 + 1e-6), INITIAL)) == {"cost_lyapunov", "cost_simulated"}
 
 
 def test_policies_that_do_not_come_to_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
     game, P = first
     checks = cost_checks(game, -P, INITIAL)
-    assert _failed(checks) == {"cost_lyapunov", "cost_simulated"}
+    assert failed_names(checks) == {"cost_lyapunov", "cost_simulated"}
     assert "do not bring the state to rest" in checks[0].reason
     for cost in (cost_matrix, lambda *policies: simulated_cost(*policies, INITIAL)):
         with pytest.raises(NoSolutionError, match=r"abscissa \+.* cost of these policies is infinite"):
             cost(game, -game.gain(P), game.disturbance_gain(P))
-    assert _failed(saddle_checks(game, -P, INITIAL, seed=0)) == {"saddle_finite_cost"}
+    assert failed_names(saddle_checks(game, -P, INITIAL, seed=0)) == {"saddle_finite_cost"}
 
 
 def test_cost_of_a_scalar_policy_in_closed_form() -> None:

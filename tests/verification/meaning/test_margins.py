@@ -8,7 +8,6 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from game_samples import game_models
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 
@@ -16,13 +15,6 @@ from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
 from verification.meaning.margins import best_scaling, disk_margin, loop_margins, scaled_norm
 from verification.riccati.gare import solve_game
-
-MODELS = sorted(game_models())
-
-
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

@@ -7,10 +7,9 @@ import math
 import control
 import numpy as np
 import pytest
-from game_samples import game_models, random_game
+from game_samples import failed_names, game_models, random_game
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check
 from verification.riccati.existence import has_value, minimum_delta
 from verification.riccati.gare import solve_game
 from verification.riccati.l2_gain import SweptGain, bounded_real_gain, gain_checks, gain_is_below, swept_gain
@@ -27,10 +26,6 @@ def game(request: pytest.FixtureRequest) -> Game:
 def first() -> tuple[Game, np.ndarray]:
     game = game_models()[MODELS[0]]
     return game, solve_game(game).P
-
-
-def _failed(checks: tuple[Check, ...]) -> set[str]:
-    return {check.name for check in checks if not check.ok}
 
 
 def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
@@ -74,13 +69,13 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
     hidden = Game(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0)
     for game, K in ((still, np.zeros((1, 1))), (hidden, np.zeros((1, 2)))):
         assert bounded_real_gain(game, K) == 0.0
-        assert not _failed(gain_checks(game, K))
+        assert not failed_names(gain_checks(game, K))
 
 
 def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
     game, P = first
     checks = gain_checks(game, 0.01 * game.gain(P))
-    assert _failed(checks) == {"l2_gain"}
+    assert failed_names(checks) == {"l2_gain"}
     assert "is not below delta = 200" in checks[0].reason
 
 
@@ -89,7 +84,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 ) -> None:
     game, P = first
     monkeypatch.setattr("verification.riccati.l2_gain.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
-    assert _failed(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
+    assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 
 
 def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
