@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +102,18 @@ def minimum_delta(game: Game) -> DeltaMin:
     Raises NoSolutionError when neither can, naming the mode if one is found that rules out every solution.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
-    gain = bounded_real_gain(game, game.gain(_some_solution(game)))
+    K = game.gain(_some_solution(game))
+    if not game.E.any():
+        return DeltaMin(0.0, 0.0)
+    # A disturbance of the size of 1; a power of two leaves the digits alone.
+    size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
+    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K)
+    return DeltaMin(found.value * size, found.refused * size)
+
+
+def _smallest_delta(game: Game, K: np.ndarray) -> DeltaMin:
+    """`minimum_delta`, begun above the L2 gain of the policy K."""
+    gain = bounded_real_gain(game, K)
     if gain == 0.0:
         return DeltaMin(0.0, 0.0)
     upper = 2.0 * gain

@@ -41,7 +41,9 @@ def gain_is_below(game: Game, K: np.ndarray, level: float) -> bool:
     """
     loop = game.A - game.B @ K
     cost = game.Q + K.T @ game.R @ K
-    H = np.block([[loop, game.S_disturbance / level], [-cost / level, -loop.T]])
+    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when E is of another unit.
+    ratio = math.sqrt((np.linalg.norm(game.S_disturbance) or 1.0) / (np.linalg.norm(cost) or 1.0))
+    H = np.block([[loop, game.S_disturbance / (level * ratio)], [-cost * (ratio / level), -loop.T]])
     return is_hurwitz(loop) and spectrum(H).axis_distance() > AXIS_DISTANCE
 
 
