@@ -10,7 +10,13 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.riccati.certificate import certified_solution, first_derivation, hamiltonian_checks, solution_checks
+from verification.riccati.certificate import (
+    ON_THE_AXIS,
+    certified_solution,
+    first_derivation,
+    hamiltonian_checks,
+    solution_checks,
+)
 from verification.riccati.l2_gain import bounded_real_gain
 from verification.riccati.units import normal_form
 
@@ -18,8 +24,6 @@ from verification.riccati.units import normal_form
 SIGNLESS = 1e-13
 #: and in proportion more where the condition of the Hamiltonian exceeds this.
 WELL_CONDITIONED = 1e4
-#: At this distance a Hamiltonian has an eigenvalue on the imaginary axis, or next to it.
-ON_THE_AXIS = 1e-14
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
@@ -144,11 +148,11 @@ def _some_solution(game: Game) -> np.ndarray:
         try:
             return certified_solution(game)[0]
         except NoSolutionError:
-            raise NoSolutionError(lqr_obstacle(game)) from error
+            raise NoSolutionError(lqr_obstacle(game, str(error))) from error
 
 
-def lqr_obstacle(game: Game) -> str:
-    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
+def lqr_obstacle(game: Game, failure: str) -> str:
+    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution; failure: of its certificate.
 
     It has one exactly when [A - λI, B] has full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable)
     and [A - λI; Q] for every λ with Re λ = 0. An unstable mode outside Q is no obstacle: P is then the least
@@ -173,7 +177,7 @@ def lqr_obstacle(game: Game) -> str:
                 f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(value)} costs nothing; "
                 "give Q weight on it"
             )
-    return "the problem without disturbance (delta = inf) could not be certified; check the scaling of A, B, Q, R"
+    return f"the problem without disturbance (delta = inf) is not certified: {failure}; check the scaling of A, B, Q, R"
 
 
 def _rank_distance(A: np.ndarray, value: complex, rows: np.ndarray) -> float:
