@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
+from hfa_model.support.text import Table
 from hfa_model.support.version import toolchain_version
 
 SCHEMA = "hfa.provenance/1"
@@ -53,6 +54,26 @@ class Provenance:
             "model": self.model,
         }
 
+    def table(self) -> Table:
+        """For a page: a row for each thing that is known."""
+        changes = [f"{name}: {text}" for name, text in self._changes().items()]
+        rows = [
+            ("command", self.command),
+            ("version", f"hfa {self.version}"),
+            ("date", self.date),
+            ("plant", self.model),
+            ("dynamics", self.dynamics),
+            ("parameters", f"{self.parameters} ({self.parameter_hash})" if self.parameters else ""),
+            ("not the identified aircraft", "; ".join(changes)),
+        ]
+        return Table(("origin", "value"), [row for row in rows if row[1]])
+
+    def _changes(self) -> dict[str, str]:
+        return {
+            name: f"{value:.6g} {getattr(FIELDS, name).unit} (identified: {known:.6g})"
+            for name, (value, known) in self.changed.items()
+        }
+
     def text(self) -> str:
         """For people: a line, and a second one where the aircraft is not the identified one."""
         about = [f"hfa {self.version}", self.date[:10]]
@@ -60,10 +81,7 @@ class Provenance:
             about.append(f"plant {self.model}")
         elif self.parameters:
             about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
-        changes = [
-            f"{name} {value:.6g} {getattr(FIELDS, name).unit} (identified: {known:.6g})"
-            for name, (value, known) in self.changed.items()
-        ]
+        changes = [f"{name} {text}" for name, text in self._changes().items()]
         lines = [", ".join(about)]
         if changes:
             lines.append(f"not the identified aircraft: {'; '.join(changes)}")

@@ -1,26 +1,42 @@
-"""The main job on one page: both printed pairs regenerated, the linear models from 0 to 20 degrees, and a learned
-critic compared with the exact game solution."""
+"""The main job on one page: both printed pairs regenerated, the linear models over the dihedral angle with a slider,
+and at each asked angle the trim, the model beside its print, the exact game solution and a learned critic."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from hfa_cli import options
-from hfa_cli.argument_types import output_file, parsed
-from hfa_cli.origin import signed
-from hfa_cli.output import check_folder
+from hfa_cli.argument_types import output_file, parsed, some_of
+from hfa_cli.origin import provenance, signed
+from hfa_cli.output import Progress, check_folder
 from hfa_cli.parser import add_value
+from hfa_cli.ranges import Range, array_of, value_range
+from hfa_model.outputs import OUTPUTS
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, written_whole
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report
-from verification.published.report_page import MainJob, main_job, main_report, page
+from hfa_model.vectors import STATES
+from verification.page.claims_section import load_claims
+from verification.page.job_report import main_report
+from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
+from verification.page.page_html import page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa report`."""
+    angles = partial(value_range, "dihedral")
+    about = "angles shown in full, degrees: a,b,c or start:stop:step; default: the printed 5 and 15"
+    add_value(parser, "--dihedral", angles, "RANGE", about)
+    add_value(parser, "--sweep", angles, "RANGE", "angles of the slider and the root locus; default 0:20:0.5")
+    add_value(parser, "--outputs", some_of(*STATES, *OUTPUTS), "a,b,...", "C and D of these outputs too")
+    about = "claims of the paper to show: the folder that `hfa reproduce` wrote, or its claims.json"
+    add_value(parser, "--claims", parsed(lambda text: load_claims(Path(text))), "FILE", about)
     options.add_aircraft(parser)
     about = "write the page, one self-contained .html file"
     parser.add_argument("-o", "--output", type=output_file(".html"), metavar="FILE", help=about)
@@ -34,7 +50,15 @@ def run(arguments: argparse.Namespace) -> int:
     places = sum(place is not None for place in (arguments.output, arguments.folder))
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
-    job = main_job(options.parameters_of(arguments), arguments.dynamics)
+    job = main_job(
+        options.parameters_of(arguments),
+        arguments.dynamics,
+        asked=_angles("--dihedral", arguments.dihedral, np.array(ASKED), MOST_ASKED).tolist(),
+        swept=_angles("--sweep", arguments.sweep, SWEEP, MOST_SWEPT),
+        outputs=arguments.outputs,
+        claims=arguments.claims,
+        progress=Progress("report").say,
+    )
     report = signed(main_report(job))
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
@@ -43,10 +67,20 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if job.ok else 1
 
 
+def _angles(option: str, given: Range | None, default: np.ndarray, most: int) -> np.ndarray:
+    """Of an option, each once and in order, rad; BadInputError when there are more than one page holds."""
+    if given is None:
+        return default
+    angles = np.unique(array_of(option, given, most))
+    if angles.size > most:
+        raise BadInputError(f"{option} has {angles.size} angles; one page holds at most {most}, take fewer")
+    return angles
+
+
 def _written(job: MainJob, report: Report, target: Path | None, folder: Path | None) -> list[str]:
     """Write the page to the file or into the folder; what was written."""
     if target is not None:
-        write_text(target, page(job, report))
+        write_text(target, page(job, report, provenance()))
         return [str(target)]
     if folder is None:
         return []  # the numbers alone
@@ -56,5 +90,5 @@ def _written(job: MainJob, report: Report, target: Path | None, folder: Path | N
         with written_whole(folder / picture.name) as stream:
             stream.write(picture.png)
     write_text(folder / "numbers.json", json.dumps(jsonable(report.data), allow_nan=False) + "\n")
-    write_text(folder / "report.html", page(job, report))
+    write_text(folder / "report.html", page(job, report, provenance()))
     return [f"{folder / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Block
-from hfa_model.support.text import Table
+from hfa_model.support.text import Table, Toned
 
 #: What a number may be asked to be of its limit; a value that is not a number is none of them.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
@@ -58,7 +58,7 @@ def checks_block(checks: Iterable[Check]) -> Block:
 
 def verdict_text(ok: bool) -> str:
     """How a table says whether a check holds."""
-    return "pass" if ok else "FAIL"
+    return Toned("pass", "good") if ok else Toned("FAIL", "bad")
 
 
 def _judged(name: str, value: float, limit: float, ok: bool, reason: str) -> Check:

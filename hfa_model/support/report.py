@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_model.support.text import Table, columns
+from hfa_model.support.text import Table, Toned, columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +34,13 @@ class Picture:
         from hfa_model.support.figure import png_bytes
 
         return png_bytes(self.draw())
+
+    def html(self) -> str:
+        """The figure with its text below it, embedded."""
+        data = base64.b64encode(self.png).decode("ascii")
+        text = html.escape(self.text)
+        image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
+        return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +70,9 @@ class Report:
         """The same report with more data."""
         return replace(self, data={**self.data, **more})
 
-    def text(self) -> str:
+    def text(self, *, color: bool = False) -> str:
         """For a terminal: parts with an empty line between them; pictures have no place there."""
-        shown = [_text(part) for part in self.parts if not isinstance(part, Picture)]
+        shown = [_text(part, color) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
         return "\n\n".join(filter(None, [self.title, *shown, *notes, self.source]))
 
@@ -135,12 +142,12 @@ class Reported:
         return self.report().html(level=3)
 
 
-def _text(part: str | Table | Block | Report) -> str:
+def _text(part: str | Table | Block | Report, color: bool) -> str:
     if isinstance(part, Report):
-        return part.text()
+        return part.text(color=color)
     if isinstance(part, Block):
-        return "\n".join(map(_text, part.parts))
-    return columns(*part) if isinstance(part, Table) else part
+        return "\n".join(_text(each, color) for each in part.parts)
+    return columns(*part, color=color) if isinstance(part, Table) else part
 
 
 def _markdown(part: Part, level: int) -> str:
@@ -165,18 +172,40 @@ def _html(part: Part, level: int) -> str:
     if isinstance(part, Block):
         return "\n".join(_html(each, level) for each in part.parts)
     if isinstance(part, Picture):
-        data = base64.b64encode(part.png).decode("ascii")
-        return f'<p><img alt="{html.escape(part.text)}" src="data:image/png;base64,{data}"></p>'
+        return part.html()
     if isinstance(part, Table):
-        head = "".join(f'<th scope="col">{html.escape(str(cell))}</th>' for cell in part.header)
-        body = "\n".join(
-            f'<tr><th scope="row">{html.escape(str(row[0]))}</th>'
-            + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row[1:])
-            + "</tr>"
-            for row in part.rows
-        )
-        return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+        return html_table(part)
     return "\n".join(f"<p>{html.escape(line)}</p>" for line in part.split("\n"))
+
+
+def html_table(table: Table) -> str:
+    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a column without numbers,
+    and the tone of a cell."""
+    columns = [["words"] if _are_words([row[i] for row in table.rows]) else [] for i in range(len(table.header))]
+    head = "".join(
+        f'<th scope="col"{_class(words)}>{html.escape(str(cell))}</th>'
+        for cell, words in zip(table.header, columns, strict=True)
+    )
+    body = "\n".join(
+        f'<tr><th scope="row">{html.escape(str(row[0]))}</th>' + "".join(map(_td, row[1:], columns[1:])) + "</tr>"
+        for row in table.rows
+    )
+    box = f'<div class="table" role="group" tabindex="0" aria-label="table: {html.escape(str(table.header[0]))}">'
+    return f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
+
+
+def _are_words(cells: Sequence[Any]) -> bool:
+    """Whether fewer than half of the cells that say anything begin as a number does."""
+    said = [text for cell in cells if (text := str(cell)) not in ("", "-")]
+    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in said) * 2 < len(said)
+
+
+def _td(cell: Any, column: list[str]) -> str:
+    return f"<td{_class([*column, *([cell.tone] if isinstance(cell, Toned) else [])])}>{html.escape(str(cell))}</td>"
+
+
+def _class(names: list[str]) -> str:
+    return f' class="{" ".join(names)}"' if names else ""
 
 
 def _latex(part: Part, level: int) -> str:

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
+#: From the best to the worst, with the color that a terminal gives it.
+TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 
 
 class Table(NamedTuple):
@@ -15,6 +17,21 @@ class Table(NamedTuple):
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
+
+
+class Toned(str):
+    """A cell that also says how good it is; it reads as the plain text. tone: one of `TONES`."""
+
+    tone: str
+
+    def __new__(cls, text: str, tone: str) -> Toned:
+        """The text with its tone."""
+        cell = super().__new__(cls, text)
+        cell.tone = tone
+        return cell
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]  # the words that make it again
+        return str(self), self.tone
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
@@ -93,15 +110,19 @@ def four_decimals(value: float) -> str:
     return "0.0000" if text == "-0.0000" else text
 
 
-def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Rows of text in aligned columns: the first to the left, the others to the right."""
+def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, color: bool = False) -> str:
+    """Rows of text in aligned columns: the first to the left, the others to the right; toned cells in color if so."""
     table = [header, *rows]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     lines = [
         "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
+            _colored(cell, cell.ljust(width) if i == 0 else cell.rjust(width), color)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
         for row in table
     ]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _colored(cell: str, shown: str, color: bool) -> str:
+    return f"\033[{TONES[cell.tone]}m{shown}\033[0m" if color and isinstance(cell, Toned) else shown

@@ -39,6 +39,7 @@ ROOMS = (
     "verification.servo",
     "verification.proof",
     "verification.experiments",
+    "verification.page",
     "hfa_cli",
     "hfa_cli.commands",
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,12 +12,15 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.support.text import TONES, Table, Toned, four_decimals
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
+
+#: Half units up to which an entry has each tone but the last: it prints the same, one off, at most two off.
+MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -98,6 +102,34 @@ def beside_the_print(report: Report, model: LinearModel, published: PublishedMod
     printed = {"A": published.A.tolist(), "B": published.B.tolist()}
     beside = replace(report, title="", parts=(report, comparison_table(model, published)), notes=())
     return beside.with_data(printed=printed)
+
+
+def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
+    """A and B, the printed row below each computed one; an entry's tone says how many half units it is off."""
+    entries = {(each.matrix, each.row, each.column): each for each in compare(model, published)}
+    return tuple(
+        Table(
+            (name, *columns),
+            [
+                line
+                for row in LINEAR_STATES
+                for line in (
+                    (row, *(_toned(entries[name, row, column]) for column in columns)),
+                    ("printed", *(four_decimals(entries[name, row, column].printed) for column in columns)),
+                )
+            ],
+        )
+        for name, columns in (("A", LINEAR_STATES), ("B", INPUTS))
+    )
+
+
+def _toned(entry: EntryRow) -> str:
+    """The computed entry; what is printed 0 and is 0 has no tone."""
+    shown = four_decimals(entry.computed)
+    if entry.is_zero:
+        return shown
+    tones = zip(TONES, (*MOST_HALF_UNITS, math.inf), strict=True)
+    return Toned(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:

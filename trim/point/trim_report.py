@@ -12,6 +12,7 @@ from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import (
     Table,
+    Toned,
     angle_text,
     degrees,
     four_decimals,
@@ -94,7 +95,7 @@ def _nearest(nearest: list[Margin]) -> Table:
             degrees(each.distance, each.unit)[0],
             shown_unit(each.unit),
             f"{100 * each.share:.1f} %",
-            "BINDS" if each.binds else "held there" if each.at_limit else "-",
+            Toned("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
         )
         for each in nearest
     ]
@@ -109,7 +110,7 @@ def _equations(point: OperatingPoint) -> Table:
             f"{_tolerance(name):.2e}",
             getattr(RATE_UNITS, name),
             f"{point.scaled_residuals[name]:.2e}",
-            "PASS" if _balances(name, point) else "FAIL",
+            Toned("PASS", "good") if _balances(name, point) else Toned("FAIL", "bad"),
         )
         for name, value in point.residuals.items()
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hfa_model.support.report import Report, markdown_table
-from hfa_model.support.text import Table
+from hfa_model.support.text import Table, Toned
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, MODIFIED
 
 
@@ -33,29 +33,38 @@ def claims_markdown(table: dict[str, Any]) -> str:
         (*_words(claim), *(_cell(claim["findings"].get(law)) for law in laws), claim["verdict"], claim["reason"])
         for claim in table["claims"]
     ]
-    verdicts = "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
     report = Report(
         title="Section 5 of the paper, claim by claim",
         parts=(
             "\n".join(f"- {law}: {text}" for law, text in table["laws"].items()),
-            f"Matrices: {table['setting']['matrices']}. {verdicts}; {_lost_text(table)}. A number in bold fulfils the "
+            f"Matrices: {table['setting']['matrices']}. {counts_text(table)}. A number in bold fulfils the "
             f'claim. Verdicts are about "{MODIFIED}", because the law as printed overflows, or about what the claim '
             "names.",
-            Table((*_WORDS, *laws, "verdict", "reason"), rows),
+            _in_bold(Table((*_WORDS, *laws, "verdict", "reason"), rows)),
         ),
     )
     return report.markdown() + "\n"
 
 
 def claims_summary(table: dict[str, Any]) -> str:
-    """A short Markdown table: the number of the claim's subject, of this project's law and of the optimum."""
+    """`short_table` as Markdown."""
+    return markdown_table(_in_bold(short_table(table)))
+
+
+def short_table(table: dict[str, Any]) -> Table:
+    """The number of each claim's subject, of this project's law and of the optimum; a good tone fulfils the claim."""
     beside = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
     rows = []
     for claim in table["claims"]:
         own = _cell(claim["findings"][claim["subject"]])
-        own = own if claim["subject"] == MODIFIED else f"{claim['subject']}: {own}"
+        own = own if claim["subject"] == MODIFIED else _as_toned(f"{claim['subject']}: {{}}", own)
         rows.append((*_words(claim), own, *(_cell(claim["findings"].get(law)) for law in beside), claim["verdict"]))
-    return markdown_table(Table((*_WORDS, MODIFIED, *beside, "verdict"), rows))
+    return Table((*_WORDS, MODIFIED, *beside, "verdict"), rows)
+
+
+def counts_text(table: dict[str, Any]) -> str:
+    """How many claims have each verdict, and which flights were lost."""
+    return "; ".join([*(f"{verdict}: {count}" for verdict, count in table["verdicts"].items()), _lost_text(table)])
 
 
 _WORDS = ("claim", "the paper says", "measured", "asked for")
@@ -71,4 +80,19 @@ def _cell(finding: dict[str, Any] | None) -> str:
     if finding["value"] is None:
         return "lost" if finding["note"] else "∞"
     number = f"{finding['value']:.3g}"
-    return f"**{number}**" if finding["holds"] else number
+    return Toned(number, "good") if finding["holds"] else number
+
+
+def _as_toned(form: str, cell: str) -> str:
+    text = form.format(cell)
+    return Toned(text, cell.tone) if isinstance(cell, Toned) else text
+
+
+def _in_bold(table: Table) -> Table:
+    """What Markdown has for a good tone: its number in bold."""
+    return Table(table.header, [tuple(map(_bold, row)) for row in table.rows])
+
+
+def _bold(cell: str) -> str:
+    subject, colon, number = cell.rpartition(": ")
+    return f"{subject}{colon}**{number}**" if isinstance(cell, Toned) else cell

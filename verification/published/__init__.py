@@ -1,1 +1,1 @@
-"""Both printed pairs regenerated and judged; the main report."""
+"""Both printed pairs regenerated and checked; a critic learned and compared in one call."""

@@ -1,0 +1,78 @@
+"""The page: one HTML file with its style, its data and Plotly's script in it; nothing is loaded from elsewhere."""
+
+from __future__ import annotations
+
+import html
+import json
+from importlib.resources import files
+
+from hfa_model.provenance import Provenance
+from hfa_model.support.report import Report
+from verification.page.front_view import front_view
+from verification.page.job_report import point_report, verdicts
+from verification.page.main_job import MainJob
+
+TITLE = "Highly flexible aircraft: linear models"
+#: A browser that follows it loads nothing from any network.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+
+
+def page(job: MainJob, report: Report, origin: Provenance) -> str:
+    """Verdicts, provenance, the slider, then the sections of the report."""
+    regenerated = _verdict(job.regeneration.ok, "regenerated", "NOT regenerated")
+    agrees = _verdict(job.learned, "agrees", "DOES NOT agree")
+    names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
+    sections = "\n".join(f"<section>{part.html(2)}</section>" for part in report.parts if isinstance(part, Report))
+    summary = Report("Verdicts", (verdicts(job),)), Report("Where it comes from", (origin.table(),))
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
+<h1>{TITLE}</h1>
+<p>Both printed pairs (A, B) are {regenerated} from one set of parameters, {html.escape(job.sweep.dynamics)} dynamics.
+The learned critic {agrees} with the exact solution of the game at {_listed(job)}.</p>
+{"".join(f"<section>{each.html(2)}</section>" for each in summary)}
+{slider(job)}
+{sections}
+</main><script>{_plotly()}</script><script>{_file("page.js")}</script></body></html>
+"""
+
+
+def slider(job: MainJob) -> str:
+    """One slider over the sweep: the drawing, and one section an angle, of which the chosen one is shown."""
+    drawn = front_view(job.aircraft, job.points, "trim.png")
+    shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
+    asked = [angle.trimmed.dihedral_deg for angle in job.angles]
+    first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
+    sections = "\n".join(
+        f'<section class="point" data-angle="{label}"{"" if i == first else " hidden"}>'
+        f"{point_report(job, point).html(3)}</section>"
+        for i, (label, point) in enumerate(zip(shown, job.points, strict=True))
+    )
+    return f"""<h2>Any dihedral angle</h2>
+<p class="slider"><label for="dihedral">Dihedral angle</label>
+<input type="range" id="dihedral" min="0" max="{len(shown) - 1}" value="{first}" aria-valuetext="{shown[first]}">
+<output for="dihedral" id="angle">{shown[first]}</output></p>
+<p class="screen">The slider moves the drawing, the trim, the modes, A and B, and the point in the root locus. With the
+keyboard: arrow keys. <span class="noscript">It needs scripts.</span></p>
+{"" if drawn is None else drawn.html()}
+{sections}"""
+
+
+def _listed(job: MainJob) -> str:
+    return html.escape(", ".join(f"{angle.trimmed.dihedral_deg:g}" for angle in job.angles)) + " deg"
+
+
+def _file(name: str) -> str:
+    return files("verification.page").joinpath(name).read_text(encoding="utf-8")
+
+
+def _plotly() -> str:
+    from plotly.offline import get_plotlyjs
+
+    return str(get_plotlyjs())
+
+
+def _verdict(ok: bool, yes: str, no: str) -> str:
+    return f'<strong class="good">{yes}</strong>' if ok else f'<strong class="bad">{no}</strong>'
