@@ -31,8 +31,8 @@ def front_view(aircraft: Aircraft, points: tuple[TrimmedAngle, ...], name: str) 
     first = next(i for i, panels in enumerate(drawn) if panels is not None)
     low, high = _heights(moving)
     wide = 1.5 * span + 12.0
-    x = axis("ft", -wide, wide)
-    y = axis("ft", low, high, scaleanchor="x", scaleratio=1)
+    x = axis("ft", -wide, wide, constrain="domain")
+    y = axis("ft", low, high, scaleanchor="x", scaleratio=1, constrain="domain")
     data = [fixed | changed for fixed, changed in zip(_FIXED, moving[first], strict=True)]
     where = f"dihedral {angle_text(points[first].dihedral)}" if len(points) == 1 else "the chosen dihedral angle"
     text = f"The trimmed aircraft at {where}, seen from the front (the pilot's right is left); arrows: "
