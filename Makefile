@@ -12,7 +12,7 @@ BIN := .venv/bin
 	@touch $@
 
 report: .venv/ready
-	$(BIN)/hfa report --folder report
+	$(BIN)/hfa report --folder report --claims docs/results/claims.json
 
 test: .venv/ready
 	$(BIN)/python -m pytest -m "not slow"

@@ -48,7 +48,7 @@ COMMANDS = {
     "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
     "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence, on any workers",
     "reproduce": "simulate Section 5 of the paper again: its figures, and its claims with numbers",
-    "report": "the main job on one page: regeneration and the sweep, with pictures",
+    "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
 }
 
 

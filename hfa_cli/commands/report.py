@@ -1,5 +1,7 @@
 """The main job on one page: both printed pairs regenerated, the linear models over the dihedral angle with a slider,
-and at each asked angle the trim, the model beside its print, the exact game solution and a learned critic."""
+and at each asked angle the trim, the model beside its print, the exact game solution and a learned critic.
+
+The page needs Plotly (`pip install .[page]`), which it then holds: it loads nothing from any network."""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ from hfa_model.vectors import STATES
 from verification.page.claims_section import load_claims
 from verification.page.job_report import main_report
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
-from verification.page.page_html import page
+from verification.page.page_html import page, plotly_script
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     places = sum(place is not None for place in (arguments.output, arguments.folder))
     if places != 1 and not (places == 0 and arguments.json):
         raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
+    if places:
+        plotly_script()  # refused before anything is computed
     job = main_job(
         options.parameters_of(arguments),
         arguments.dynamics,

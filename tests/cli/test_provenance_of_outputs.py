@@ -99,12 +99,6 @@ def test_pictures_have_it_in_their_metadata(tmp_path: Path, heavy: Path) -> None
     assert hash_of(heavy) in path.read_text("utf-8")
 
 
-def test_the_page_has_it(tmp_path: Path) -> None:
-    page = tmp_path / "report.html"
-    assert hfa("report", "-o", str(page)).code == 0
-    assert parameter_hash(default_parameters().values) in page.read_text("utf-8")
-
-
 def test_a_plant_of_the_user_s_own_is_named(tmp_path: Path) -> None:
     plant = tmp_path / "plant.json"
     plant.write_text(json.dumps({"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}), encoding="utf-8")

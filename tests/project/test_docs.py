@@ -59,7 +59,7 @@ def test_the_readme_names_every_command(command: str) -> None:
 def test_the_pictures_are_those_of_the_report(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
-    assert hfa("report", "--folder", str(tmp_path / "report")).code == DONE
+    assert hfa("report", "--folder", str(tmp_path / "report"), "--dihedral", "15").code == DONE
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
     # `make bench` draws another benchmarks.png on every machine, the test below looks at verify.png.

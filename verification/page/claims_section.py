@@ -14,7 +14,7 @@ from hfa_model.support.text import Table, Toned
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.reproduction import SCHEMA
 from verification.experiments.tables import counts_text, short_table
-from verification.page.main_job import MainJob, StoredClaims
+from verification.page.main_job import StoredClaims
 from verification.published.regeneration import Regeneration
 
 _TONE = {CONFIRMED: "good", NOT_CONFIRMED: "bad", NOT_DECIDABLE: "near"}
@@ -40,17 +40,17 @@ def load_claims(path: Path) -> StoredClaims:
     return claims
 
 
-def claims_section(job: MainJob) -> Report:
+def claims_section(claims: StoredClaims | None, regeneration: Regeneration) -> Report:
     """One row a claim; what was flown, and whether it is the aircraft of this page. Without claims, how to get them."""
-    if job.claims is None:
+    if claims is None:
         how = "Not on this page. `hfa reproduce all -o out` computes it, `hfa report --claims out` shows it."
         return Report(_TITLE, (how,))
-    table = job.claims.table
+    table = claims.table
     short = short_table(table)
     rows = [(*row[:-1], Toned(row[-1], _TONE.get(row[-1], "near"))) for row in short.rows]
-    same = "the same matrices as" if flies_the_same(table, job.regeneration) else "OTHER matrices than"
+    same = "the same matrices as" if flies_the_same(table, regeneration) else "OTHER matrices than"
     said = (
-        f"Not computed here but read from {job.claims.path}, which `hfa reproduce` wrote. {counts_text(table)}.",
+        f"Not computed here but read from {claims.path}, which `hfa reproduce` wrote. {counts_text(table)}.",
         f"It flew {table['setting']['matrices']} matrices, {same} those of this page. A green number fulfils a claim.",
     )
     return Report(_TITLE, (*said, Table(short.header, rows)), data=table)

@@ -34,7 +34,7 @@ def main_report(job: MainJob) -> Report:
     """Everything on the page below its slider; data: every number."""
     regeneration, swept = job.regeneration.report(), job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
-    locus, claims = locus_plot(job.sweep), claims_section(job)
+    locus, claims = locus_plot(job.sweep), claims_section(job.claims, job.regeneration)
     return Report(
         title="",
         parts=(

@@ -23,7 +23,7 @@ SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
 #: The angles that are shown in full: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: A page with more would be too large to file (3 MB of data), or take minutes.
-MOST_SWEPT, MOST_ASKED = 201, 20
+MOST_SWEPT, MOST_ASKED = 151, 20
 
 #: Told which fraction of the work is done, and what is at work.
 Progress = Callable[[float, str], None]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import html
 import json
+from functools import cache
 from importlib.resources import files
 
 from hfa_model.provenance import Provenance
+from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
 from verification.page.front_view import front_view
 from verification.page.job_report import point_report, verdicts
@@ -35,7 +37,7 @@ The learned critic {agrees} with the exact solution of the game at {_listed(job)
 {"".join(f"<section>{each.html(2)}</section>" for each in summary)}
 {slider(job)}
 {sections}
-</main><script>{_plotly()}</script><script>{_file("page.js")}</script></body></html>
+</main><script>{plotly_script()}</script><script>{_file("page.js")}</script></body></html>
 """
 
 
@@ -68,9 +70,13 @@ def _file(name: str) -> str:
     return files("verification.page").joinpath(name).read_text(encoding="utf-8")
 
 
-def _plotly() -> str:
-    from plotly.offline import get_plotlyjs
-
+@cache
+def plotly_script() -> str:
+    """Plotly's own script, whole; BadInputError when Plotly is not installed."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise BadInputError("a page needs Plotly; install it with `pip install .[page]`") from error
     return str(get_plotlyjs())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 from hfa_model.support.figure import new_figure
 from hfa_model.support.report import Block, Picture, Report
-from hfa_model.support.text import RowsMade, Table
+from hfa_model.support.text import RowsMade, Table, Toned
 
 
 def picture(drawn: list[str]) -> Picture:
@@ -54,7 +55,8 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     drawn: list[str] = []
     found = report(drawn)
     html = found.html(2)
-    assert html.startswith("<h2>Title &amp; more of it</h2>\n<p>first</p>\n<h3>Inner</h3>\n<table>")
+    assert html.startswith("<h2>Title &amp; more of it</h2>\n<p>first</p>\n<h3>Inner</h3>\n")
+    assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
     assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
     assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
     assert html.endswith("<p>Note: take care</p>")
@@ -107,3 +109,14 @@ def test_rows_that_are_made_are_counted_and_end() -> None:
     assert (len(rows), list(rows), list(rows)) == (2, [(0,), (1,)], [(0,), (1,)])
     with pytest.raises(IndexError):
         rows[2]
+
+
+def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
+    table = Table(("check", "value", "verdict"), [("a", "1.5", Toned("pass", "good")), ("longer", "2", "-")])
+    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(color=True)
+    assert plain.splitlines()[1] == "a         1.5     pass"
+    assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
+    assert "\033[32m   pass\033[0m" in shown
+    assert '<td>1.5</td><td class="words good">pass</td>' in Report("", (table,)).html()
+    assert "good" not in Report("", (table,)).markdown() + Report("", (table,)).latex()
+    assert pickle.loads(pickle.dumps(Toned("pass", "good"))).tone == "good"

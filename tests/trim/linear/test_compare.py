@@ -9,7 +9,7 @@ import pytest
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import published_models
-from trim.linear.compare import printed_at
+from trim.linear.compare import matrices_beside_the_print, printed_at, regenerate
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -37,3 +37,23 @@ def test_one_state_aside_there_is_no_print(at_15: OperatingPoint, name: str) -> 
 
 def test_a_center_aileron_aside_there_is_no_print(at_15: OperatingPoint) -> None:
     assert printed_at(replace(at_15, inputs=at_15.inputs._replace(aileron_center=0.01))) is None
+
+
+def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
+    published = published_models()[0]
+    model = regenerate(Aircraft(), published)
+    tables = matrices_beside_the_print(model, published)
+    tones = {tone_of(cell) for table in tables for row in table.rows for cell in row[1:]}
+    assert tones == {"", "good", "near"}  # the worst is off by 1.21 half units
+    for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
+        A = model.A.copy()
+        A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
+        (planted, _) = matrices_beside_the_print(replace(model, A=A), published)
+        assert (planted.rows[6][0], planted.rows[7][0]) == ("pitch_rate", "printed")
+        assert tone_of(planted.rows[6][2]) == tone
+        others = [tone_of(cell) for i, row in enumerate(planted.rows) for cell in row[1:] if i != 6]
+        assert others == [tone_of(cell) for i, row in enumerate(tables[0].rows) for cell in row[1:] if i != 6]
+
+
+def tone_of(cell: str) -> str:
+    return getattr(cell, "tone", "")

@@ -1,0 +1,114 @@
+"""`hfa report`: one page, or a folder with the page, its pictures and its numbers."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+from import_graph import ROOT
+
+from hfa_cli.main import DONE, FAILED
+from hfa_model.parameters import default_parameters
+from hfa_model.provenance import parameter_hash
+from verification.page.main_job import MOST_SWEPT
+from verification.page.page_html import plotly_script
+
+SWEEP = ("--sweep", "0:20:5")
+#: An angle without a trim has no game to solve, and no critic to learn.
+QUICK = ("--dihedral", "59", *SWEEP)
+CLAIMS = ROOT / "docs" / "results" / "claims.json"
+MEGABYTE = 1_000_000
+
+
+def test_a_folder_holds_the_page_its_pictures_and_its_numbers(tmp_path: Path) -> None:
+    words = ("--folder", str(tmp_path / "new"), "--dihedral", "15", *SWEEP, "--json")
+    result = hfa("report", *words, "--outputs", "load_factor", "--claims", str(CLAIMS))
+    assert (result.code, result.err) == (DONE, "")
+    names = {"report.html", "numbers.json", "regeneration.png", "root_locus.png", "trim-15.png", "critic-15.png"}
+    assert {path.name for path in (tmp_path / "new").iterdir()} == names
+    text = (tmp_path / "new" / "numbers.json").read_text(encoding="utf-8")
+    data = json.loads(text, parse_constant=pytest.fail)
+    assert json.loads(result.out) == data
+    assert (data["ok"], data["claims"]["schema"]) == (True, "hfa.claims/1")
+    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (2, 5, 1)
+    linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
+    assert data["angles"][0]["model"]["A"] == linearized["A"]
+    html = (tmp_path / "new" / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
+    assert 'are <strong class="good">regenerated</strong>' in html
+    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
+    assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
+    assert parameter_hash(default_parameters().values) in html
+    assert '<tr><th scope="row">load_factor</th>' in html
+    assert "the same matrices as those of this page" in html
+    assert f"read from {CLAIMS}" in html
+
+
+def test_it_is_made_again_byte_for_byte(tmp_path: Path) -> None:
+    folders = tmp_path / "first" / "page", tmp_path / "second" / "page"
+    for folder in folders:
+        folder.parent.mkdir()
+        with contextlib.chdir(folder.parent):
+            assert hfa("report", "--folder", folder.name, *QUICK).code == FAILED
+    for path in folders[0].iterdir():
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+
+
+def test_what_is_not_regenerated_is_said_and_fails(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert hfa("report", "-o", str(page), *QUICK, "--dynamics", "newton").code == FAILED
+    html = page.read_text(encoding="utf-8")
+    assert '<strong class="bad">NOT regenerated</strong>' in html
+    assert '<th scope="row">printed pair at 15 deg regenerated</th><td class="words bad">FAIL</td>' in html
+
+
+def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
+    html = page.read_text(encoding="utf-8")
+    assert html.count('<section class="point"') == MOST_SWEPT
+    assert len(html) - len(plotly_script()) < 3 * MEGABYTE
+
+
+def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
+    assert (result.code, result.err) == (FAILED, "")
+    assert "Learned critics agree with the exact game solution: NO" in result.out
+    html = page.read_text(encoding="utf-8").replace(plotly_script(), "")
+    assert html.count("these rates do not balance: dihedral_rate") == 3  # slider, sweep, the angle in full
+    assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("--sweep", "0:20:0.02"), ("--sweep", "1e+03 points", "at most 151")),
+        (("--dihedral", "0:20:0.02"), ("--dihedral", "at most 20")),
+        (("--sweep", ",".join(f"{i / 20}" for i in range(300))), ("--sweep has 300 angles", "at most 151")),
+        (("--sweep", "0:20"), ("--sweep", "start:stop:step")),
+        (("--outputs", "wing_area"), ("--outputs", "'wing_area'")),
+        (("--claims", "missing.json"), ("--claims", "missing.json", "hfa reproduce")),
+        (("--claims", str(ROOT / "benchmarks" / "results.json")), ("--claims", "hfa.claims/1")),
+        (("-o", "missing/page.html"), ("the folder missing does not exist",)),
+        (("-o", "page.htm"), ("'.htm'",)),
+    ],
+)
+def test_bad_input_is_one_line(words: tuple[str, ...], named: tuple[str, ...], tmp_path: Path) -> None:
+    output = () if "-o" in words else ("-o", "page.html")
+    with contextlib.chdir(tmp_path):
+        assert_refused(hfa("report", *output, *words), 2, *named)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_plotly_the_page_is_refused_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plotly_script.cache_clear()
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    assert_refused(hfa("report", "-o", str(tmp_path / "page.html")), 2, "Plotly", "pip install .[page]")
+    assert hfa("report", "--json", *QUICK).code == FAILED
+    plotly_script.cache_clear()

@@ -1,0 +1,42 @@
+"""What the page says: verdicts that can fail, and what the slider shows of an angle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.text import four_decimals
+from verification.page import angle_result
+from verification.page.job_report import angle_report, point_report, verdicts
+from verification.page.main_job import MainJob
+
+
+def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
+    assert [row[1] for row in verdicts(job).rows] == ["pass"] * 3
+    pair = job.regeneration.pairs[0]
+    wrong = replace(pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:]))
+    planted = replace(job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:])))
+    assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "pass", "pass"]
+    assert not planted.ok
+
+
+def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    def unsolved(game: object) -> None:
+        raise NoSolutionError("no solution: planted")
+
+    monkeypatch.setattr(angle_result, "analyse_game", unsolved)
+    angle = angle_result.angle_result(job.aircraft, job.points[1].dihedral)
+    text = angle_report(job, angle).text()
+    assert "No game solution: no solution: planted" in text
+    assert "short period" in text
+    planted = replace(job, angles=(angle,))
+    assert [row[1] for row in verdicts(planted).rows] == ["pass", "pass", "FAIL", "FAIL", "pass"]
+
+
+def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
+    point = job.points[2]
+    text = point_report(job, point).text()
+    assert text.startswith("At dihedral 15 deg\n\nTrim, published dynamics: trimmed")
+    assert four_decimals(point.model.A[3, 1]) in text
+    assert "phugoid" in text
+    assert "No trim: " in point_report(job, job.points[-1]).text()
