@@ -18,7 +18,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
 
 Value = TypeVar("Value")
-PICTURES = (".png", ".svg")
+PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
 
 

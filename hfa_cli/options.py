@@ -77,7 +77,7 @@ def add_form(parser: argparse.ArgumentParser) -> None:
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
     """--picture, which draws what is named."""
-    add_value(parser, "--picture", output_file(*PICTURES), "FILE", f"draw {what} ({' or '.join(PICTURES)})")
+    add_value(parser, "--picture", output_file(*PICTURES), "FILE", f"draw {what} ({', '.join(PICTURES)})")
 
 
 def add_workers(parser: argparse._ActionsContainer, what: str) -> None:

@@ -20,7 +20,8 @@ from hfa_cli.parser import add_value
 from hfa_cli.ranges import Range, array_of, value_range
 from hfa_model.outputs import OUTPUTS
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text, written_whole
+from hfa_model.support.figure import save
+from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report
 from hfa_model.vectors import STATES
@@ -91,8 +92,7 @@ def _written(job: MainJob, report: Report, target: Path | None, folder: Path | N
     folder.mkdir(exist_ok=True)
     pictures = list(report.pictures())
     for picture in pictures:
-        with written_whole(folder / picture.name) as stream:
-            stream.write(picture.png)
+        save(picture.draw(), folder / picture.name, report.source)
     write_text(folder / "numbers.json", json.dumps(jsonable(report.data), allow_nan=False) + "\n")
     write_text(folder / "report.html", page(job, report, provenance()))
     return [f"{folder / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

@@ -98,4 +98,5 @@ def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, t
     from hfa_model.support.figure import save
     from verification.critic.check_figure import check_figure
 
-    save(check_figure(check, named.states, named.inputs, result, time), path, provenance().text())
+    figure = check_figure(check, named.states, named.inputs, result, time, named.origin)
+    save(figure, path, provenance().text())

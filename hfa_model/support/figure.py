@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,11 @@ from hfa_model.support.files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+#: What matplotlib would write into a file and would be another one the next day; where a file says what it is about.
+_VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
+_ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -20,15 +26,33 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: Path, source: str = "") -> None:
-    """Write a figure as .png or .svg, whole or not at all. source: where it comes from, into the file's metadata."""
+    """Write a figure as .png, .svg or .pdf, whole or not at all.
+
+    source: where it comes from, below the picture and in the file's metadata.
+    """
     from matplotlib import rc_context
 
     kind = path.suffix[1:].lower()
     # The same result shall be the same file: no date, no random identifiers.
-    metadata = {"Date" if kind == "svg" else "Software": None} | ({"Description": source} if source else {})
+    metadata: dict[str, Any] = dict.fromkeys(_VARYING[kind])
     settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": metadata}
+    if source:
+        metadata[_ABOUT[kind]] = source
+        _caption(figure, source)
     with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
         figure.savefig(stream, **settings)
+
+
+def _caption(figure: Figure, text: str) -> None:
+    """Small print in a strip of its own below the picture. A legend outside of the axes belongs above them."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))
+    strip = (0.12 * len(lines) + 0.08) / figure.get_figheight()
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(rect=(0.0, strip, 1.0, 1.0 - strip))
+    figure.text(0.01, 0.2 * strip, "\n".join(lines), fontsize=6, color="0.4", va="bottom")
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -233,7 +233,7 @@ def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
 
 
-@pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG\r\n\x1a\n"), ("svg", b"<?xml")])
+@pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG\r\n\x1a\n"), ("svg", b"<?xml"), ("pdf", b"%PDF-")])
 def test_picture_of_a_sweep(tmp_path: Path, suffix: str, start: bytes) -> None:
     path = tmp_path / f"locus.{suffix}"
     result = hfa("sweep", "--speed", "70", "--dihedral", "0:20:5", "--picture", str(path))
@@ -241,7 +241,7 @@ def test_picture_of_a_sweep(tmp_path: Path, suffix: str, start: bytes) -> None:
     assert path.read_bytes().startswith(start)
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg"])
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_two_runs_draw_the_same_picture(tmp_path: Path, suffix: str) -> None:
     paths = [tmp_path / f"{name}.{suffix}" for name in ("first", "second")]
     for path in paths:

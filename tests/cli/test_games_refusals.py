@@ -211,7 +211,7 @@ def test_a_basis_belongs_to_weights() -> None:
     ("words", "named"),
     [
         ("learn --dihedral 15 -o run.txt", "unknown suffix '.txt'; use one of .json, .npz, .mat, .csv"),
-        ("verify --dihedral 15 --picture check.jpg", "unknown suffix '.jpg'; use one of .png, .svg"),
+        ("verify --dihedral 15 --picture check.jpg", "unknown suffix '.jpg'; use one of .png, .svg, .pdf"),
         ("verify --dihedral 15 --picture missing/check.png", "the folder missing does not exist"),
         ("solve --dihedral 15 -o missing/solution.json", "the folder missing does not exist"),
         ("study --save state.json", "--save is no longer there: keep the finished rows with --folder FOLDER"),

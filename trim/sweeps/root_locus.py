@@ -21,7 +21,7 @@ _SLOW = 0.15
 
 
 def root_locus(result: Sweep, path: Path, source: str = "") -> None:
-    """Draw `root_locus_figure` into a .png or .svg file."""
+    """Draw `root_locus_figure` into a .png, .svg or .pdf file."""
     save(root_locus_figure(result), path, source)
 
 
@@ -47,7 +47,7 @@ def root_locus_figure(result: Sweep) -> Figure:
         _draw(axes, result, shown)
         axes.set_title(f"{result.dynamics} dynamics, {title}", fontsize=10)
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
     return figure
 
 

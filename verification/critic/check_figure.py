@@ -27,18 +27,22 @@ def check_figure(
     inputs: tuple[str, ...],
     run: LearningResult | None,
     predefined_time: float | None,
+    origin: str = "the plant",
 ) -> Figure:
-    """P learned, exact and their difference as heat maps (signed logarithmic scale), K where there is no P; of a run
-    also residual and error over time."""
+    """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K where there is no P; of
+    a run also residual and error over time. origin: what the plant is called."""
     over_time = run is not None or check.history is not None
-    figure = new_figure(12.0, 7.0 if over_time else 3.6)
+    figure = new_figure(12.0, 7.6 if over_time else 4.2)
+    figure.suptitle(f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}")
     grid = figure.add_gridspec(2 if over_time else 1, 3)
     name, rows, learned, exact = "P", states, check.candidate.P, check.exact.P
     if learned is None:
         name, rows, learned, exact = "K", inputs, check.candidate.K, check.exact.K
     largest = float(np.abs(exact).max())
+    with np.errstate(divide="ignore", invalid="ignore"):  # no relative difference where the exact entry is 0
+        relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
     maps = ((f"{name} learned", learned, largest), (f"{name} exact", exact, largest))
-    for index, (title, matrix, size) in enumerate((*maps, ("learned - exact", learned - exact, None))):
+    for index, (title, matrix, size) in enumerate((*maps, ("(learned - exact) / |exact|", relative, None))):
         axes = figure.add_subplot(grid[0, index])
         _heat_map(figure, axes, title, matrix, size)
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
@@ -72,14 +76,14 @@ def _over_time(axes: Axes, times: np.ndarray, curves: dict[str, np.ndarray], pre
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")
     axes.grid(alpha=0.3)
-    axes.legend()
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
 
 
 def _heat_map(figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None) -> None:
     """size: of the color scale; by default, and when it is 0, the largest entry."""
     from matplotlib.colors import SymLogNorm
 
-    size = size or float(np.abs(matrix).max()) or 1.0
+    size = size or float(np.ma.filled(np.abs(matrix), 0.0).max()) or 1.0
     norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
     image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
     axes.set_title(title)

@@ -11,6 +11,7 @@ from controller.flight.simulate import NonlinearFlight
 from hfa_model.support.figure import new_figure
 from hfa_model.support.text import shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from trim.point.condition import CONTROL_LIMITS
 from verification.flights.recoverable import RecoverableMap
 
 if TYPE_CHECKING:
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 #: One color a state, the same in every map.
 COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
 _PALE = 0.3
+#: s; and how many times what follows the first second must be smaller for it to be enlarged.
+_FIRST, _TRANSIENT = 1.0, 3.0
+#: A legend beside no curve: on the upper edge of its axes.
+_ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
+_SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 _DIHEDRAL = STATES.index("dihedral")
 
 
@@ -29,7 +35,6 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     Where the air moves, alpha through it besides.
     """
     figure = new_figure(10.0, 10.5)
-    figure.suptitle(title, fontsize=10)
     panels = figure.subplots(5, 2, sharex=True).ravel()
     times = result.flight.times
     for index, (name, axes) in enumerate(zip(STATES, panels, strict=False)):
@@ -46,38 +51,72 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         if name == "alpha" and result.scenario.moving_air:
             limited, what = result.angles_of_attack, "alpha over ground"
             axes.plot(times, _shown(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
-            axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=7)
-        _limit_lines(axes, result, limited, index)
+            axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
+        limits = result.envelope.lowest[index], result.envelope.highest[index]
+        _limit_lines(axes, limited, limits, unit)
+        axes.set_title(_limits_text("envelope", *limits, unit), **_SMALL)
+        _inset(axes)
         _finish(axes, f"{what}, {shown_unit(unit)}")
     throttle, surfaces, air = panels[len(STATES) :]
     for index, name in enumerate(INPUTS):
-        axes = throttle if name == "throttle" else surfaces
-        axes.plot(times, _shown(result.inputs[:, index], getattr(INPUT_UNITS, name)), label=name, linewidth=1.0)
-    _finish(throttle, "throttle")
-    _finish(surfaces, "deflections, deg")
-    surfaces.legend(fontsize=7, ncols=2)
+        axes, unit, limits = throttle if name == "throttle" else surfaces, INPUT_UNITS[index], CONTROL_LIMITS[index]
+        label = _limits_text(name, limits[0], limits[1], unit)
+        axes.plot(times, _shown(result.inputs[:, index], unit), label=label, linewidth=1.0)
+        _limit_lines(axes, result.inputs[:, index], limits, unit)
+    for axes, label in ((throttle, "throttle"), (surfaces, "deflections, deg")):
+        axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+        _inset(axes)
+        _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)
     if np.any(result.flight.updrafts):
         air.plot(times, result.flight.updrafts, color="C2")
         _finish(air, "updraft, ft/s")
-    else:
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
+    else:  # the legend takes the place of the updraft
+        figure.suptitle(title, fontsize=10)
         air.set_axis_off()
-        air.text(0.5, 0.5, "still air", ha="center", va="center", fontsize=8, transform=air.transAxes)
+        air.legend(handles, labels, loc="center", fontsize=9, title="still air")
     for axes in panels[-2:]:
         axes.set_xlabel("time, s", fontsize=8)
     return figure
 
 
-def _limit_lines(axes: Axes, result: NonlinearFlight, limited: np.ndarray, index: int) -> None:
-    """The envelope where what it limits, (N,), came near it."""
-    lowest, highest = result.envelope.lowest[index], result.envelope.highest[index]
+def _limits_text(what: str, lowest: float, highest: float, unit: str) -> str:
+    """What it is called and between which values it must stay, in the unit that is drawn."""
+    if np.isinf([lowest, highest]).all():
+        return f"{what}: none"
+    return f"{what}: {float(_shown(lowest, unit)):.5g} to {float(_shown(highest, unit)):.5g}"
+
+
+def _inset(axes: Axes) -> None:
+    """The first second enlarged, where it is over before the rest begins: away from where the curves settle."""
+    drawn = [np.asarray(line.get_xydata()).T for line in axes.lines]
+    curves = [(times, values) for times, values in drawn if len(times) > 2]  # a limit has two points
+    ends = max(float(times[-1]) for times, _ in curves)
+    early = np.concatenate([values[times <= _FIRST] for times, values in curves])
+    late = np.concatenate([values[times > _FIRST] for times, values in curves])
+    if ends < 5 * _FIRST or np.ptp(early) < _TRANSIENT * np.ptp(late):
+        return
+    above = np.mean(late) < np.mean(axes.get_ylim())
+    inset = axes.inset_axes((0.3, 0.52 if above else 0.12, 0.6, 0.4))
+    for line in axes.lines:
+        inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=0.8)
+    inset.set_xlim(0.0, _FIRST)
+    inset.set_title("first second, s", fontsize=6, pad=2)
+    inset.tick_params(labelsize=6)
+    inset.ticklabel_format(useOffset=False)
+    inset.grid(alpha=0.3)
+
+
+def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
+    """The limits where what they limit, (N,), came near them."""
+    lowest, highest = limits
     for limit, near in (
         (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),
         (highest, limited.max() > highest - 0.2 * (highest - lowest)),
     ):
         if near:
-            axes.axhline(float(_shown(limit, STATE_UNITS[index])), color="C3", linewidth=0.8)
+            axes.axhline(float(_shown(limit, unit)), color="black", linestyle="--", linewidth=0.8)
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
@@ -85,8 +124,7 @@ def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure = new_figure(5.2 * len(maps), 8.4)
-    figure.suptitle(title, fontsize=10)
+    figure = new_figure(5.2 * len(maps), 9.0)
     panels = figure.subplots(2, len(maps), squeeze=False, height_ratios=(1.25, 1.0))
     seen: set[tuple[int, bool]] = set()
     for column, each in enumerate(maps):
@@ -98,7 +136,7 @@ def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
         label = f"came back, {name} had left" if back else f"lost, {name} left first"
         handles.append(Patch(color=COLORS.get(name, "0.6"), alpha=_PALE if back else 1.0, label=label))
     handles.append(Line2D([], [], color="black", linestyle="--", label="linear model held"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=8, title=title)
     return figure
 
 
@@ -147,7 +185,7 @@ def _command_map(axes: Axes, each: RecoverableMap) -> None:
     axes.set_xlabel("commanded dihedral off trim, deg")
     axes.set_ylabel("reached minus commanded, deg")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
 
 
 def _finish(axes: Axes, label: str) -> None:

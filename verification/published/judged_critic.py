@@ -30,9 +30,13 @@ class JudgedCritic(Reported):
 
     def report(self) -> Report:
         """The table of checks and the entries of P and K."""
-        model, point = self.model, self.model.point
-        origin = f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
-        return check_report(self.check, model.states, model.inputs, origin)
+        return check_report(self.check, self.model.states, self.model.inputs, self.origin)
+
+    @property
+    def origin(self) -> str:
+        """What the model is called."""
+        point = self.model.point
+        return f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
 
 
 def judged_critic(model: LinearModel) -> JudgedCritic:
@@ -48,4 +52,5 @@ def judged_critic(model: LinearModel) -> JudgedCritic:
 def critic_picture(critic: JudgedCritic) -> Figure:
     """Heat maps of P and the errors over time."""
     model, run = critic.model, critic.run
-    return check_figure(critic.check, model.states, model.inputs, run, run.settings["predefined_time"])
+    time = run.settings["predefined_time"]
+    return check_figure(critic.check, model.states, model.inputs, run, time, critic.origin)

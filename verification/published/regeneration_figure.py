@@ -24,6 +24,6 @@ def regeneration_figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
         axes.set_ylim(-max(3.0, 1.1 * tallest), max(3.0, 1.1 * tallest))
         axes.set_ylabel("half units")
         axes.set_title(f"regenerated minus printed, dihedral {pair.published.dihedral_deg:g} deg", fontsize=10)
-        axes.legend(fontsize=8, loc="upper right")
+        axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
         axes.set_xticks(range(len(shown)), [entry.name for entry in heights], rotation=90, fontsize=6)
     return figure

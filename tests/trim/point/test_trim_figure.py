@@ -59,7 +59,7 @@ def test_arrows_are_to_scale(published_aircraft: Aircraft, degrees: float) -> No
     assert [math.copysign(1.0, arc[1]) for arc in drawn[6:]] == ([math.copysign(1.0, moment)] * 2 if degrees else [])
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg"])
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_the_same_trim_is_the_same_file(
     published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path, suffix: str
 ) -> None:
