@@ -42,9 +42,9 @@ def check_figure(
     with np.errstate(divide="ignore", invalid="ignore"):  # no relative difference where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
     maps = ((f"{name} learned", learned, largest), (f"{name} exact", exact, largest))
-    for index, (title, matrix, size) in enumerate((*maps, ("(learned - exact) / |exact|", relative, None))):
+    for index, (title, entries, size) in enumerate((*maps, ("(learned - exact) / |exact|", relative, None))):
         axes = figure.add_subplot(grid[0, index])
-        _heat_map(figure, axes, title, matrix, size)
+        _heat_map(figure, axes, title, entries, size)
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
     history = check.history

@@ -21,6 +21,7 @@ def regeneration_figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     for axes, pair, heights in zip(panels, pairs, zip(*shown, strict=True), strict=True):
         axes.axhspan(-1, 1, color="0.88", label="prints the same")
         axes.bar(range(len(shown)), [entry.half_units for entry in heights], color="C0", width=0.7)
+        axes.margins(x=0.01)
         axes.set_ylim(-max(3.0, 1.1 * tallest), max(3.0, 1.1 * tallest))
         axes.set_ylabel("half units")
         axes.set_title(f"regenerated minus printed, dihedral {pair.published.dihedral_deg:g} deg", fontsize=10)
