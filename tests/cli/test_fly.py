@@ -169,7 +169,7 @@ def test_options_that_have_become_commands_name_the_line_to_type(words: str, lin
         ("--envelope alpha=1", "alpha is '1'; give LOW:HIGH"),
         ("--envelope alpha=10:-10", "lower one"),
         ("--envelope dihedral=0:10", "outside the envelope"),
-        ("--picture flight.pdf", "'.pdf'"),
+        ("--picture flight.jpg", "'.jpg'"),
         ("--seed -1", "--seed is -1"),
         ("--delta 0", "delta is 0"),
         ("-o flight.txt", "'.txt'"),

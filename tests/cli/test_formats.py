@@ -105,7 +105,7 @@ def test_a_file_is_the_same_whatever_is_printed(tmp_path: Path) -> None:
     assert all(each == data[0] for each in data)
 
 
-@pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml")])
+@pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> None:
     path = tmp_path / f"front{suffix}"
     said(*TRIM, "--picture", str(path))
@@ -114,6 +114,6 @@ def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> Non
 
 
 def test_a_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    assert_refused(hfa(*TRIM, "--picture", str(tmp_path / "front.pdf")), 2, "unknown suffix '.pdf'")
+    assert_refused(hfa(*TRIM, "--picture", str(tmp_path / "front.jpg")), 2, "unknown suffix '.jpg'")
     assert_refused(hfa(*TRIM, "--picture", str(tmp_path / "none" / "front.png")), 2, "does not exist")
     assert list(tmp_path.iterdir()) == []
