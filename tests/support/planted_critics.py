@@ -83,6 +83,32 @@ def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
     return value(game) * np.outer(units, units)
 
 
+def in_metres(P: np.ndarray) -> np.ndarray:
+    return P / np.outer(METRE, METRE)
+
+
+def sampled(game: Game) -> np.ndarray:
+    """The LQR gain of the plant held for 0.01 s at a time."""
+    from scipy.linalg import expm, solve_discrete_are
+
+    n, m = game.B.shape
+    held = expm(0.01 * np.block([[game.A, game.B], [np.zeros((m, n + m))]]))[:n]
+    A, B = held[:, :n], held[:, n:]
+    P = solve_discrete_are(A, B, 0.01 * game.Q, 0.01 * game.R)
+    return np.linalg.solve(0.01 * game.R + B.T @ P @ B, B.T @ P @ A)
+
+
+def with_lags(game: Game) -> tuple[np.ndarray, np.ndarray]:
+    """The part of P and K that belongs to the plant, of a design with first-order actuators of 0.05 s."""
+    n, m = game.B.shape
+    A = np.block([[game.A, game.B], [np.zeros((m, n)), -20.0 * np.eye(m)]])
+    Q = np.diag([*np.diag(game.Q), *[1e-6] * m])
+    B, E = np.vstack([np.zeros((n, m)), 20.0 * np.eye(m)]), np.vstack([game.E, np.zeros((m, n))])
+    found = solve_game(Game(A, B, E, Q, game.R, game.delta))
+    return found.P[:n, :n], found.K[:, :n]
+
+
+METRE = np.array([0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
 ANGLES = np.array([False, True, True, True, True, True])
 FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 ORDER = [0, 2, 1, 3, 5, 4]
@@ -144,6 +170,28 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0)), "K(4, 1) has the wrong sign"),
     "decimal slip, P": ("P", lambda game: changed(value(game), 10, (2, 5), (5, 2)), "P(3, 6) is 10 times"),
     "decimal slip, K": ("K", lambda game: changed(gain(game), 0.01, (4, 4)), "K(5, 5) is 0.01 times"),
+    "another unit, P": ("P", lambda game: in_metres(value(game)), "row and column 1 of P are 3.281 times the exact"),
+    "another unit, K": ("K", lambda game: gain(game) / METRE, "column 1 of K is 3.281 times the exact"),
+    "normalised, K": ("K", lambda game: gain(game) / 11.0, "every entry is 0.0909091 times the exact one"),
+    "rows normalised": ("K", lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None], "rows 1, 2, 3, 4"),
+    "no inverse of R": ("K", lambda game: game.B.T @ value(game), "R⁻¹ is missing: this is B'P"),
+    "column order, no factor 2": (
+        "W",
+        lambda game: value(game).T[np.tril_indices(len(game.A))],
+        "the weights stand column by column and lack the factor 2 of products z_i z_j",
+    ),
+    "half cost, no factor 2": (
+        "W",
+        lambda game: without_the_factor(game) / 2,
+        "the weights lack the factor 2 of products z_i z_j and are of half the cost",
+    ),
+    "delta² as delta, P": ("P", lambda game: value(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
+    "delta² as delta, K": ("K", lambda game: gain(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
+    "weak E": (
+        "P",
+        lambda game: value(replace(game, E=game.E[:, 1:2])),
+        "this is nearly the LQR solution (delta = inf): the disturbance is missing or far too weak",
+    ),
     "another delta, P": ("P", lambda game: value(game.with_delta(160.0)), "of another game, at delta = 160"),
     "another delta, K": ("K", lambda game: gain(game.with_delta(450.0)), "of another game, at delta = 450"),
     "Q scaled, P": ("P", lambda game: value(replace(game, Q=2.5 * game.Q)), "with Q 2.5 times as large"),
@@ -164,6 +212,13 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
 #: Wrong, and without a reason that could be told.
 UNNAMED: dict[str, tuple[str, Plant]] = {
     "recorded policy": ("P", recorded_policy),
+    "discrete-time gain": ("K", sampled),
+    "gain without its actuators": ("K", lambda game: with_lags(game)[1]),
+    "value without its actuators": ("P", lambda game: with_lags(game)[0]),
+    "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
+    "discounted": ("P", lambda game: value(replace(game, A=game.A - 0.05 * np.eye(len(game.A))))),
+    "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),
+    "three digits": ("K", lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game))),
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
     "no value": ("P", lambda game: np.zeros_like(game.A)),
 }

@@ -12,8 +12,13 @@ from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import input_weights, relative_error, value_errors
-from verification.critic.other_games import REDUNDANT, game_at_another_angle, games_of_gain, games_of_value
-from verification.critic.repairs import Repair, repaired_gain, repaired_value, repaired_weights
+from verification.critic.other_games import (
+    game_at_another_angle,
+    games_of_gain,
+    games_of_value,
+    printed_games,
+)
+from verification.critic.repairs import REDUNDANT, Repair, repaired_gain, repaired_value, repaired_weights
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.spectrum import spectrum
@@ -21,6 +26,8 @@ from verification.riccati.units import balanced_units, in_units
 
 #: A cause must explain the error down to this part of it. Noise in tens of entries cannot be explained by one number.
 EXPLAINED = 1e-3
+#: Below this part of the error a critic is the other game's; above it, a game that is like it would look the same.
+_SAME = 1e-6
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
 
@@ -79,7 +86,7 @@ def _of_value(game: Game, exact: GameSolution, candidate: Candidate, P: np.ndarr
 
 def _of_gain(game: Game, exact: GameSolution, K: np.ndarray) -> str:
     scales = np.sqrt(np.diag(game.R))[:, None] * balanced_units(game)
-    repairs = repaired_gain(K, exact.K, scales)
+    repairs = repaired_gain(K, exact.K, game.R, scales)
     return _first(repairs, lambda repaired: _gain_error(game, repaired, exact.K), _gain_error(game, K, exact.K))
 
 
@@ -113,23 +120,31 @@ def _of_another_game(
     def error(solution: GameSolution) -> float:
         return _gain_error(game, K, solution.K) if P is None else _value_error(game, P, solution.P)
 
-    def is_answer_of(other: Game) -> bool:
+    before = min(error(exact), 1.0)
+
+    def rest(other: Game) -> float:
         try:
-            return error(solve_game(other)) <= EXPLAINED * min(error(exact), 1.0)
+            return error(solve_game(other)) / before
         except NoSolutionError:
-            return False
+            return math.inf
 
     what = "gain" if P is None else "solution"
-    if math.isfinite(game.delta) and is_answer_of(game.with_delta(math.inf)):
+    lqr = rest(game.with_delta(math.inf)) if math.isfinite(game.delta) else math.inf
+    if lqr <= _SAME:
         return f"this is the LQR {what} (delta = inf), not the game's at delta = {game.delta:.6g}"
     told = np.count_nonzero(exact.K if P is None else np.triu(exact.P))
-    if told < 1 + REDUNDANT:  # a few numbers fit many games
-        return ""
-    others = games_of_gain(game, K) if P is None else games_of_value(game, P)
-    if at_dihedral is not None:
-        others = chain(others, game_at_another_angle(at_dihedral, P, K))
-    names = (other.difference for other in others if is_answer_of(other.game))
-    return next((f"this is the {what} of another game, {difference}" for difference in names), "")
+    if told >= 1 + REDUNDANT:  # a few numbers fit many games
+        others = games_of_gain(game, K) if P is None else games_of_value(game, P)
+        if at_dihedral is not None:
+            others = chain(others, printed_games(game), game_at_another_angle(at_dihedral, P, K))
+        fits = [(rest(other.game), other.difference) for other in others]
+        best = min((left for left, _ in fits), default=math.inf)
+        if best <= EXPLAINED * min(lqr, 1.0):
+            difference = next(said for left, said in fits if left <= max(10.0 * best, _SAME))
+            return f"this is the {what} of another game, {difference}"
+    if lqr <= EXPLAINED:
+        return f"this is nearly the LQR {what} (delta = inf): the disturbance is missing or far too weak (delta, E)"
+    return ""
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:

@@ -15,8 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.critic.critic_errors import input_weights
+from verification.critic.repairs import REDUNDANT
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.units import balanced_units, in_units
 
@@ -25,8 +27,6 @@ FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 ANGLES = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
 _STEPS = 30
 REACHED = 0.1
-#: Numbers of a critic beyond those that are solved for; one alone would fit by chance.
-REDUNDANT = 2
 
 
 class OtherGame(NamedTuple):
@@ -82,6 +82,15 @@ def games_of_gain(game: Game, K: np.ndarray) -> Iterator[OtherGame]:
         found = _searched(game_at, starts, lambda other: _gain_difference(other, K))
         if found is not None:
             yield OtherGame(said.format(value(found)), game_at(found))
+
+
+def printed_games(game: Game) -> Iterator[OtherGame]:
+    """The printed pairs (A, B) under the weights of a game of the aircraft."""
+    for printed in published_models():
+        if printed.B.shape == game.B.shape:
+            yield from _other(
+                f"of the matrices printed for {printed.dihedral_deg:g} deg", game, A=printed.A, B=printed.B
+            )
 
 
 def game_at_another_angle(

@@ -5,6 +5,7 @@ Each repair is a guess from the critic's own numbers; only the comparison with t
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -19,6 +20,10 @@ DEGREES = 180.0 / math.pi
 _NEAR = 1e-3
 
 
+#: Numbers of a critic beyond those that are solved for; one alone would fit by chance.
+REDUNDANT = 2
+
+
 class Repair(NamedTuple):
     """What the mistake is, and P (n, n) or K (m, n) without it."""
 
@@ -31,22 +36,30 @@ def repaired_weights(weights: np.ndarray, exact: np.ndarray, functions: Basis) -
     n, size = functions.states, functions.quadratic_size
     row, column = np.triu_indices(n)
     given = weights[:size]
+    factor = np.where(row == column, 1.0, 2.0)
     orders = {
-        "column by column": np.lexsort((row, column)),
-        "with the squares first": np.argsort(row != column, kind="stable"),
+        "stand column by column": np.lexsort((row, column)),
+        "stand with the squares first": np.argsort(row != column, kind="stable"),
     }
+    placed = {name: np.empty(size) for name in orders} | {"": given}
     for name, order in orders.items():
-        sorted_back = np.empty(size)
-        sorted_back[order] = given
-        yield Repair(f"the weights stand {name}; they must go row by row, i <= j", functions.matrix(sorted_back))
+        placed[name][order] = given
+        yield Repair(f"the weights {name}; they must go row by row, i <= j", functions.matrix(placed[name]))
     wrong = np.argsort(np.abs(given - exact[:size]), kind="stable")[-2:]
     if size > 1:
         swapped = given.copy()
         swapped[wrong] = given[wrong[::-1]]
         first, second = sorted(int(place) + 1 for place in wrong)
         yield Repair(f"weights {first} and {second} are interchanged", functions.matrix(swapped))
-    halved = np.where(row == column, 1.0, 2.0) * given
-    yield Repair("the weights of products z_i z_j lack their factor 2: they are 2 P_ij", functions.matrix(halved))
+    yield Repair(
+        "the weights of products z_i z_j lack their factor 2: they are 2 P_ij", functions.matrix(factor * given)
+    )
+    costs = {"": 1.0, "are of half the cost": 2.0, "are of twice the cost": 0.5}
+    for name, lacking, cost in itertools.product(placed, ("", "lack the factor 2 of products z_i z_j"), costs):
+        said = [each for each in (name, lacking, cost) if each]
+        if len(said) > 1:
+            weights_right = costs[cost] * (factor * placed[name] if lacking else placed[name])
+            yield Repair(f"the weights {_and(said)}", functions.matrix(weights_right))
 
 
 def repaired_value(P: np.ndarray, exact: np.ndarray, units: np.ndarray) -> Iterator[Repair]:
@@ -55,26 +68,23 @@ def repaired_value(P: np.ndarray, exact: np.ndarray, units: np.ndarray) -> Itera
     yield Repair("the value has the wrong sign", -P)
     yield Repair("the value is half the exact one: V here is z'Pz of the cost without a factor 1/2", 2.0 * P)
     yield Repair("the value is twice the exact one: V here is z'Pz of the cost without a factor 2", P / 2.0)
-    power = _decades(float(np.sum(P * exact) / (np.sum(exact * exact) or 1.0)))
-    if power:
-        yield Repair(f"every entry is {10.0**power:g} times the exact one", P / 10.0**power)
+    yield from _one_factor(P, exact)
     beside = np.where(np.eye(n, dtype=bool), 1.0, 0.5)
     yield Repair("P has entries beside the diagonal of twice their size: they are W / 2", P * beside)
     order = _order(np.diag(P), np.diag(exact))
     yield Repair(f"the states are in the order {_listed(order)}", _placed(_placed(P, order).T, order).T)
     yield from _rescaled(P, exact)
+    yield from _scaled_lines("P", P, exact)
     yield from _one_entry("P", P, exact, np.outer(units, units))
 
 
-def repaired_gain(K: np.ndarray, exact: np.ndarray, scales: np.ndarray) -> Iterator[Repair]:
-    """K, exact: (m, n); scales: what makes the entries comparable, (m, n)."""
+def repaired_gain(K: np.ndarray, exact: np.ndarray, R: np.ndarray, scales: np.ndarray) -> Iterator[Repair]:
+    """K, exact: (m, n); R: (m, m); scales: what makes the entries comparable, (m, n)."""
     m, n = K.shape
     yield Repair("the gain has the wrong sign: the policy is u = -K z", -K)
     yield Repair("the gain is half the exact one", 2.0 * K)
     yield Repair("the gain is twice the exact one", K / 2.0)
-    power = _decades(float(np.sum(K * exact) / (np.sum(exact * exact) or 1.0)))
-    if power:
-        yield Repair(f"every entry is {10.0**power:g} times the exact one", K / 10.0**power)
+    yield from _one_factor(K, exact)
     if m == n:
         yield Repair("K is transposed", K.T)
     order = _order(np.linalg.norm(K, axis=1), np.linalg.norm(exact, axis=1))
@@ -88,7 +98,17 @@ def repaired_gain(K: np.ndarray, exact: np.ndarray, scales: np.ndarray) -> Itera
         sign = np.where(np.arange(n) == j, -1.0, 1.0)
         yield Repair(f"state {j + 1} has the wrong sign", K * sign)
     yield from _per_degree(K, exact)
+    yield Repair("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(R, K))
+    yield from _scaled_lines("K", K, exact)
     yield from _one_entry("K", K, exact, scales)
+
+
+def _one_factor(matrix: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
+    factor = float(np.sum(matrix * exact) / (np.sum(exact * exact) or 1.0))
+    power = _decades(factor)
+    if power or (math.isfinite(factor) and factor != 0.0 and np.count_nonzero(np.triu(exact)) > REDUNDANT):
+        factor = 10.0**power if power else factor
+        yield Repair(f"every entry is {factor:.6g} times the exact one", matrix / factor)
 
 
 def _rescaled(P: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
@@ -96,7 +116,7 @@ def _rescaled(P: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
     ratios = np.sqrt(np.abs(np.diag(P) / np.where(np.diag(exact) == 0.0, np.inf, np.diag(exact))))
     angles = np.abs(np.log(np.maximum(ratios, np.finfo(float).tiny)) + math.log(DEGREES)) < 0.1
     units = np.where(angles, DEGREES, 1.0)
-    if angles.any():
+    if angles.any() and not angles.all():
         yield Repair(f"{_named('state', angles)} in degrees", P * np.outer(units, units))
     row = int(np.argmax(np.diag(exact)))
     flipped = P[row] * exact[row] < 0.0
@@ -123,6 +143,29 @@ def _per_degree(K: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
             kinds = (("input", of_inputs), ("state", of_states))
             said = " and ".join(_named(kind, where > 0) for kind, where in kinds if where.any())
             yield Repair(f"{said} in degrees", K / DEGREES ** (of_inputs[:, None] - of_states))
+
+
+def _scaled_lines(name: str, matrix: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
+    """P_ij / (f_i f_j), K_ij / f_i, K_ij / f_j: what a critic in other units is, if nothing else is wrong with it."""
+    known = np.count_nonzero(np.triu(exact) if name == "P" else exact)
+    ways: list[tuple[str, np.ndarray, np.ndarray]] = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if name == "P":
+            factors = np.sqrt(np.diag(matrix) / np.diag(exact))
+            ways.append(("row and column", factors, np.outer(factors, factors)))
+        else:
+            for line, axis in (("row", 1), ("column", 0)):
+                factors = np.sum(matrix * exact, axis=axis) / np.sum(exact * exact, axis=axis)
+                ways.append((line, factors, np.expand_dims(factors, axis)))
+    for line, factors, divisor in ways:
+        other = np.flatnonzero(np.abs(factors - 1.0) > _NEAR)
+        if known < len(factors) + REDUNDANT or not len(other) or not np.all(np.isfinite(factors) & (factors != 0.0)):
+            continue
+        places, values = _and([*map(str, other + 1)]), _and([f"{factor:.4g}" for factor in factors[other]])
+        plural = "s" if len(other) > 1 else ""
+        said = line.replace(" and ", f"{plural} and ") + plural
+        verb = "are" if plural or " and " in line else "is"
+        yield Repair(f"{said} {places} of {name} {verb} {values} times the exact (other units?)", matrix / divisor)
 
 
 def _one_entry(name: str, matrix: np.ndarray, exact: np.ndarray, scales: np.ndarray) -> Iterator[Repair]:
@@ -175,4 +218,8 @@ def _named(kind: str, where: np.ndarray) -> str:
     places = [str(place + 1) for place in np.flatnonzero(where)]
     if len(places) == 1:
         return f"{kind} {places[0]} is"
-    return f"{kind}s {', '.join(places[:-1])} and {places[-1]} are"
+    return f"{kind}s {_and(places)} are"
+
+
+def _and(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

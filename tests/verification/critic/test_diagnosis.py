@@ -85,6 +85,29 @@ def test_a_critic_of_another_angle_is_named_with_its_angle(
     )
 
 
+@pytest.mark.parametrize("degrees", [5, 15])
+def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> None:
+    """Where their rounding alone makes the difference, it has its cause all the same."""
+    printed = game_models()[f"published-{degrees}"]
+    for wrong in (from_value(game, value(printed)), from_gain(game, gain(printed))):
+        check = check_critic(game, wrong, at_dihedral=lambda _: game)
+        assert not check.ok
+        assert check.diagnosis.endswith(f"of another game, of the matrices printed for {degrees} deg")
+
+
+@pytest.mark.parametrize("kind", ["W", "P", "K"])
+def test_random_errors_of_a_small_plant_get_no_cause(kind: str) -> None:
+    """Two states and one input: a few numbers are not explained by as many factors."""
+    game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
+    exact, rng = solve_game(game), np.random.default_rng(0)
+    right = {"W": weights_of(exact.P), "P": exact.P, "K": exact.K}[kind]
+    for size in 10.0 ** rng.uniform(-4.0, -1.0, 30):
+        noise = rng.standard_normal(right.shape)
+        noise = noise + noise.T if kind == "P" else noise
+        wrong = candidate_of(game, kind, lambda _, noise=noise, size=size: right * (1.0 + size * noise))
+        assert diagnose(game, exact, wrong, LIMIT) == ""
+
+
 def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
     functions = basis("paper", 6)
     weights = functions.weights(value(game))
