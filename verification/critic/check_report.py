@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hfa_model.support.checks import checks_block
-from hfa_model.support.report import Report
+from hfa_model.support.report import Block, Report
 from hfa_model.support.text import Table, numbered
 
 if TYPE_CHECKING:
     from verification.critic.critic_check import CriticCheck
+
+
+#: Entries of P and K in a report; files have all.
+SHOWN = 12
 
 
 def check_report(
@@ -26,11 +32,7 @@ def check_report(
     m, n = check.exact.K.shape
     states, inputs = states or numbered("x", n), inputs or numbered("u", m)
     records = _entries(check, states, inputs)
-    shown = [
-        (f"{name}({row}, {column})", f"{learned:.8g}", f"{exact:.8g}", f"{learned - exact:+.2e}")
-        for name, row, column, learned, exact in records.rows
-        if name == "K" or states.index(row) <= states.index(column)
-    ]
+    shown, left_out = _worst(check, records, states)
     said = [f"Reason: {check.diagnosis}"] if check.diagnosis else []
     if limit_cost is not None:
         kept = "PASS" if check.flight.within(limit_cost) else "FAIL"
@@ -43,7 +45,7 @@ def check_report(
             _margins(check),
             _cost(check),
             *(() if check.history is None else (check.history.block(),)),
-            Table(("entry", "learned", "exact", "difference"), shown),
+            Block((Table(("entry", "learned", "exact", "difference"), shown), *left_out)),
         ),
         data=check.to_dict() if limit_cost is None else _with_limit(check, limit_cost),
         records=records if check.history is None else check.history.records(),
@@ -62,6 +64,21 @@ def _entries(check: CriticCheck, states: tuple[str, ...], inputs: tuple[str, ...
         for j, column in enumerate(states)
     ]
     return Table(("matrix", "row", "column", "learned", "exact"), rows)
+
+
+def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
+    """The `SHOWN` entries that are farthest off, each relative to the largest of its matrix, in their order; and a line
+    that says so where there are more."""
+    largest = {"P": float(np.abs(check.exact.P).max()) or 1.0, "K": float(np.abs(check.exact.K).max()) or 1.0}
+    rows = [row for row in entries.rows if row[0] == "K" or states.index(row[1]) <= states.index(row[2])]
+    off = np.array([abs(learned - exact) / largest[name] for name, _, _, learned, exact in rows])
+    kept = sorted(np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")[:SHOWN].tolist())
+    shown: list[tuple[str, ...]] = [
+        (f"{name}({row}, {column})", f"{learned:.8g}", f"{exact:.8g}", f"{learned - exact:+.2e}")
+        for name, row, column, learned, exact in (rows[place] for place in kept)
+    ]
+    more = len(rows) > SHOWN
+    return shown, [f"the {SHOWN} of {len(rows)} entries that are farthest off; -o FILE has all"] if more else []
 
 
 def _margins(check: CriticCheck) -> Table:

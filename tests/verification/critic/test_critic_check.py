@@ -192,3 +192,17 @@ def test_wrong_shapes_are_named(game):
 def test_a_game_without_a_solution_cannot_be_judged(game):
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
+
+
+def test_the_report_shows_the_entries_that_are_farthest_off(game):
+    """Two wrong entries among 51 are in the table; files have all."""
+    exact = solve_game(game)
+    P, K = exact.P.copy(), exact.K.copy()
+    P[1, 4] = P[4, 1] = P[1, 4] * 1.01
+    K[3, 2] *= 1.01
+    report = check_critic(game, replace(from_value(game, P), K=K)).report()
+    said = report.text()
+    assert "\nP(x2, x5) " in said
+    assert "\nK(u4, x3) " in said
+    assert "the 12 of 51 entries that are farthest off; -o FILE has all" in said
+    assert len(report.records.rows) == 36 + 30
