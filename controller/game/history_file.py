@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,7 +84,10 @@ def _rows(name: str, value: Any, count: int, shape: _Shape) -> np.ndarray:
 
 
 def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of the columns, () without a first line of names, and the numbers, (N, columns)."""
+    """Names of the columns, () without a first line of names, and the numbers, (N, columns).
+
+    Where some columns are named W1 ..., K11 ... or P11 ..., the others but the first are left out.
+    """
     try:
         text = regular_file(path, LARGEST_TEXT).read_text(encoding="utf-8-sig")
     except (FileNotFoundError, IsADirectoryError) as error:
@@ -92,28 +96,38 @@ def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
         raise BadInputError(f"cannot be read ({error.strerror})") from error
     except ValueError as error:
         raise BadInputError("is not text") from error
-    lines = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), start=1) if any(row)]
+    try:
+        lines = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), start=1) if any(row)]
+    except csv.Error as error:
+        raise BadInputError(f"cannot be read as .csv ({error})") from error
     names: tuple[str, ...] = ()
     if lines and not _is_number(lines[0][1][0]):
         names = tuple(cell.strip() for cell in lines.pop(0)[1])
+        if not names[0].lower().startswith("t"):
+            raise BadInputError(
+                f"the first column is {shortened(names[0])!r}; it must be the time, with commas between the columns"
+            )
     if not lines:
         raise BadInputError("there are no rows of numbers")
     width = len(names or lines[0][1])
+    entries = [column for column, name in enumerate(names) if column and re.match(r"[WPK][\d_( ]", name)]
+    used = [0, *(entries or range(1, width))]
     for number, row in lines:
         if len(row) != width:
             raise BadInputError(f"line {number} has {len(row)} columns, the first one has {width}")
-        for column, cell in enumerate(row, start=1):
-            if not _is_number(cell):
-                raise BadInputError(f"line {number}, column {column} is {shortened(cell)!r}; give a number")
-    return names, np.array([row for _, row in lines], dtype=float)
+        for column in used:
+            if not _is_number(row[column]):
+                raise BadInputError(f"line {number}, column {column + 1} is {shortened(row[column])!r}; give a number")
+    table = np.array([[row[column] for column in used] for _, row in lines], dtype=float)
+    return tuple(names[column] for column in used) if names else (), table
 
 
 def _of_table(names: tuple[str, ...], table: np.ndarray, shapes: dict[str, _Shape], functions: str) -> History:
-    if names and not names[0].lower().startswith("t"):
-        raise BadInputError(f"the first column is {shortened(names[0])!r}; it must be the time")
     times, values = table[:, 0], table[:, 1:]
     count = values.shape[1]
     letters = {name[:1].upper() for name in names[1:]}
+    if len(letters) > 1 and letters <= set(shapes):
+        raise BadInputError(f"the columns are of {' and '.join(sorted(letters))}; give one of them")
     kinds = letters if len(letters) == 1 and letters <= set(shapes) else set(shapes)
     fitting = [kind for kind in kinds if np.prod(shapes[kind].size) == count]
     if not fitting:

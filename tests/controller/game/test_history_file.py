@@ -64,6 +64,13 @@ def test_columns(values: np.ndarray, first: str, name: str) -> None:
     np.testing.assert_array_equal(getattr(history, name), values)
 
 
+def test_columns_of_other_things_are_left_out() -> None:
+    """As `hfa learn -o run.csv` writes them, with its origin in the last column."""
+    rows = [f"{t},9,{a},{b},{c},{{}}" for t, (a, b, c) in zip(TIMES, W, strict=True)]
+    history = load_history(written("\n".join(["time,residual,W1,W2,W3,about", *rows])), GAME)
+    np.testing.assert_array_equal(history.W, W)
+
+
 def test_a_file_without_times_is_a_single_critic() -> None:
     assert load_history(stored("h.npz", W=W[0], P=np.eye(2)), GAME) is None
     assert load_history(stored("h.npz", P=np.eye(2), t=TIMES), GAME) is None
@@ -86,6 +93,8 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         (lines(W[:, :1]), "h.csv: there are 1 columns beside the time; K is 1 x 2; P is 2 x 2; basis 'quadratic'"),
         (lines(K, "time,W1,W2\n"), "h.csv: there are 2 columns beside the time; basis 'quadratic' on 2 states has 3"),
         (lines(W, "W1,W2,W3,W4\n"), "h.csv: the first column is 'W1'; it must be the time"),
+        (lines(W).replace(",", ";"), "h.csv: the first column is '0.0;0.0;1.0;2.0'; it must be the time, with commas"),
+        (lines(W, "t,W1,W2,K3\n"), "h.csv: the columns are of K and W; give one of them"),
         ("time,W1,W2,W3\n", "h.csv: there are no rows of numbers"),
         ("", "h.csv: there are no rows of numbers"),
     ],
