@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 #: Entries of P and K in a report; files have all.
 SHOWN = 12
+_ROUNDING = 1e-9
 
 
 def check_report(
@@ -72,6 +73,7 @@ def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...]) -> tuple
     largest = {"P": float(np.abs(check.exact.P).max()) or 1.0, "K": float(np.abs(check.exact.K).max()) or 1.0}
     rows = [row for row in entries.rows if row[0] == "K" or states.index(row[1]) <= states.index(row[2])]
     off = np.array([abs(learned - exact) / largest[name] for name, _, _, learned, exact in rows])
+    off[off < _ROUNDING] = 0.0  # which of them are the largest is chance
     kept = sorted(np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")[:SHOWN].tolist())
     shown: list[tuple[str, ...]] = [
         (f"{name}({row}, {column})", f"{learned:.8g}", f"{exact:.8g}", f"{learned - exact:+.2e}")

@@ -18,7 +18,7 @@ from verification.critic.other_games import (
     games_of_value,
     printed_games,
 )
-from verification.critic.repairs import REDUNDANT, Repair, repaired_gain, repaired_value, repaired_weights
+from verification.critic.repairs import REDUNDANT, Repair, repaired_gain, repaired_value, repaired_weights, rescaled
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.spectrum import spectrum
@@ -46,7 +46,11 @@ def diagnose(
     """
     P, K = candidate.P, candidate.K
     if P is None:
-        return _of_gain(game, exact, K) or _of_another_game(game, exact, None, K, at_dihedral)
+        return (
+            _of_gain(game, exact, K)
+            or _in_other_units(game, exact, None, K)
+            or _of_another_game(game, exact, None, K, at_dihedral)
+        )
     symmetric = (P + P.T) / 2.0
     if all(check.ok for check in value_errors(game, P, exact.P, limit)):
         return _beyond(candidate) or _of_gain(game, exact, K) or _not_together(game, P, K, limit)
@@ -54,6 +58,7 @@ def diagnose(
         ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz depends on (P + P')/2 alone")
         or _of_value(game, exact, candidate, symmetric)
         or _not_together(game, P, K, limit)
+        or _in_other_units(game, exact, symmetric, K)
         or _of_another_game(game, exact, symmetric, K, at_dihedral)
         or _another_root(game, symmetric)
     )
@@ -88,6 +93,15 @@ def _of_gain(game: Game, exact: GameSolution, K: np.ndarray) -> str:
     scales = np.sqrt(np.diag(game.R))[:, None] * balanced_units(game)
     repairs = repaired_gain(K, exact.K, game.R, scales)
     return _first(repairs, lambda repaired: _gain_error(game, repaired, exact.K), _gain_error(game, K, exact.K))
+
+
+def _in_other_units(game: Game, exact: GameSolution, P: np.ndarray | None, K: np.ndarray) -> str:
+    """P: (n, n) symmetric, or None and the gain is asked."""
+    if P is None:
+        before = _gain_error(game, K, exact.K)
+        return _first(rescaled("K", K, exact.K), lambda repaired: _gain_error(game, repaired, exact.K), before)
+    before = _value_error(game, P, exact.P)
+    return _first(rescaled("P", P, exact.P), lambda repaired: _value_error(game, repaired, exact.P), before)
 
 
 def _not_together(game: Game, P: np.ndarray, K: np.ndarray, limit: float) -> str:

@@ -68,13 +68,13 @@ def repaired_value(P: np.ndarray, exact: np.ndarray, units: np.ndarray) -> Itera
     yield Repair("the value has the wrong sign", -P)
     yield Repair("the value is half the exact one: V here is z'Pz of the cost without a factor 1/2", 2.0 * P)
     yield Repair("the value is twice the exact one: V here is z'Pz of the cost without a factor 2", P / 2.0)
-    yield from _one_factor(P, exact)
+    if power := _decades(_factor(P, exact)):
+        yield Repair(f"every entry is {10.0**power:g} times the exact one", P / 10.0**power)
     beside = np.where(np.eye(n, dtype=bool), 1.0, 0.5)
     yield Repair("P has entries beside the diagonal of twice their size: they are W / 2", P * beside)
     order = _order(np.diag(P), np.diag(exact))
     yield Repair(f"the states are in the order {_listed(order)}", _placed(_placed(P, order).T, order).T)
     yield from _rescaled(P, exact)
-    yield from _scaled_lines("P", P, exact)
     yield from _one_entry("P", P, exact, np.outer(units, units))
 
 
@@ -84,7 +84,8 @@ def repaired_gain(K: np.ndarray, exact: np.ndarray, R: np.ndarray, scales: np.nd
     yield Repair("the gain has the wrong sign: the policy is u = -K z", -K)
     yield Repair("the gain is half the exact one", 2.0 * K)
     yield Repair("the gain is twice the exact one", K / 2.0)
-    yield from _one_factor(K, exact)
+    if power := _decades(_factor(K, exact)):
+        yield Repair(f"every entry is {10.0**power:g} times the exact one", K / 10.0**power)
     if m == n:
         yield Repair("K is transposed", K.T)
     order = _order(np.linalg.norm(K, axis=1), np.linalg.norm(exact, axis=1))
@@ -99,16 +100,12 @@ def repaired_gain(K: np.ndarray, exact: np.ndarray, R: np.ndarray, scales: np.nd
         yield Repair(f"state {j + 1} has the wrong sign", K * sign)
     yield from _per_degree(K, exact)
     yield Repair("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(R, K))
-    yield from _scaled_lines("K", K, exact)
     yield from _one_entry("K", K, exact, scales)
 
 
-def _one_factor(matrix: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
-    factor = float(np.sum(matrix * exact) / (np.sum(exact * exact) or 1.0))
-    power = _decades(factor)
-    if power or (math.isfinite(factor) and factor != 0.0 and np.count_nonzero(np.triu(exact)) > REDUNDANT):
-        factor = 10.0**power if power else factor
-        yield Repair(f"every entry is {factor:.6g} times the exact one", matrix / factor)
+def _factor(matrix: np.ndarray, exact: np.ndarray) -> float:
+    """What least squares say that the matrix is of the exact one."""
+    return float(np.sum(matrix * exact) / (np.sum(exact * exact) or 1.0))
 
 
 def _rescaled(P: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
@@ -145,9 +142,15 @@ def _per_degree(K: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
             yield Repair(f"{said} in degrees", K / DEGREES ** (of_inputs[:, None] - of_states))
 
 
-def _scaled_lines(name: str, matrix: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
-    """P_ij / (f_i f_j), K_ij / f_i, K_ij / f_j: what a critic in other units is, if nothing else is wrong with it."""
+def rescaled(name: str, matrix: np.ndarray, exact: np.ndarray) -> Iterator[Repair]:
+    """P / f, P_ij / (f_i f_j), K / f, K_ij / f_i, K_ij / f_j: a critic in other units, if nothing else is wrong.
+
+    name: P or K, of matrix and exact. Nothing where the factors are as many as the numbers that would test them.
+    """
     known = np.count_nonzero(np.triu(exact) if name == "P" else exact)
+    factor = _factor(matrix, exact)
+    if known >= 1 + REDUNDANT and math.isfinite(factor) and factor != 0.0:
+        yield Repair(f"every entry is {factor:.6g} times the exact one", matrix / factor)
     ways: list[tuple[str, np.ndarray, np.ndarray]] = []
     with np.errstate(divide="ignore", invalid="ignore"):
         if name == "P":
