@@ -28,6 +28,8 @@ from verification.riccati.units import balanced_units, in_units
 EXPLAINED = 1e-3
 #: Below this part of the error a critic is the other game's; above it, a game that is like it would look the same.
 _SAME = 1e-6
+#: Games that explain all of the error but this explain it equally well.
+_ROUNDING = 1e-9
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
 
@@ -154,7 +156,7 @@ def _of_another_game(
         fits = [(rest(other.game), other.difference) for other in others]
         best = min((left for left, _ in fits), default=math.inf)
         if best <= EXPLAINED * min(lqr, 1.0):
-            difference = next(said for left, said in fits if left <= max(10.0 * best, _SAME))
+            difference = next(said for left, said in fits if left <= max(10.0 * best, _ROUNDING))
             return f"this is the {what} of another game, {difference}"
     if lqr <= EXPLAINED:
         return f"this is nearly the LQR {what} (delta = inf): the disturbance is missing or far too weak (delta, E)"
