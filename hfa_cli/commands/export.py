@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from hfa_cli import games, options
 from hfa_cli.argument_types import output_file, parsed, whole
 from hfa_cli.flights import LAWS, check_learning, flown_law_of
+from hfa_cli.formats import write_formats
 from hfa_cli.learning import add_settings
 from hfa_cli.origin import provenance
 from hfa_cli.output import check_folder, say_notes, show
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from controller.export.c_model import CModel
 
 SCHEMA = "hfa.export/1"
-_TARGETS = ("c", "fmu", "matlab")
+_TARGETS = ("c", "fmu", "matlab", "formats")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
     add_value(parser, "--fmu", output_file(".fmu"), "FILE", "write an FMU")
     add_value(parser, "--matlab", output_file(".m"), "FILE", "write the function that reads .mat files of models")
+    add_value(parser, "--formats", output_file(".json", ".md"), "FILE", "write the formats of outputs (JSON Schema)")
     about = f"the gain: {', '.join(LAWS)}; default exact for --c, none for --fmu"
     add_value(parser, "--law", str, "NAME", about)
     add_settings(parser)
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find the gain, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
-        raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE or --matlab FILE")
+        raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE, --matlab FILE or --formats FILE")
     written, notes = [], []
     if arguments.c is not None or arguments.fmu is not None:
         with_policy = arguments.law is not None
@@ -63,6 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.matlab is not None:
         write_text(arguments.matlab, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
         written.append(arguments.matlab)
+    if arguments.formats is not None:
+        write_formats(arguments.formats)
+        written.append(arguments.formats)
     show(_report(written), arguments, target=None)
     say_notes(notes)
     return 0

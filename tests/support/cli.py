@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from published_formats import assert_published
+
 from hfa_cli.main import main
 
 #: The console script beside the interpreter that runs the tests.
@@ -32,10 +34,15 @@ class Terminal(io.StringIO):
 
 
 def hfa(*words: str, err: io.StringIO | None = None) -> Result:
-    """`hfa words...` in this process; standard error goes to `err`, which is no terminal unless said."""
+    """`hfa words...` in this process; standard error goes to `err`, which is no terminal unless said.
+
+    JSON that it prints must have the published format.
+    """
     out, err = io.StringIO(), io.StringIO() if err is None else err
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
+    if "--json" in words and out.getvalue():
+        assert_published(out.getvalue())
     return Result(code, out.getvalue(), err.getvalue())
 
 

@@ -1,0 +1,63 @@
+"""The published formats: valid, complete, and the document says the same."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import hfa
+from import_graph import ROOT, project_sources
+from jsonschema import Draft202012Validator
+from published_formats import complaints_about
+
+from hfa_cli.formats import formats, formats_markdown
+
+
+@pytest.fixture(scope="module")
+def trim() -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(hfa("trim", "--dihedral", "15", "--json").out)
+    return data
+
+
+def test_the_schema_is_valid_and_knows_every_format() -> None:
+    Draft202012Validator.check_schema(formats())
+    published = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if "title" in each}
+    sources = " ".join(project_sources().values())
+    assert {name for name in published if f'"{name}"' not in sources} == set()
+    outputs = {entry["$ref"] for entry in formats()["oneOf"]}
+    assert {f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each} == outputs
+
+
+def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:
+    assert list(Draft202012Validator(formats()).iter_errors(trim)) == []
+    assert complaints_about(trim) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"news": 1}, "news is not published"),
+        ({"dihedral_deg": "15"}, "$.dihedral_deg"),
+        ({"schema": "hfa.other/1"}, "hfa.other/1 is not published"),
+        ({"operating_point": {}}, "required property"),
+    ],
+)
+def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[str, Any]) -> None:
+    assert said in " ".join(complaints_about(trim | change))
+
+
+def test_a_missing_key_is_seen(trim: dict[str, Any]) -> None:
+    left = {key: value for key, value in trim.items() if key != "provenance"}
+    assert complaints_about(left) == ["$: 'provenance' is a required property"]
+
+
+def test_the_document_is_that_of_the_command(tmp_path: Path) -> None:
+    assert hfa("export", "--formats", str(tmp_path / "formats.md")).code == 0
+    assert (tmp_path / "formats.md").read_text("utf-8") == formats_markdown()
+    assert (ROOT / "docs" / "formats.md").read_text("utf-8") == formats_markdown(), (
+        "run `hfa export --formats docs/formats.md`"
+    )
+    assert hfa("export", "--formats", str(tmp_path / "formats.json")).code == 0
+    assert json.loads((tmp_path / "formats.json").read_text("utf-8")) == formats()
