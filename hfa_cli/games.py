@@ -22,7 +22,7 @@ from trim.linear.linearize import linearize
 from trim.point.trim_report import warnings
 
 #: Formats of files with matrices.
-MATRIX_FILES = (".json", ".npz", ".mat")
+MATRIX_FILES = (".json", ".npz", ".mat", ".csv")
 
 
 @dataclass(frozen=True, eq=False)

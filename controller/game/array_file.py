@@ -1,4 +1,4 @@
-"""Arrays by name in .json, .npz and .mat files, whatever is in them: arrays, or one line that says why not."""
+"""Arrays by name in .json, .npz, .mat and .csv files, whatever is in them: arrays, or one line that says why not."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.csv_file import read_csv
 from controller.game.mat_file import read_mat
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
@@ -57,7 +58,12 @@ def _mat(path: str | Path) -> dict[str, Any]:
     return read_mat(regular_file(path).read_bytes())
 
 
-_READERS: dict[str, Callable[[str | Path], dict[str, Any]]] = {".json": _json, ".npz": _npz, ".mat": _mat}
+_READERS: dict[str, Callable[[str | Path], dict[str, Any]]] = {
+    ".json": _json,
+    ".npz": _npz,
+    ".mat": _mat,
+    ".csv": read_csv,
+}
 
 
 def _first_line(error: Exception) -> str:

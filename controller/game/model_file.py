@@ -1,4 +1,4 @@
-"""A user's plant and a user's critic, read from .json, .npz or .mat files."""
+"""A user's plant and a user's critic, read from .json, .npz, .mat or .csv files."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from hfa_model.support.errors import BadInputError
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.
 _NAMES = ("states", "inputs", "state_units", "input_units")
+#: How python-control calls them in a `StateSpace`, and what else it has.
+_OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50
 
@@ -60,11 +62,13 @@ def stored_game(
     """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
 
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
-    fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7).
+    fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7), .csv (A.csv).
     A structure with A and B is read where the file has neither beside it.
     Raises BadInputError, one line that names the file.
     """
-    stored, inside = _plant_in(read_arrays(path))
+    found, inside = _plant_in(read_arrays(path))
+    stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
+    _refuse_discrete(path, stored.pop("dt", None))
     given = {key: stored[key] for key in MODEL_KEYS if key in stored}
     if "disturbances" in stored:
         given.pop("E", None)  # the wind's column in a file of `hfa linearize`; the game of such a file is the paper's
@@ -117,6 +121,14 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     return {
         name: words[0] for name, words in texts.items() if len(words) == 1 and isinstance(words[0], str) and words[0]
     }
+
+
+def _refuse_discrete(path: str | Path, dt: Any) -> None:
+    """python-control's dt: 0 or None for continuous time."""
+    if dt is not None and np.any(np.asarray(dt) != 0):
+        raise BadInputError(
+            f"{path}: dt is {shortened(str(dt))}, a model in discrete time; give x' = A x + B u, dt = 0"
+        )
 
 
 def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:

@@ -17,7 +17,8 @@ def assert_published(text: str) -> None:
     data = json.loads(text)
     shape = (str(data.get("schema")), *data)
     if shape not in _SEEN:
-        assert complaints_about(data) == []
+        found = complaints_about(data)
+        assert found == [], found
         _SEEN.add(shape)
 
 
