@@ -7,13 +7,13 @@ and exact gains are compared by the same numbers. Gains are factors (not dB), ph
 from __future__ import annotations
 
 import math
-import warnings
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
+from verification.meaning.crossovers import Loop
 from verification.riccati.l2_gain import frequency_grid
 from verification.riccati.spectrum import spectrum
 
@@ -57,10 +57,10 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     """Margins of each input, in the order of the inputs. K: (m, n).
 
     L_i(s) = K_i (sI - A + Σ_{j≠i} B_j K_j)⁻¹ B_i.  Raises NoSolutionError when A - B K is not Hurwitz.
-    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994); computed by python-control.
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
-    grid = _grid(game, K)
-    return tuple(_loop_margin(game, K, i, grid) for i in range(game.B.shape[1]))
+    peaks = np.abs(_balanced_sensitivity(game, K, _grid(game, K))).max(axis=0)
+    return tuple(_loop_margin(game, K, i, float(peaks[i, i])) for i in range(game.B.shape[1]))
 
 
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
@@ -106,22 +106,18 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
     return np.append(found.x, 0.0) if found.fun < size else start
 
 
-def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray) -> LoopMargin:
-    import control
-
+def _loop_margin(game: Game, K: np.ndarray, i: int, largest: float) -> LoopMargin:
+    """largest: |S_ii - 1/2| at its peak; S_ii = 1/(1 + L_i)."""
     others = [j for j in range(game.B.shape[1]) if j != i]
-    others_closed = game.A - game.B[:, others] @ K[others]
-    loop = control.ss(others_closed, game.B[:, [i]], K[[i]], 0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # python-control warns where a loop has no crossover
-        gains, phases, *_ = control.stability_margins(loop, returnall=True)
-        alpha, *_ = control.disk_margins(loop, grid, skew=0.0)
-    gains, phases = np.asarray(gains), np.abs(np.asarray(phases))
-    disk = min(float(alpha), DISK_AT_INFINITY)
+    loop = Loop(game.A - game.B[:, others] @ K[others], game.B[:, i], K[i])
+    real = loop.real_responses()
+    gains = 1.0 / -real[real < 0.0]
+    phases = np.abs(np.angle(-loop.unit_responses(), deg=True))
+    disk = min(1.0 / largest, DISK_AT_INFINITY)
     return LoopMargin(
         gain_low=float(gains[(gains < 1.0) & (gains > ROUNDING)].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
-        phase=float(np.minimum(phases, 360.0 - phases).min(initial=math.inf)),
+        phase=float(phases.min(initial=math.inf)),
         disk=disk,
         disk_gain=_disk_gain(disk),
         disk_phase=_disk_phase(disk),
