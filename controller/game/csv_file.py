@@ -40,6 +40,12 @@ def read_csv(path: str | Path) -> dict[str, Any]:
     return found
 
 
+def holds_matrices(path: str | Path) -> bool:
+    """Whether a file is one of these, and no table with the time in its first column."""
+    first = next(iter(_rows(path)), [""])
+    return set(_LONG) <= set(first) or (Path(path).stem in CRITIC and not first[0].lower().startswith("t"))
+
+
 def _rows(path: str | Path) -> list[list[str]]:
     with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
         return [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]

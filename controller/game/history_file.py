@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from controller.game.basis import basis
+from controller.game.csv_file import holds_matrices
 from controller.game.history import History, real_array
 from controller.game.zero_sum import Game
 from hfa_model.support.echo import shortened
@@ -38,12 +40,19 @@ def load_history(path: str | Path, game: Game, functions: str | None = None) -> 
     Raises BadInputError, one line that names the file.
     """
     try:
-        if Path(path).suffix.lower() == ".csv":
+        if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
             return _of_table(*_read_csv(path), _shapes(game, functions or "quadratic"), functions or "quadratic")
         return _of_arrays(read_arrays(path), game, functions)
     except BadInputError as error:
         text = str(error)
         raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def _is_critic(path: str | Path) -> bool:
+    """Whether a .csv holds matrices; what cannot be read is told by the reader of tables."""
+    with contextlib.suppress(OSError, ValueError):
+        return holds_matrices(path)
+    return False
 
 
 def _shapes(game: Game, functions: str) -> dict[str, _Shape]:

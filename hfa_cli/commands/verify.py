@@ -31,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    about = f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)} .csv)"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES, ".csv"), "FILE", about)
+    about = f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)})"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
     add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
     about = "by when the errors of --weights over time must be within the limit for good"
     add_value(parser, "--predefined-time", positive, "S", about)
