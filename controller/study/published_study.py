@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,17 +15,18 @@ from controller.laws.certify import settled_at
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import Progress, run
 from controller.samples.recording import random_pool
+from controller.study.study_rows import STUDY, StudyCase
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
-#: z(0) = x(0) - x_d(0) of Section 5.1: the flight that gives the current sample starts here.
-FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: A stack residual below this fraction of its first value counts as settled.
 SETTLED = 1e-8
 #: Random states of which the samples of a stack are chosen.
 POOL = 500
+#: Ends that differ by more than this, relative, are not the same.
+SAME_END = 0.05
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class StudyRun:
     P_error, K_error: relative Frobenius errors against the exact game. settled: when the law's own residual
     fell below `SETTLED` of its start for good, s (inf: never). stabilizing: A - S P and A - B K Hurwitz.
     lambda_0, alpha1, alpha2, explicit_step_limit: see `published_equations`; of the start. last_lambda_0: at T_w.
-    seed, box: of the stack, see `StudyCase`.
+    seed, box: of the stack, see `StudyCase`. P_errors_nearby: P_error from W(0) changed as `StudyCase.nearby` says.
     """
 
     dihedral_deg: float
@@ -54,6 +54,12 @@ class StudyRun:
     certified: bool = False
     seed: int = 0
     box: bool = False
+    P_errors_nearby: tuple[float, ...] = ()
+
+    @property
+    def decided_by_rounding(self) -> bool:
+        """Whether starts that differ in the ninth digit end elsewhere: then P_error is one of several, not a number."""
+        return any(abs(other - self.P_error) > SAME_END * self.P_error for other in self.P_errors_nearby)
 
 
 @dataclass(frozen=True)
@@ -69,10 +75,17 @@ class StudyRow:
         """The runs that reached T_w with finite numbers."""
         return tuple(one for one in self.runs if not one.overflow)
 
+    @property
+    def decided_by_rounding(self) -> int | None:
+        """Number of runs whose end hangs on rounding; None where no run was made again from a start nearby."""
+        asked = any(one.P_errors_nearby for one in self.runs)
+        return sum(one.decided_by_rounding for one in self.runs) if asked else None
+
     def span(self, field: str) -> tuple[float, float]:
         """Smallest and largest value of a field over the finished runs, or over all for λ₀, α and the step."""
         runs = self.runs if field in ("lambda_0", "alpha1", "alpha2", "explicit_step_limit") else self.finished
         values = [float(getattr(one, field)) for one in runs]
+        values += [error for one in runs for error in one.P_errors_nearby if field == "P_error"]
         return (min(values), max(values)) if values else (np.nan, np.nan)
 
 
@@ -184,6 +197,9 @@ def _run(reference: Reference, planned: PlannedRun) -> StudyRun:
     except NoSolutionError as error:
         return StudyRun(**facts, overflow=str(error))
     result, end = law.conclude(finished), finished.memory["weights"]
+    start = np.array(chosen.initial_weights)
+    nearby = [replace(chosen, initial_weights=(start * (1.0 + change)).tolist()) for change in case.nearby]
+    repeated = [published_law(game, other, case.seed, pool) for other in nearby]
     own = result.law_residual_norm
     return StudyRun(
         **facts,
@@ -193,106 +209,9 @@ def _run(reference: Reference, planned: PlannedRun) -> StudyRun:
         stabilizing=all(row.ok for row in result.certificates if row.name.startswith("abscissa")),
         last_lambda_0=float(np.linalg.svd(law.history.at(end).regressors, compute_uv=False)[-1] ** 2),
         certified=result.converged,
+        P_errors_nearby=tuple(_error(other.conclude(run(other)).P, exact.P) for other in repeated),
     )
 
 
 def _error(learned: np.ndarray, exact: np.ndarray) -> float:
     return float(np.linalg.norm(learned - exact) / np.linalg.norm(exact))
-
-
-class StudyCase(NamedTuple):
-    """changes: of `PublishedSettings`. seed: of the stack. from_lqr: weights set to the stabilizing start.
-
-    box: the stack is drawn from `FLIGHT_BOX` instead of `recording.natural_spread`.
-    """
-
-    changes: dict[str, Any]
-    seed: int = 0
-    from_lqr: tuple[str, ...] = ()
-    box: bool = False
-
-
-@dataclass(frozen=True)
-class _Row:
-    cases: Callable[[], Iterator[StudyCase]]
-    cause: str
-
-
-_COORDINATES, _NORMALISATIONS, _POLICIES = ("raw", "scaled"), ("root", "squared"), ("frozen", "reevaluated")
-
-
-def _grid(bases: tuple[str, ...], **fixed: Any) -> Iterator[StudyCase]:
-    for name, coordinates, kind, policies in product(bases, _COORDINATES, _NORMALISATIONS, _POLICIES):
-        choice = {"basis": name, "coordinates": coordinates, "normalisation": kind, "stack_policies": policies}
-        yield StudyCase(choice | fixed)
-
-
-def _by_hand(coordinates: str, basis: str) -> Iterator[StudyCase]:
-    for gain in (1.0, 10.0, 100.0, 1e3, 1e4):
-        flight = {"coordinates": coordinates, "basis": basis, "flight_start": FLIGHT_START}
-        yield StudyCase(flight | {"gains": (gain, gain)})
-
-
-def _by_hand_from_lqr() -> Iterator[StudyCase]:
-    for policies, seed in product(_POLICIES, (0, 1)):
-        flight = _SCALED | {"stack_policies": policies, "gains": (100.0, 100.0), "flight_start": FLIGHT_START}
-        yield StudyCase(flight, seed, ("initial_weights", "recorded_weights"))
-
-
-def _frozen_alone() -> Iterator[StudyCase]:
-    for kind in _NORMALISATIONS:
-        yield StudyCase(_SCALED | _IMPLICIT | {"normalisation": kind, "initial_weights": 0.0}, 0, ("recorded_weights",))
-
-
-def _reevaluated_alone(box: bool) -> Iterator[StudyCase]:
-    for kind, seed in product(_NORMALISATIONS, (0, 1, 2)):
-        choice = _SCALED | _IMPLICIT | {"normalisation": kind, "stack_policies": "reevaluated"}
-        yield StudyCase(choice, seed, ("initial_weights",), box)
-
-
-_SCALED: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled"}
-_IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
-
-#: The rows of the table in order.
-STUDY: dict[str, _Row] = {
-    "theorem gains, explicit": _Row(
-        lambda: _grid(("quadratic", "paper", "quadratic+linear"), flight_start=FLIGHT_START),
-        "lambda_0 of a stack on this aircraft is tiny, so alpha1 and alpha2 of Theorem 1 are huge, and the step"
-        " that explicit integration needs is far below the 1e-4 s of the paper.",
-    ),
-    "theorem gains, implicit": _Row(
-        lambda: _grid(("quadratic", "paper"), integrator="proximal", step=0.05),
-        "The implicit step survives, but W(0) = 100 does not stabilize: frozen policies have no value, and"
-        " re-evaluated ones do not lead to the stabilizing root of the Riccati equation.",
-    ),
-    "gains by hand, raw, W(0) = 100": _Row(
-        lambda: _by_hand("raw", "paper"),
-        "W(0) = 100 does not stabilize; on the 5 degree model it makes a pole of -7.6e4 rad/s that no explicit"
-        " step of 1e-4 s survives, and the flight is lost before the critic has learned.",
-    ),
-    "gains by hand, scaled, W(0) = 100": _Row(
-        lambda: _by_hand("scaled", "quadratic"),
-        "As above; at 15 degrees scaling keeps some runs bounded and does not make them accurate.",
-    ),
-    "gains by hand, scaled, stabilizing W(0)": _Row(
-        _by_hand_from_lqr,
-        "A stabilizing start, scaling and gains by hand keep flight and weights bounded; gains that an explicit"
-        " step survives do not move the directions of the small eigenvalues of Sigma within T_w.",
-    ),
-    "learning alone, frozen, implicit": _Row(
-        _frozen_alone,
-        "Settles within theta T_w / 2 as the proof of Theorem 1 gives, but at the value of the recorded policies,"
-        " not of the game.",
-    ),
-    "learning alone, re-evaluated, implicit": _Row(
-        lambda: _reevaluated_alone(box=False),
-        "With a stabilizing start, policies re-evaluated, an implicit step and states sampled"
-        " with the plant's stationary deviations, the law finds the game's value.",
-    ),
-    "learning alone, re-evaluated, implicit, poorer stack": _Row(
-        lambda: _reevaluated_alone(box=True),
-        "The same from states of an ordinary flight (rates as small as the angles): the ideal case of Theorem 1"
-        " does not occur because the residual is quadratic in the weight error, and Sigma moves: the gains are"
-        " made for the lambda_0 of the start.",
-    ),
-}

@@ -16,7 +16,7 @@ from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, range_text
 
-SCHEMA = "hfa.published-study/1"
+SCHEMA = "hfa.published-study/2"
 #: Numbers that are nan, not inf, where a run did not get so far.
 _NAN = ("last_lambda_0",)
 _RANGES = ("lambda_0", "alpha1", "alpha2", "explicit_step_limit", "P_error", "K_error", "settled", "last_lambda_0")
@@ -27,7 +27,7 @@ def study_report(rows: tuple[StudyRow, ...]) -> Report:
     outcomes = [
         (
             row.name,
-            *(str(count) for count in _counts(row).values()),
+            *("-" if count is None else str(count) for count in _counts(row).values()),
             *(range_text(*row.span(name)) for name in ("P_error", "K_error")),
             range_text(*row.span("settled"), "never"),
         )
@@ -41,7 +41,17 @@ def study_report(rows: tuple[StudyRow, ...]) -> Report:
         title="The paper's update law, Eq. (46), on both printed models (15 and 5 deg)",
         parts=(
             Table(
-                ("row", "runs", "overflow", "stabilizing", "certified", "error of P", "error of K", "settled s"),
+                (
+                    "row",
+                    "runs",
+                    "overflow",
+                    "stabilizing",
+                    "certified",
+                    "by rounding",
+                    "error of P",
+                    "error of K",
+                    "settled s",
+                ),
                 outcomes,
             ),
             Table(("row", "lambda_0", "alpha1", "alpha2", "largest explicit step s"), demands),
@@ -95,12 +105,13 @@ def _records(rows: tuple[StudyRow, ...]) -> Table:
     return Table(("row", *numbers, *settings), body)
 
 
-def _counts(row: StudyRow) -> dict[str, int]:
+def _counts(row: StudyRow) -> dict[str, int | None]:
     return {
         "count": len(row.runs),
         "overflow": len(row.runs) - len(row.finished),
         "stabilizing": sum(run.stabilizing for run in row.runs),
         "certified": sum(run.certified for run in row.runs),
+        "decided_by_rounding": row.decided_by_rounding,
     }
 
 
@@ -108,6 +119,7 @@ def _run(stored: Mapping[str, Any]) -> StudyRun:
     values: dict[str, Any] = {
         name: (math.nan if name in _NAN else math.inf) if value is None else value for name, value in stored.items()
     }
+    values["P_errors_nearby"] = tuple(values["P_errors_nearby"])
     settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in values["settings"].items()
     }

@@ -8,9 +8,10 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from controller.study.published_study import STUDY, published_study
+from controller.study.published_study import published_study
 from controller.study.study_folder import StudyFolder
 from controller.study.study_report import study_report
+from controller.study.study_rows import STUDY
 from hfa_cli import options
 from hfa_cli.argument_types import parsed
 from hfa_cli.output import Progress, check_folder, check_target, show

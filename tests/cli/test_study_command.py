@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from cli import Result, Terminal, hfa
 
-from controller.study.published_study import STUDY
+from controller.study.study_rows import STUDY
 from hfa_cli.main import DONE, INTERRUPTED
 
 
@@ -77,7 +77,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str]:
         lambda text: text.replace('"eta": 0.8', '"eta": 0.7') + "{",
         lambda text: text.replace('"identity": "', '"identity": "0'),
         lambda text: text.replace('"toolchain": "', '"toolchain": "0'),
-        lambda text: text.replace("hfa.published-study/1", "hfa.published-study/0"),
+        lambda text: text.replace("hfa.published-study/2", "hfa.published-study/0"),
         lambda text: "[1]",
     ],
 )
