@@ -8,24 +8,21 @@ from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 from hfa_cli import options
-from hfa_cli.argument_types import angle, number
+from hfa_cli.argument_types import number
 from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from verification.proof.trim_branch import Family
+    from verification.proof.steady_flights import Family
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
-    """--dihedral in degrees, as it is written; --speed, --altitude, --alpha, --gamma; the aircraft."""
+    """--dihedral in degrees, as it is written; what a trim imposes and leaves free; the aircraft."""
     about = "degrees; what is proved holds at every angle between"
     add_value(parser, "--dihedral", degrees, form, about)
-    add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
-    add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
-    add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
-    add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
+    options.add_settings(parser)
     options.add_aircraft(parser)
 
 
@@ -45,18 +42,18 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
 
     errors: every identified parameter may be off by this many of its standard errors.
     """
-    from verification.proof.trim_branch import Family
+    from verification.proof.steady_flights import Family
 
-    given = {name: getattr(arguments, name) for name in options.OF_THE_CONDITION}
-    settings = {name: value for name, value in given.items() if value is not None}
+    flights = options.flights_of(arguments)
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     if not errors:
-        return Family(aircraft, settings)
+        return Family(aircraft, flights)
     known = parameters.standard_errors
     if not known:
         raise BadInputError("the parameters have no standard errors; leave --errors out")
-    return Family(aircraft, settings, tuple(errors * known.get(name, 0.0) for name in parameters.values._fields))
+    spread = tuple(errors * known.get(name, 0.0) for name in parameters.values._fields)
+    return Family(aircraft, flights, spread)
 
 
 def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
@@ -64,8 +61,7 @@ def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, f
     ends: tuple[float, ...] = arguments.dihedral or ()
     if len(ends) != 2:
         raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
-    for end in ends:
-        family.condition(end).check_pitch()
+    family.check(*ends)
     return ends[0], ends[1]
 
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from verification.proof.rate_proof import prove_rate as prove_rate
     from verification.proof.schedule_proof import prove_schedule as prove_schedule
     from verification.proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
-    from verification.proof.trim_branch import Family as Family
+    from verification.proof.steady_flights import Family as Family
     from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
     from verification.published.regeneration import (
         RegeneratedPair as RegeneratedPair,

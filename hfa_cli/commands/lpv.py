@@ -30,6 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.proof.lpv_report import c_source, lpv_report
 
     flint_or_refusal()
+    options.refuse(arguments, ("start",), "belongs to a single trim; leave it out")
     family = family_of(arguments)
     low, high = interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))

@@ -3,7 +3,7 @@
 schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop Hurwitz.
 solution: the game has one stabilizing solution within a radius of P, which is its value; with a bracket of delta_min.
 critic FILE: the distance of W, P or K in a file from the exact solution, from below and from above.
---check FILE verifies a certificate that `hfa prove schedule -o FILE` wrote, by other means than it was made with.
+-o FILE.json writes a certificate; --check FILE verifies it, by other means than it was made with.
 Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint (`pip install .[proof]`).
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 from argparse import ArgumentTypeError
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,11 +27,11 @@ from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
     from verification.proof.gain_table import GainTable
-    from verification.proof.trim_branch import Family
+    from verification.proof.steady_flights import Family
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
-    "schedule": ("basis", "model", "delta", "Q", "R"),
+    "schedule": ("start", "basis", "model", "delta", "Q", "R"),
     "solution": ("basis", "table", "resume", "rate", "errors"),
     "critic": ("table", "resume", "rate", "errors"),
 }
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
     options.add_output(parser)
-    parser.set_defaults(condition=None, free=None, hold=None, limit=None, start=None, design=None)
+    parser.set_defaults(design=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -83,32 +84,36 @@ def _not_negative(text: str) -> float:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from verification.proof.checked_report import checked_report
     from verification.proof.checker import check_certificate
-    from verification.proof.proof_report import checked_report
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
-    found = check_certificate(arguments.check, Progress("check"))
-    show(checked_report(found), arguments, target=arguments.output)
-    return 0 if found.proved else 1
+    found = checked_report(check_certificate(arguments.check, Progress("check")))
+    show(found, arguments, target=arguments.output)
+    return 0 if found.data["proved"] else 1
+
+
+def _certificate(arguments: argparse.Namespace) -> Path | None:
+    """The file of -o; of a proof it is a certificate, whatever it says is printed."""
+    target: Path | None = arguments.output
+    if target is not None and target.suffix.lower() != ".json":
+        raise BadInputError(f"{target}: a certificate is a .json file; name one")
+    return target
 
 
 def _schedule(arguments: argparse.Namespace) -> int:
-    from verification.proof.certificate_file import Certificate
+    from verification.proof.certificate_file import ScheduleCertificate
     from verification.proof.proof_report import schedule_report
     from verification.proof.rate_proof import prove_rate
     from verification.proof.schedule_proof import prove_schedule
 
-    target = arguments.output
-    if target is not None and target.suffix.lower() != ".json":
-        raise BadInputError(f"{target}: a certificate is a .json file; name one")
+    target = _certificate(arguments)
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    if arguments.errors and target is not None:
-        raise BadInputError("a proof with --errors has no certificate yet; leave -o out")
     family = family_of(arguments, arguments.errors)
     low, high = interval_of(arguments, family)
-    file = Certificate(family, _table(arguments, family, low, high), low, high, target)
+    file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target)
     result = prove_schedule(
         family,
         file.table,
@@ -118,39 +123,47 @@ def _schedule(arguments: argparse.Namespace) -> int:
         save=file.save,
         progress=Progress("prove"),
     )
-    file.save(result.loop, result.modes, finished=True)
     motion = prove_rate(family, file.table, low, high, progress=Progress("rate")) if arguments.rate else None
+    file.finish(result, motion)
     show(schedule_report(result, motion), arguments, target=None)
     return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1
 
 
 def _solution(arguments: argparse.Namespace) -> int:
+    from verification.proof.certificate_file import write_certificate
+    from verification.proof.game_certificate import solution_claim
     from verification.proof.game_proof_report import solution_proof_report
     from verification.proof.solution_proof import prove_solution
 
+    target = _certificate(arguments)
     named, family, degrees = _game(arguments)
     proof = prove_solution(named.game, family, degrees)
-    show(solution_proof_report(proof, named.states, named.origin), arguments, target=arguments.output)
+    if target is not None and proof.proved:
+        write_certificate(target, "game", *solution_claim(proof, family, degrees))
+    show(solution_proof_report(proof, named.states, named.origin), arguments, target=None)
     return 0 if proof.proved else 1
 
 
 def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.basis import basis
     from controller.game.model_file import load_critic
+    from verification.proof.certificate_file import write_certificate
+    from verification.proof.game_certificate import critic_claim
     from verification.proof.game_proof_report import critic_proof_report
     from verification.proof.solution_proof import prove_critic
 
     if arguments.file is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
-    stored = load_critic(arguments.file)
+    target, stored = _certificate(arguments), load_critic(arguments.file)
     named, family, degrees = _game(arguments)
     functions = basis(arguments.basis or "quadratic", len(named.game.A))
     try:
         proof = prove_critic(named.game, stored, functions, family, degrees)
     except BadInputError as error:
         raise BadInputError(f"{arguments.file}: {error}") from error
-    report = critic_proof_report(proof, str(arguments.file), named.origin)
-    show(report, arguments, target=arguments.output)
+    if target is not None:
+        write_certificate(target, "game", *critic_claim(proof, family, degrees))
+    show(critic_proof_report(proof, str(arguments.file), named.origin), arguments, target=None)
     return 0
 
 
@@ -158,7 +171,11 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
     """The game that the options name, with its flights and dihedral (deg) unless it is a plant of a file."""
     degrees = at_one_angle(arguments)
     named = game_of(arguments)
-    return (named, None, None) if arguments.model is not None else (named, family_of(arguments), degrees)
+    if arguments.model is not None or degrees is None:
+        return named, None, None
+    family = family_of(arguments)
+    family.check(degrees, degrees)
+    return named, family, degrees
 
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:

@@ -15,7 +15,7 @@ from proof_cases import exact_table, unstable_between
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("prove") / "certificate.json"
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(path), "--json")
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "--rate", "-o", str(path), "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
     assert data["proved"] is True
@@ -27,21 +27,59 @@ def test_a_certificate_is_verified(certificate: Path) -> None:
     result = hfa("prove", "--check", str(certificate))
     assert result.code == 0
     assert "Verified, proved: dihedral from 14 to 15 deg" in result.out
+    assert "the dihedral moves by at most" in result.out
     assert_refused(hfa("prove", "schedule", "--check", str(certificate)), 2, "leave the statement out")
 
 
-def test_an_edited_certificate_is_refused(certificate: Path, tmp_path: Path) -> None:
-    edited = tmp_path / "edited.json"
-    edited.write_text(certificate.read_text().replace('"rate": 0.3', '"rate": 0.4', 1))
-    assert_refused(hfa("prove", "--check", str(edited)), 2, "refused", "edited")
+@pytest.fixture(scope="module")
+def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One certificate of each kind."""
+    folder = tmp_path_factory.mktemp("kinds")
+    solved = folder / "solved.json"
+    assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
+    words = {
+        "solution": ("prove", "solution", "--dihedral", "15", "-o"),
+        "critic": ("prove", "critic", str(solved), "--dihedral", "15", "-o"),
+        "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "-o"),
+    }
+    found = {kind: folder / f"{kind}.json" for kind in words}
+    for kind, each in words.items():
+        result = hfa(*each, str(found[kind]))
+        assert (result.code, result.err) == (0, ""), kind
+    return {"schedule": certificate} | found
+
+
+KINDS = ("schedule", "errors", "solution", "critic")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
+    result = hfa("prove", "--check", str(certificates[kind]), "--json")
+    assert result.code == 0
+    assert json.loads(result.out)["proved"] is True
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_edited_digit_is_refused(certificates: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    text = certificates[kind].read_text()
+    digits = [place for place, letter in enumerate(text) if letter in "123456789"]
+    for place in np.random.default_rng(0).choice(digits, 5):
+        edited = tmp_path / "edited.json"
+        edited.write_text(text[:place] + ("2" if text[place] == "1" else "1") + text[place + 1 :])
+        assert_refused(hfa("prove", "--check", str(edited)), 2, "edited.json", "certificate")
 
 
 def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.json"
     copy.write_text(certificate.read_text())
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(copy), "--resume")
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "--rate", "-o", str(copy), "--resume")
     assert result.code == 0
     assert json.loads(copy.read_text())["digest"] == json.loads(certificate.read_text())["digest"]
+    edited = copy.read_text().replace('"rate": 0.3', '"rate": 0.4', 1)
+    copy.write_text(edited)
+    assert_refused(hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(copy), "--resume"), 2, "edited")
+    assert copy.read_text() == edited
+    copy.write_text(certificate.read_text())
     other = hfa("prove", "schedule", "--dihedral", "14:14.5", "-o", str(copy), "--resume")
     assert_refused(other, 2, "another statement or version")
 
@@ -106,11 +144,14 @@ def test_the_distance_of_a_critic_is_proved(tmp_path: Path) -> None:
         (("schedule", "--dihedral", "0:1e6"), "must lie between"),
         (("schedule", "--dihedral", "0:1", "--delta", "100"), "delta does not go with"),
         (("schedule", "--dihedral", "0:1", "--resume"), "-o FILE.json"),
-        (("schedule", "--dihedral", "0:1", "--limit", "throttle=0:1"), "--limit"),
+        (("schedule", "--dihedral", "0:1", "--free", "alpha"), "with 4 unknowns"),
+        (("schedule", "--dihedral", "0:1", "--hold", "pitch_rate=1"), "all rates 0"),
+        (("schedule", "--dihedral", "0:20", "--condition", "simvfa-64"), "change --hold and --free"),
+        (("schedule", "--dihedral", "0:1", "--start", "x.json"), "--start"),
         (("schedule", "--dihedral", "0:1", "--table", "nowhere.npz"), "there is no such file"),
         (("schedule", "--dihedral", "0:1", "--table", "nowhere.txt"), "nowhere.txt"),
         (("schedule", "--dihedral", "0:1", "--errors", "-1"), "--errors"),
-        (("schedule", "--dihedral", "0:1", "--errors", "0.1", "-o", "c.json"), "no certificate"),
+        (("solution", "--dihedral", "15", "-o", "c.npz"), "a certificate is a .json file"),
         (("solution", "--dihedral", "15", "--rate"), "rate does not go with"),
         (("solution", "--dihedral", "15", "--errors", "0.5"), "errors does not go with"),
         (("solution", "--dihedral", "1:2"), "one dihedral"),
@@ -132,8 +173,19 @@ def test_without_python_flint_one_line_says_what_to_install(monkeypatch: pytest.
     assert_refused(hfa("prove", "solution", "--dihedral", "15"), 2, "python-flint", "pip install .[proof]")
 
 
-def test_small_errors_of_the_parameters_are_within_the_proof() -> None:
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "--errors", "0.05", "--rate", "--json")
+def test_another_condition_of_the_trims(tmp_path: Path) -> None:
+    """Alpha is free and the outer elevator held; and the throttle's limit is the one that is asked for."""
+    path = tmp_path / "certificate.json"
+    words = ("prove", "schedule", "--dihedral", "14:14.5", "--free", "alpha", "--hold", "elevator_outer=0")
+    assert hfa(*words, "-o", str(path)).code == 0
+    assert hfa("prove", "--check", str(path)).code == 0
+    assert "alpha" in json.loads(path.read_text())["boxes"]["loop"][0]["trim"]
+    narrow = hfa("prove", "schedule", "--dihedral", "14:14.5", "--limit", "throttle=0:1")
+    assert_refused(narrow, 1, "no trim")
+
+
+def test_errors_of_the_parameters_are_within_the_proof() -> None:
+    result = hfa("prove", "schedule", "--dihedral", "14:15", "--errors", "1", "--rate", "--json")
     assert result.code == 0
     data = json.loads(result.out)
     assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 15.0, "unstable": 0}]

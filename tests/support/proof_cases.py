@@ -14,13 +14,13 @@ from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.proof.gain_table import GainTable
-from verification.proof.trim_branch import Family
+from verification.proof.steady_flights import Family
 from verification.riccati.gare import solve_game
 
 
 def family(dynamics: str = "published") -> Family:
     """The paper's flights of the identified aircraft."""
-    return Family(Aircraft(default_parameters().values, dynamics), {})
+    return Family(Aircraft(default_parameters().values, dynamics))
 
 
 @lru_cache(maxsize=32)

@@ -75,6 +75,11 @@ def doubles(values: arb_mat) -> np.ndarray:
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
+def radii(values: arb_mat) -> np.ndarray:
+    """Radii rounded to doubles: for searching, never for proving."""
+    return np.array([[float(entry.rad()) for entry in row] for row in values.tolist()])
+
+
 def filled(rows: int, columns: int, value: Any) -> arb_mat:
     """A matrix with the same entry everywhere."""
     from flint import arb_mat

@@ -10,82 +10,29 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
+from hfa_model.vectors import INPUTS
+from verification.proof.balls import flint_or_refusal
 from verification.proof.gain_table import GainTable
-from verification.proof.schedule_proof import Cover, ProvedBox
+from verification.proof.rate_proof import RateProof
+from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
 from verification.proof.stated_model import StatedModel
+from verification.proof.steady_flights import Family
 from verification.proof.taylor import DihedralBox
-from verification.proof.trim_branch import Family
 
-SCHEMA = "hfa.certificate/1"
-
-
+SCHEMA = "hfa.certificate/2"
 #: Seconds between two writings of an unfinished certificate.
 _PAUSE = 2.0
 
 
-class Certificate:
-    """The certificate of one claim: a file that holds what is proved so far, whole at any time.
-
-    The claim says of which aircraft, which flights, which gains and over which angles (deg) it is. No file without
-    a path.
-    """
-
-    def __init__(self, family: Family, table: GainTable, low: float, high: float, path: Path | None) -> None:
-        spread = family.spread or (0.0,) * len(family.aircraft.parameters)
-        self.table, self._path, self._saved = table, path, time.monotonic()
-        self._claim = jsonable(
-            {
-                "dynamics": family.aircraft.variant.name,
-                "parameters": family.aircraft.parameters._asdict(),
-                "spread": dict(zip(Parameters._fields, spread, strict=True)),
-                "settings": family.settings,
-                "dihedral_deg": [low, high],
-                "table": {"dihedral_deg": table.dihedral_deg, "K": table.K},
-            }
-        )
-
-    def save(self, loop: Cover, modes: Cover, *, finished: bool = False) -> None:
-        """Write what there is, at most every `_PAUSE` seconds until it is finished."""
-        if self._path is None or not (finished or time.monotonic() - self._saved > _PAUSE):
-            return
-        self._saved = time.monotonic()
-        content = jsonable(
-            {
-                "schema": SCHEMA,
-                "toolchain": toolchain_version(),
-                "statement": self._claim,
-                "loop": [_entry(each) for each in loop.proved],
-                "modes": [_entry(each) for each in modes.proved],
-                "open": {"loop": _ends(loop), "modes": _ends(modes)},
-            }
-        )
-        write_text(self._path, json.dumps(content | {"digest": digest(content)}) + "\n")
-
-    def known(self) -> tuple[Cover, Cover]:
-        """What an earlier run proved of the same claim; BadInputError when the file is not its certificate."""
-        assert self._path is not None
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-            whole = content["schema"] == SCHEMA and content["digest"] == digest(content)
-            same = content["statement"] == self._claim and content["toolchain"] == toolchain_version()
-            loop, modes = (
-                Cover(tuple(map(_box, content[name])), tuple(DihedralBox(*ends) for ends in content["open"][name]))
-                for name in ("loop", "modes")
-            )
-        except OSError as error:
-            raise BadInputError(f"{self._path}: cannot be read ({error.strerror})") from error
-        except (ValueError, KeyError, TypeError) as error:
-            raise BadInputError(f"{self._path}: is not a certificate ({error})") from error
-        if not whole:
-            raise BadInputError(f"{self._path}: is not a certificate as it was written; remove it and begin again")
-        if not same:
-            raise BadInputError(f"{self._path}: is of another statement or version; write to another file")
-        return loop, modes
+def write_certificate(path: Path, kind: str, statement: dict[str, Any], boxes: dict[str, Any], **more: Any) -> None:
+    """A certificate of any kind: what is claimed, and the boxes that prove it."""
+    own = {"schema": SCHEMA, "kind": kind, "toolchain": toolchain_version()}
+    content = jsonable(own | {"statement": statement, "boxes": boxes} | more)
+    write_text(path, json.dumps(content | {"digest": digest(content)}) + "\n")
 
 
 def digest(content: dict[str, Any]) -> str:
@@ -94,22 +41,87 @@ def digest(content: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
-def _ends(cover: Cover) -> list[list[float]]:
-    return [[each.low, each.high] for each in cover.open]
-
-
-def _entry(proved: ProvedBox) -> dict[str, Any]:
-    model = proved.model
+def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
+    """Which aircraft, which trims and which angles (deg) a statement is about."""
+    condition, parameters = family.condition(low), family.aircraft.parameters._asdict()
     return {
-        "dihedral_deg": [proved.box.low, proved.box.high],
-        "unstable": proved.unstable,
-        "rate": proved.rate,
-        "H": proved.H,
-        **{name: getattr(model, name) for name in ("trim", "radius", "A", "B")},
+        "dynamics": family.aircraft.variant.name,
+        "parameters": parameters,
+        "spread": dict(zip(parameters, family.spread or [0.0] * len(parameters), strict=True)),
+        "imposed": {name: value for name, value in condition.imposed.items() if name != "dihedral"},
+        "limits": {name: condition.limits_of(name) for name in (*INPUTS, *condition.free)},
+        "dihedral_deg": [low, high],
     }
 
 
+def box_entry(box: DihedralBox, model: StatedModel, decimals: bool, **more: Any) -> dict[str, Any]:
+    """The trims and the linear model on one box, and what is proved of them."""
+    own = {name: getattr(model, name) for name in ("trim", "radius", "A", "B")}
+    return {"dihedral_deg": [box.low, box.high], "decimals": decimals, "unstable": 0, "rate": 0.0} | own | more
+
+
+class ScheduleCertificate:
+    """The certificate of one schedule: a file that holds what is proved so far, whole at any time; none without a path.
+
+    The statement says of which aircraft, which flights, which gains and over which angles (deg) it is.
+    """
+
+    def __init__(self, family: Family, table: GainTable, low: float, high: float, path: Path | None) -> None:
+        self.table, self._path, self._saved, self._decimals = table, path, time.monotonic(), family.decimals
+        gains = {"dihedral_deg": table.dihedral_deg, "K": table.K, "M": table.M}
+        self._claim = jsonable(flights_claim(family, low, high) | {"table": gains})
+
+    def save(self, loop: Cover, modes: Cover) -> None:
+        """Write what there is, at most every `_PAUSE` seconds."""
+        if self._path is not None and time.monotonic() - self._saved > _PAUSE:
+            self._write(self._path, loop, modes)
+            self._saved = time.monotonic()
+
+    def finish(self, proof: ScheduleProof, motion: RateProof | None = None) -> None:
+        """Write all of it, the motion too when a rate is proved."""
+        if self._path is not None:
+            self._write(self._path, proof.loop, proof.modes, motion)
+
+    def _write(self, path: Path, loop: Cover, modes: Cover, motion: RateProof | None = None) -> None:
+        covers, claim = {"loop": loop, "modes": modes}, dict(self._claim)
+        boxes = {name: [self._entry(each) for each in cover.proved] for name, cover in covers.items()}
+        if motion is not None and motion.rate > 0.0:
+            claim |= {"dihedral_rate": motion.rate, "lyapunov": {"dihedral_deg": motion.dihedral_deg, "P": motion.P}}
+            boxes["motion"] = [box_entry(*each[:2], self._decimals, turn=each.turn) for each in motion.boxes]
+        gaps = {name: [[each.low, each.high] for each in cover.open] for name, cover in covers.items()}
+        write_certificate(path, "schedule", claim, boxes, open=gaps)
+
+    def _entry(self, proved: ProvedBox) -> dict[str, Any]:
+        own = {name: getattr(proved, name) for name in ("unstable", "rate", "H", "turn")}
+        return box_entry(proved.box, proved.model, self._decimals, **own)
+
+    def known(self) -> tuple[Cover, Cover]:
+        """What an earlier run proved of the same claim; verified here, so that nothing in the file is believed.
+
+        BadInputError when the file is not its certificate, or does not prove what it says.
+        """
+        from verification.proof.checker import check_certificate
+        from verification.proof.taylor_model import Rejected
+
+        assert self._path is not None
+        try:
+            statement = check_certificate(self._path).statement
+        except Rejected as error:
+            raise BadInputError(f"{error}; remove the file and begin again") from error
+        finally:
+            flint_or_refusal()  # the checker has its own precision
+        content = json.loads(self._path.read_text(encoding="utf-8"))
+        same = all(statement.get(key) == value for key, value in self._claim.items())
+        if not same or content["toolchain"] != toolchain_version():
+            raise BadInputError(f"{self._path}: is of another statement or version; write to another file")
+        loop, modes = (
+            Cover(tuple(map(_box, content["boxes"][name])), tuple(DihedralBox(*ends) for ends in content["open"][name]))
+            for name in ("loop", "modes")
+        )
+        return loop, modes
+
+
 def _box(entry: dict[str, Any]) -> ProvedBox:
-    arrays = {name: np.array(entry[name], dtype=float) for name in ("trim", "radius", "A", "B")}
-    box = DihedralBox(*entry["dihedral_deg"])
-    return ProvedBox(box, entry["unstable"], entry["rate"], np.array(entry["H"]), StatedModel(**arrays))
+    model = StatedModel(entry["trim"], entry["radius"], np.array(entry["A"]), np.array(entry["B"]))
+    H, turn = np.array(entry["H"]), np.array(entry["turn"])
+    return ProvedBox(DihedralBox(*entry["dihedral_deg"]), entry["unstable"], entry["rate"], H, turn, model)

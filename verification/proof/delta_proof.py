@@ -80,21 +80,24 @@ def none_exists(game: BallGame) -> str | None:
             return "the stabilizing solution has a negative eigenvalue"
     except NoSolutionError:
         pass
-    if _has_eigenvalue_on_axis(game):
+    if frequencies_around_axis(game):
         return "the Hamiltonian has an eigenvalue on the imaginary axis"
     return None
 
 
-def _has_eigenvalue_on_axis(game: BallGame) -> bool:
-    """det(j ω I - H) is real, because the spectrum is symmetric; where it changes its sign H has an eigenvalue j ω."""
+def frequencies_around_axis(game: BallGame) -> tuple[float, float] | None:
+    """Two ω between which the Hamiltonian has an eigenvalue j ω; None when none is proved.
+
+    det(j ω I - H) is real, because the spectrum is symmetric: it changes its sign.
+    """
     own = game.scaled(balanced_units(game.game))
     values = np.linalg.eigvals(np.block([[own.game.A, -own.game.S], [-own.game.Q, -own.game.A.T]]))
     near = sorted(np.abs(values[np.argsort(np.abs(values.real))][:4].imag).tolist())
     ends = [near[0] * 0.9, *near, near[-1] * 1.1]
     places = [*ends, *((a + b) / 2 for a, b in pairwise(ends))]
     hamiltonian = _hamiltonian(own)
-    signs = {_sign(_determinant(hamiltonian, frequency)) for frequency in places}
-    return {1, -1} <= signs
+    found = {_sign(_determinant(hamiltonian, frequency)): frequency for frequency in places}
+    return (found[1], found[-1]) if {1, -1} <= set(found) else None
 
 
 def _hamiltonian(game: BallGame) -> list[list[arb]]:

@@ -1,9 +1,9 @@
-"""A table of gains over the dihedral, linear between its angles: ours, or one from a file."""
+"""A table of gains over the dihedral, linear between its angles, and the loop that it closes."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,33 +12,44 @@ import numpy as np
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from verification.proof.balls import exact, matrix
-from verification.proof.taylor import DihedralBox
+from verification.proof.balls import exact, matrix, symmetric
+from verification.proof.taylor import DihedralBox, TaylorForm
+from verification.proof.trim_branch import ModelForms
 
 if TYPE_CHECKING:
     from flint import arb_mat
 
-_SHAPE = (len(INPUTS), len(LINEAR_STATES))
+_STATES = len(LINEAR_STATES)
 
 
 @dataclass(frozen=True, eq=False)
 class GainTable:
-    """u = -K(η) x with K linear in η between the angles. dihedral_deg: (G,), increasing, G >= 2. K: (G, 5, 6).
+    """ζ' = (A(η) x - B(η) K(η) ζ, 0) + M(η) ζ, ζ = (x, memory); K and M linear in η between the angles.
 
-    The doubles of the table are the gains, exactly. BadInputError when a shape, the order or a number is wrong.
+    dihedral_deg: (G,), increasing, G >= 2. K: (G, 5, n). M: (G, n, n), what ζ does by itself: of actuators and of a
+    controller with memory; 0 unless given. n >= 6: the six states of the linear model come first. With n = 6 it is
+    u = -K(η) x. The doubles of the table are the gains, exactly. BadInputError when a shape, the order or a number is
+    wrong.
     """
 
     dihedral_deg: np.ndarray
     K: np.ndarray
+    M: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Check the table once."""
         angles, count = self.dihedral_deg, np.size(self.dihedral_deg)
         if np.ndim(angles) != 1 or count < 2 or np.any(np.diff(angles) <= 0.0):
             raise BadInputError("a table of gains needs at least two dihedral angles, in increasing order")
-        if np.shape(self.K) != (count, *_SHAPE):
-            raise BadInputError(f"K has shape {np.shape(self.K)}; with {count} angles it must be {(count, *_SHAPE)}")
-        if not (np.all(np.isfinite(angles)) and np.all(np.isfinite(self.K))):
+        n = np.shape(self.K)[-1] if np.ndim(self.K) else 0
+        if not self.M.size:
+            object.__setattr__(self, "M", np.zeros((count, n, n)))
+        if n < _STATES or np.shape(self.K) != (count, len(INPUTS), n):
+            want = f"({count}, {len(INPUTS)}, {_STATES} or more)"
+            raise BadInputError(f"K has shape {np.shape(self.K)}; with {count} angles it must be {want}")
+        if np.shape(self.M) != (count, n, n):
+            raise BadInputError(f"M has shape {np.shape(self.M)}; with this K it must be {(count, n, n)}")
+        if not all(np.all(np.isfinite(each)) for each in (angles, self.K, self.M)):
             raise BadInputError("the table of gains holds a number that is not finite")
 
     def segments(self, low: float, high: float) -> list[DihedralBox]:
@@ -51,12 +62,24 @@ class GainTable:
         cuts = [low, *(angle for angle in self.dihedral_deg.tolist() if low < angle < high), high]
         return [DihedralBox(a, b) for a, b in pairwise(cuts)]
 
-    def affine_on(self, box: DihedralBox) -> tuple[arb_mat, arb_mat]:
-        """K at the middle of a box that crosses no angle of the table, and its slope, 1/deg."""
+    def close(self, forms: ModelForms) -> tuple[TaylorForm, list[arb_mat]]:
+        """The closed loop on a box that crosses no angle of the table, and what the parameters' errors add to it."""
+        box, n = forms.box, self.K.shape[-1]
         index = int(np.searchsorted(self.dihedral_deg, box.low, side="right")) - 1
         first, second = (exact(angle) for angle in self.dihedral_deg[index : index + 2].tolist())
-        slope = (matrix(self.K[index + 1]) - matrix(self.K[index])) / (second - first)
-        return matrix(self.K[index]) + (box.middle - first) * slope, slope
+
+        def affine(values: np.ndarray) -> tuple[arb_mat, arb_mat]:
+            slope = (matrix(values[index + 1]) - matrix(values[index])) / (second - first)
+            return matrix(values[index]) + (box.middle - first) * slope, slope
+
+        (K, K_slope), (M, M_slope) = affine(self.K), affine(self.M)
+        states = matrix(np.eye(_STATES, n))
+        up, zero = states.transpose(), matrix(np.zeros((n, n)))
+        plant = forms.A.map(lambda part: up * part * states)
+        loop = plant + forms.B.times_affine(-K, -K_slope).map(lambda part: up * part)
+        K_range = K + symmetric(box.radius) * K_slope
+        errors = [up * (each.A * states - each.B * K_range) for each in forms.errors]
+        return loop + TaylorForm((M, M_slope, zero), zero, box.radius), errors
 
 
 def load_table(path: Path) -> GainTable:
@@ -69,12 +92,15 @@ def load_table(path: Path) -> GainTable:
     try:
         stored = readers[path.suffix.lower()](path)
         angles, gains = (np.array(stored[key], dtype=float) for key in ("dihedral_deg", "K"))
+        own = np.array(stored.get("M", ()), dtype=float)
     except KeyError as error:
-        raise BadInputError(f"{path}: there is no {error.args[0]}; a table holds dihedral_deg and K") from error
+        raise BadInputError(
+            f"{path}: there is no {error.args[0]}; a table holds dihedral_deg, K and, of a loop with memory, M"
+        ) from error
     except Exception as error:  # a damaged file makes the readers raise nearly anything
         raise BadInputError(f"{path}: cannot be read as a table of gains ({str(error).splitlines()[0]})") from error
     try:
-        return GainTable(angles, gains)
+        return GainTable(angles, gains, own)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -145,13 +145,27 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     )
 
 
+class ProvedModes(NamedTuple):
+    """How many eigenvalues of every matrix in the balls have a positive real part, with the proof (`inertia.py`)."""
+
+    unstable: int
+    H: np.ndarray
+    turn: np.ndarray
+
+
+def proved_modes(A: arb_mat) -> ProvedModes | None:
+    """None when an eigenvalue may lie on the axis."""
+    for H, turn in candidates(doubles(A), 0.0):
+        count = unstable_count([A], H, turn, 0.0)
+        if count is not None:
+            return ProvedModes(count, H, turn)
+    return None
+
+
 def unstable_modes(A: arb_mat) -> int | None:
     """Eigenvalues with a positive real part of every matrix in the balls; None when one may lie on the axis."""
-    for H, congruence in candidates(doubles(A), 0.0):
-        count = unstable_count([A], H, congruence, 0.0)
-        if count is not None:
-            return count
-    return None
+    found = proved_modes(A)
+    return None if found is None else found.unstable
 
 
 def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:

@@ -12,8 +12,9 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
 from verification.proof.ball_function import Undecided
 from verification.proof.balls import symmetric
+from verification.proof.steady_flights import Family
 from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import Family, ModelForms, TrimBranch
+from verification.proof.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ScheduleProof
-
-if TYPE_CHECKING:
-    from verification.proof.checker import Verified
 
 SCHEMA = "hfa.proof/1"
 
@@ -47,31 +42,6 @@ def schedule_report(proof: ScheduleProof, motion: RateProof | None = None) -> Re
             _enclosures(proof),
         ],
         data=data,
-    )
-
-
-def checked_report(found: Verified) -> Report:
-    """What the checker verified."""
-    verdict = "Verified, proved" if found.proved else "Verified, but not proved on the whole interval"
-    runs = [(f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in found.loop]
-    modes = [(f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in found.modes]
-    return Report(
-        title=f"{verdict}: dihedral from {found.low:g} to {found.high:g} deg, {found.boxes} boxes",
-        parts=[
-            f"decay rate of the loop: {found.rate:.6g} 1/s",
-            Table(("loop A - B K: dihedral, deg", "unstable modes"), runs),
-            Table(("aircraft A: dihedral, deg", "unstable modes"), modes),
-        ],
-        data={
-            "schema": SCHEMA,
-            "statement": "check",
-            "proved": found.proved,
-            "dihedral_deg": [found.low, found.high],
-            "decay_rate": found.rate,
-            "loop": [list(run) for run in found.loop],
-            "modes": [list(run) for run in found.modes],
-            "boxes": found.boxes,
-        },
     )
 
 

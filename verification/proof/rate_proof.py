@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from controller.game.zero_sum import published_game
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
 from verification.proof.ball_function import Undecided
-from verification.proof.balls import doubles, exact, is_positive_definite, matrix
+from verification.proof.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
 from verification.proof.gain_table import GainTable
+from verification.proof.stated_model import StatedModel, stated
+from verification.proof.steady_flights import Family
 from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import Family, TrimBranch
+from verification.proof.trim_branch import ModelForms, TrimBranch
 from verification.riccati.gare import solve_game
 
 #: Largest distance between two angles at which P is given, deg.
@@ -28,16 +30,25 @@ _SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 _NARROWEST = 2.0**-6
 
 
+class MotionBox(NamedTuple):
+    """A box on which V is proved to decrease, its trims, and the coordinates, (n, n), in which it is proved."""
+
+    box: DihedralBox
+    model: StatedModel
+    turn: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class RateProof:
-    """z' = (A(η) - B(η) K(η)) z is stable for every motion of η in the interval with |η'| <= rate, deg/s; 0 when open.
+    """The closed loop is stable for every motion of η in the interval with |η'| <= rate, deg/s; 0 when open.
 
-    dihedral_deg: (G,), P: (G, 6, 6): V = z'P(η)z with P linear between these angles decreases on every such motion.
+    dihedral_deg: (G,), P: (G, n, n): V = ζ'P(η)ζ with P linear between these angles decreases on every such motion.
     """
 
     rate: float
     dihedral_deg: np.ndarray
     P: np.ndarray
+    boxes: tuple[MotionBox, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +56,34 @@ class _Piece:
     """Between two neighbouring angles: the loop, and P = value + slope τ (1/deg) about the middle of the box."""
 
     loop: TaylorForm
+    errors: list[Any]
     value: Any
     slope: Any
 
     def decrease(self) -> TaylorForm:
-        """-(A_c'P + P A_c), without what the motion adds."""
+        """-(A_c'P + P A_c), without what the motion and the errors of the parameters add."""
         half = self.loop.map(lambda each: -each.transpose()).times_affine(self.value, self.slope)
         return half + half.map(lambda each: each.transpose())
+
+    def decreases(self, rate: float) -> np.ndarray | None:
+        """Coordinates in which -dV/dt is proved positive definite at both signs of the rate; None when it is not."""
+        form = self.decrease()
+        try:
+            turn = np.linalg.inv(np.linalg.cholesky(doubles(form.coefficients[0]))).T
+        except np.linalg.LinAlgError:
+            return None
+        T = matrix(turn)
+        turned, P, motion = T.transpose(), self.value + symmetric(form.radius) * self.slope, exact(rate) * self.slope
+        rest = 0 * motion
+        for each in self.errors:
+            half = P * each
+            rest += map_entries(symmetric, turned * (half + half.transpose()) * T)
+        proved = all(
+            is_positive_definite(turned * (corner + sign * motion) * T + rest)
+            for corner in form.corners()
+            for sign in (1, -1)
+        )
+        return turn if proved else None
 
 
 def prove_rate(
@@ -73,35 +105,43 @@ def prove_rate(
     P = np.array([_game_P(family, angle, changes or {}) for angle in angles])
     boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]
 
-    def piece(index: int, box: DihedralBox) -> _Piece:
+    def piece(index: int, box: DihedralBox) -> tuple[ModelForms, _Piece]:
         forms = branch.forms(box)
-        constant, slope = table.affine_on(box)
         first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
-        return _Piece(forms.A + forms.B.times_affine(-constant, -slope), value, rise)
+        return forms, _Piece(*table.close(forms), value, rise)
 
-    def rate_proved(rate: float) -> bool:
+    def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
+        """The boxes on which the rate is proved; none when it is not on all of them."""
+        found: list[MotionBox] = []
         for index, whole in enumerate(boxes):
             waiting = [whole]
             while waiting:
-                box = waiting.pop()
+                box, turn = waiting.pop(), None
                 try:
-                    done = _decreases(piece(index, box), rate)
+                    forms, own = piece(index, box)
+                    turn = own.decreases(rate)
                 except Undecided:
-                    done = False
-                if not done and box.high - box.low <= _NARROWEST:
-                    return False
-                waiting += [] if done else box.halves()
+                    pass
+                if turn is not None:
+                    found.append(MotionBox(box, stated(forms, branch.free), turn))
+                elif box.high - box.low > _NARROWEST:
+                    waiting += box.halves()[::-1]
+                else:
+                    return ()
             if progress is not None:
                 progress(index + 1, len(boxes))
-        return True
+        return tuple(found)
 
     if not all(is_positive_definite(matrix(each)) for each in P):
         return RateProof(0.0, np.array(angles), P)
-    suggested = min(_suggested(piece(index, _narrow(box))) for index, box in enumerate(boxes))
-    rates = [share * suggested for share in _SHARES if suggested > 0.0]
-    return RateProof(next((rate for rate in rates if rate_proved(rate)), 0.0), np.array(angles), P)
+    suggested = min(_suggested(piece(index, _narrow(box))[1]) for index, box in enumerate(boxes))
+    for share in _SHARES if suggested > 0.0 else ():
+        found = proved_boxes(share * suggested)
+        if found:
+            return RateProof(share * suggested, np.array(angles), P, found)
+    return RateProof(0.0, np.array(angles), P)
 
 
 def _angles(segments: list[DihedralBox]) -> list[float]:
@@ -127,15 +167,3 @@ def _suggested(piece: _Piece) -> float:
     except np.linalg.LinAlgError:
         return 0.0
     return float(1.0 / np.abs(np.linalg.eigvalsh(turn @ slope @ turn.T)).max())
-
-
-def _decreases(piece: _Piece, rate: float) -> bool:
-    form = piece.decrease()
-    try:
-        T = matrix(np.linalg.inv(np.linalg.cholesky(doubles(form.coefficients[0]))).T)
-    except np.linalg.LinAlgError:
-        return False
-    turned, motion = T.transpose(), exact(rate) * piece.slope
-    return all(
-        is_positive_definite(turned * (corner + sign * motion) * T) for corner in form.corners() for sign in (1, -1)
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +14,16 @@ from verification.proof.balls import doubles
 from verification.proof.gain_table import GainTable
 from verification.proof.inertia import candidates, unstable_count
 from verification.proof.stated_model import StatedModel, stated
+from verification.proof.steady_flights import Family
 from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import Family, ModelForms, TrimBranch
+from verification.proof.trim_branch import ModelForms, TrimBranch
+
+if TYPE_CHECKING:
+    from flint import arb_mat
 
 #: Narrower boxes, deg, are not tried: the angle stays open. With errors of the parameters, which do not become smaller
 #: with the box, one gives up earlier.
-NARROWEST, NARROWEST_WITH_ERRORS = 2.0**-10, 2.0**-4
+NARROWEST, NARROWEST_WITH_ERRORS = 2.0**-10, 2.0**-5
 #: The part of the middle's decay rate that is claimed for the whole box.
 RATE_SHARE = 0.9
 
@@ -27,13 +32,15 @@ RATE_SHARE = 0.9
 class ProvedBox:
     """On every angle of the box `unstable` eigenvalues have Re λ > -rate, and none Re λ = -rate (1/s).
 
-    H: (6, 6), what proves it (`inertia.py`). model: the trims and the linear model that the box was proved with.
+    H, turn: (n, n), what proves it, in which coordinates (`inertia.py`). model: the trims and the linear
+    model that the box was proved with.
     """
 
     box: DihedralBox
     unstable: int
     rate: float
     H: np.ndarray
+    turn: np.ndarray
     model: StatedModel
 
 
@@ -51,24 +58,23 @@ class Cover:
     @property
     def counts(self) -> list[tuple[float, float, int]]:
         """Neighbouring boxes with the same number of unstable modes, joined: low and high (deg), number."""
-        runs: list[tuple[float, float, int]] = []
-        for each in self.proved:
-            if runs and runs[-1][1] == each.box.low and runs[-1][2] == each.unstable:
-                runs[-1] = (runs[-1][0], each.box.high, each.unstable)
-            else:
-                runs.append((each.box.low, each.box.high, each.unstable))
-        return runs
+        return joined([(each.box.low, each.box.high, each.unstable) for each in self.proved])
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
         """The open boxes, neighbours joined, deg."""
-        runs: list[tuple[float, float]] = []
-        for each in self.open:
-            if runs and runs[-1][1] == each.low:
-                runs[-1] = (runs[-1][0], each.high)
-            else:
-                runs.append((each.low, each.high))
-        return runs
+        return [run[:2] for run in joined([(each.low, each.high, 0) for each in self.open])]
+
+
+def joined(runs: list[tuple[float, float, int]]) -> list[tuple[float, float, int]]:
+    """Low, high and number: neighbours with the same number as one."""
+    found: list[tuple[float, float, int]] = []
+    for low, high, count in runs:
+        if found and found[-1][1:] == (low, count):
+            found[-1] = (found[-1][0], high, count)
+        else:
+            found.append((low, high, count))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,20 +125,16 @@ def prove_schedule(
     @lru_cache(maxsize=64)
     def forms(box: DihedralBox) -> ModelForms:
         found = branch.forms(box)
-        beyond = branch.input_beyond_limits(found)
+        beyond = branch.beyond_limits(found)
         if beyond is not None:
             raise Undecided(f"{beyond} may lie beyond its limits")
         return found
 
-    def loop(model: ModelForms) -> TaylorForm:
-        constant, slope = table.affine_on(model.box)
-        return model.A + model.B.times_affine(-constant, -slope)
-
     narrowest = NARROWEST if family.spread is None else NARROWEST_WITH_ERRORS
     covers = list(known or (Cover((), ()), Cover((), ())))
     proofs: tuple[Callable[[DihedralBox], ProvedBox | None], ...] = (
-        lambda box: _prove(forms(box), loop(forms(box)), rated=True),
-        lambda box: _prove(forms(box), forms(box).A, rated=False),
+        lambda box: _prove(forms(box), *table.close(forms(box)), branch.free, rated=True),
+        lambda box: _prove(forms(box), forms(box).A, [each.A for each in forms(box).errors], branch.free, rated=False),
     )
     for index, prove in enumerate(proofs):
         start = covers[index].frontier(low)
@@ -170,13 +172,15 @@ def _covered(
         yield found
 
 
-def _prove(model: ModelForms, form: TaylorForm, *, rated: bool) -> ProvedBox | None:
+def _prove(
+    model: ModelForms, form: TaylorForm, errors: list[arb_mat], free: tuple[str, ...], *, rated: bool
+) -> ProvedBox | None:
     middle = doubles(form.coefficients[0])
     abscissa = float(np.linalg.eigvals(middle).real.max())
     rate = -RATE_SHARE * abscissa if rated and abscissa < 0.0 else 0.0
     corners = list(form.corners())
-    for H, congruence in candidates(middle, rate):
-        unstable = unstable_count(corners, H, congruence, rate)
+    for H, congruence in candidates(middle, rate, errors):
+        unstable = unstable_count(corners, H, congruence, rate, errors)
         if unstable is not None:
-            return ProvedBox(model.box, unstable, rate, H, stated(model))
+            return ProvedBox(model.box, unstable, rate, H, congruence, stated(model, free))
     return None

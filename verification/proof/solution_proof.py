@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,7 +14,8 @@ from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.proof.balls import flint_or_refusal, matrix, norm
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
 from verification.proof.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
-from verification.proof.trim_branch import Family, TrimBranch
+from verification.proof.steady_flights import Family
+from verification.proof.trim_branch import TrimBranch
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
 
@@ -54,8 +55,13 @@ class SolutionProof:
 
 @dataclass(frozen=True, eq=False)
 class CriticProof:
-    """Distances of what a file holds from the exact solution, by name; whether its gain makes A - B K Hurwitz."""
+    """Distances of what a file holds from the exact solution, by name; whether its gain makes A - B K Hurwitz.
 
+    given: W, P, K of the file, P of its W where there is none.
+    """
+
+    game: Game
+    given: dict[str, np.ndarray]
     distances: dict[str, Distance]
     stabilizes: bool | None
 
@@ -64,7 +70,7 @@ def games_of(game: Game, family: Family | None, degrees: float | None) -> tuple[
     """The game of the doubles, and the same with every decimal in its ball; twice the same for a plant of a file."""
     if family is None or degrees is None:
         return BallGame.of(game), BallGame.of(game)
-    doubles_only = TrimBranch(Family(family.aircraft, family.settings, family.spread, decimals=False))
+    doubles_only = TrimBranch(replace(family, decimals=False))
     sharp, wide = doubles_only.model_at(degrees), TrimBranch(family).model_at(degrees)
     return BallGame(game, *sharp[:2]), BallGame(game, *wide[:2])
 
@@ -116,7 +122,7 @@ def prove_critic(
         found["K"] = _distance(gain, K_exact)
     loop = sharp.A - sharp.B * gain
     count = unstable_modes(loop)
-    return CriticProof(found, None if count is None else is_hurwitz(loop))
+    return CriticProof(game, given, found, None if count is None else is_hurwitz(loop))
 
 
 def distance(values: np.ndarray, target: arb_mat) -> Distance:

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.vectors import INPUT_SCALES
-from verification.proof.balls import exact
+from trim.point.condition import SCALES
+from verification.proof.balls import exact, map_entries, symmetric
 from verification.proof.taylor import TaylorForm, radians
-from verification.proof.trim_branch import ModelForms
+from verification.proof.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
-    from flint import arb
+    from flint import arb, arb_mat
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.
 _WIDER = 1.5
+#: ... where the parameters have errors: products of errors are enclosed in another way there.
+_WIDER_WITH_ERRORS = 4.0
 #: ... and by this part of the largest entry of their row, which those that cancel to 0 need.
 _FLOOR = 1e-6
 #: The part of Lagrange's remainder that is added to the third-order term at the middle: room for the fourth order.
 _BEYOND = 0.1
 #: Part of an input that the rounding of what was read may move it by.
 _READING = 1e-14
+#: Part of what is seen of products of the parameters' errors that the radius of a trim allows for.
+_AROUND = 0.3
+#: Decimals of a trim at one angle, and its least radius in units of the variable.
+_DIGITS, _FINEST = 55, 1e-46
 #: Least radius of a trim in units of the input, over the cube of the box's radius in radians: an enclosure sees sizes
 #: of terms, not that they cancel.
 _LEAST = 10.0
@@ -32,39 +38,60 @@ _LEAST = 10.0
 class StatedModel:
     """A: (6, 6, 2), B: (6, 5, 2): lowest and highest value of each entry on the box.
 
-    trim: (5, 3), radius: (5,): U0(η) is sought within `radius` of trim · (1, τ, τ²), τ from the middle of the box in
-    degrees; whoever checks the certificate proves it (the prover's own enclosure is Lagrange's, which is wider).
+    trim: unknown -> row; radius: unknown -> number. The unknown is sought within its radius of row · (1, τ, τ², t),
+    τ from the middle of the box in degrees, t the errors of the parameters in their half widths; whoever checks the
+    certificate proves it (the prover's own enclosure is Lagrange's, which is wider).
     """
 
-    trim: np.ndarray
-    radius: np.ndarray
+    trim: dict[str, list[float]]
+    radius: dict[str, float]
     A: np.ndarray
     B: np.ndarray
 
 
-def stated(model: ModelForms) -> StatedModel:
+def stated(model: ModelForms, free: tuple[str, ...]) -> StatedModel:
     """The statement of a box, from its Taylor forms."""
-    cube, inputs = model.box.radius**3, model.inputs
-    trim = [[float(each[i, 0].mid()) for each in inputs.coefficients] for i in range(inputs.last.nrows())]
-    third = [6 * abs(each).upper() * cube for each in model.next_inputs]
-    rests = [_BEYOND * abs(row[0]).upper() * cube for row in inputs.last.tolist()]
-    reading = [10 * row[0].rad() + _READING * abs(row[0].mid()) for row in inputs.coefficients[0].tolist()]
-    angle = float(radians(model.box.radius))
-    radius = [
-        float(sum(parts)) + _LEAST * angle**3 * scale
-        for *parts, scale in zip(third, rests, reading, INPUT_SCALES, strict=True)
-    ]
-    return StatedModel(np.array(trim), np.array(radius), _ends(model.A), _ends(model.B))
+    angle, cube = float(radians(model.box.radius)), model.box.radius**3
+    trim, radius = {}, {}
+    for i, name in enumerate(free):
+        parts = [each[i, 0] for each in model.unknowns.coefficients]
+        slopes = [each.unknowns[i, 0] for each in model.errors]
+        trim[name] = [float(part.mid()) for part in (*parts, *slopes)]
+        rest = 6 * abs(model.next_unknowns[i]).upper() + _BEYOND * abs(model.unknowns.last[i, 0]).upper()
+        reading = 10 * parts[0].rad() + _READING * abs(parts[0].mid())
+        around = _AROUND * sum((slope.rad() for slope in slopes), exact(0.0))
+        radius[name] = float(rest * cube + reading + around) + _LEAST * angle**3 * SCALES[name]
+    return StatedModel(
+        trim,
+        radius,
+        _ends(model.A, [each.A for each in model.errors]),
+        _ends(model.B, [each.B for each in model.errors]),
+    )
 
 
-def _ends(form: TaylorForm) -> np.ndarray:
-    rows = form.range().tolist()
+def stated_point(degrees: float, branch: TrimBranch) -> dict[str, Any]:
+    """What a certificate says of the trim at one dihedral, degrees, with more decimals than a double has."""
+    found = dict(zip(branch.free, branch.trim_at(degrees), strict=True))
+    return {
+        "dihedral_deg": [degrees, degrees],
+        "decimals": branch.family.decimals,
+        "trim": {name: [value.mid().str(_DIGITS, radius=False), 0.0, 0.0] for name, value in found.items()},
+        "radius": {name: 2 * float(value.rad()) + _FINEST * SCALES[name] for name, value in found.items()},
+    }
+
+
+def _ends(form: TaylorForm, errors: list[arb_mat]) -> np.ndarray:
+    values = form.range()
+    for each in errors:
+        values += map_entries(symmetric, each)
+    rows = values.tolist()
+    wider = _WIDER_WITH_ERRORS if errors else _WIDER
     floors = [_FLOOR * max(abs(float(entry.mid())) for entry in row) for row in rows]
-    return np.array([[_outward(entry, floor) for entry in row] for row, floor in zip(rows, floors, strict=True)])
+    return np.array([[_outward(entry, wider, floor) for entry in row] for row, floor in zip(rows, floors, strict=True)])
 
 
-def _outward(ball: arb, floor: float) -> tuple[float, float]:
-    middle, half = float(ball.mid()), _WIDER * float(ball.rad()) + floor
+def _outward(ball: arb, wider: float, floor: float) -> tuple[float, float]:
+    middle, half = float(ball.mid()), wider * float(ball.rad()) + floor
     low, high = middle - half, middle + half
     if not (exact(low) <= ball <= exact(high)):
         raise ArithmeticError("an enclosure was not rounded outward")

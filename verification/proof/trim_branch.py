@@ -2,243 +2,207 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from hfa_model.aircraft import Aircraft, compiled_dynamics
+from hfa_model.aircraft import compiled_dynamics
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.point.condition import LIMITS, TrimCondition, level_flight
 from trim.point.solve import find_operating_point
 from verification.proof.ball_function import BallFunction, Undecided
-from verification.proof.balls import as_read, doubles, exact, flint_or_refusal, inside, matrix, symmetric
-from verification.proof.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series
+from verification.proof.balls import as_read, exact, flint_or_refusal, symmetric
+from verification.proof.steady_flights import Family
+from verification.proof.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series, radians
+from verification.proof.trim_equations import TrimEquations, coefficients
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
-#: Attempts to widen a box of inputs until Krawczyk's operator maps it into itself.
-_ATTEMPTS = 6
-#: Least half width of such a box: what is known exactly still needs an interior.
+_COLUMNS = range(len(INPUTS))
+#: Least half width of a box of unknowns: what is known exactly still needs an interior.
 _TINY = 1e-30
+#: Widest box, deg, with errors of the parameters, whose derivatives are enclosed to first order.
+_WIDEST_WITH_ERRORS = 0.25
+#: Half width, relative, of the first box of unknowns for all parameters.
+_FIRST = 1e-4
 
 
-@dataclass(frozen=True)
-class Family:
-    """Level, climbing or gliding flights that differ in their dihedral alone, with what `level_flight` leaves free.
+class Errors(NamedTuple):
+    """Derivatives with respect to one parameter, in its half widths, everywhere on a box and for all parameters.
 
-    aircraft: its parameters as doubles. settings: speed (ft/s), altitude (ft), alpha and gamma (rad) as `level_flight`
-    takes them. spread: a half width for each parameter, (18,). decimals: every parameter and setting is a ball that
-    also holds the decimal it was read from; else it is the double exactly.
+    A: (6, 6), B: (6, 5), unknowns: (4, 1).
     """
 
-    aircraft: Aircraft
-    settings: dict[str, Any]
-    spread: tuple[float, ...] | None = None
-    decimals: bool = True
-
-    def condition(self, degrees: float) -> TrimCondition:
-        """The trim at a dihedral, degrees."""
-        return level_flight(math.radians(degrees), **self.settings)
+    A: arb_mat
+    B: arb_mat
+    unknowns: arb_mat
 
 
 @dataclass(frozen=True)
 class ModelForms:
     """Over a box: inputs U0(η), (5, 1), and A(η), (6, 6), B(η), (6, 5), of the six states of the linear model.
 
-    next_inputs: the third Taylor coefficient of each input at the middle, how large the remainder about is.
+    unknowns: the free variables of the trim, (4, 1). next_unknowns: their third Taylor coefficient at the middle, how
+    large the remainder about is. errors: one for each parameter with a half width.
     """
 
     box: DihedralBox
+    unknowns: TaylorForm
+    next_unknowns: list[arb]
     inputs: TaylorForm
-    next_inputs: list[arb]
     A: TaylorForm
     B: TaylorForm
+    errors: tuple[Errors, ...] = ()
 
 
 class TrimBranch:
     """Encloses trims and linear models of a family of flights.
 
-    F(w, η) = 0 are the balanced rates, w the free inputs. On a box, Krawczyk's operator
-    K(W) = ŵ - C F(ŵ, η) + (I - C F_w(W, η)) (W - ŵ) maps W into its own interior: for every η of the box there is
-    one and only one w(η) in W (Krawczyk 1969; Moore 1977), and it is smooth. Its Taylor coefficients follow one
-    after the other from F_w w_j = -[F(Σ_{i<j} w_i τ^i, η + τ)]_j.
+    On a box, Krawczyk's operator K(W) = ŵ - C F(ŵ, η) + (I - C F_w(W, η)) (W - ŵ) maps W into its own interior: for
+    every η of the box there is one and only one w(η) in W (Krawczyk 1969; Moore 1977), and it is smooth. Its Taylor
+    coefficients follow one after the other from F_w w_j = -[F(Σ_{i<j} w_i τ^i, η + τ)]_j.
     """
 
     def __init__(self, family: Family) -> None:
         flint_or_refusal()
         self.family = family
         condition = family.condition(0.0)
-        self.free = tuple(INPUTS.index(name) for name in condition.free)
+        self.free = condition.free
+        self.limits = {name: condition.limits_of(name) for name in dict.fromkeys((*INPUTS, *condition.free))}
         ball = as_read if family.decimals else exact
-        self._imposed = {name: ball(value) for name, value in condition.imposed.items()}
-        self._imposed["pitch"] = self._imposed["alpha"] + self._imposed["gamma"]
-        values = family.aircraft.parameters
-        spread = family.spread or (0.0,) * len(values)
-        self._parameters = [ball(value) + symmetric(width) for value, width in zip(values, spread, strict=True)]
         functions = compiled_dynamics(family.aircraft.variant)
-        self._rates, self._jacobians = BallFunction(functions.rates), BallFunction(functions.jacobians)
-        # At a level flight θ' = q and η' = η' are 0 already; what the free inputs move is left.
-        self._equations = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
+        self._known = TrimEquations(
+            BallFunction(functions.rates),
+            BallFunction(functions.jacobians),
+            {name: ball(value) for name, value in condition.imposed.items()},
+            condition.free,
+            [ball(value) for value in family.aircraft.parameters],
+        )
+        spread = [exact(width) for width in family.spread or ()]
+        self._uncertain = [(k, width) for k, width in enumerate(spread) if width > 0]
+        everything = list(self._known.parameters)
+        for k, width in self._uncertain:
+            everything[k] += symmetric(width)
+        self._all = replace(self._known, parameters=everything)
 
     def forms(self, box: DihedralBox) -> ModelForms:
         """The model over a box. Undecided when the box is too wide, TrimError when its middle has no trim."""
-        middle = find_operating_point(self.family.aircraft, self.family.condition(float(box.middle)))
-        point = self._point(box.middle, [exact(middle.inputs[index]) for index in self.free])
-        at_middle = self._coefficients(box.middle, point, ORDER + 1)
-        over_box = self._coefficients(box.degrees, self._everywhere(box, at_middle), ORDER + 1)
-        return self._composed(box, at_middle, over_box)
+        if self._uncertain and box.radius > _WIDEST_WITH_ERRORS / 2:
+            raise Undecided("the errors of the parameters are enclosed on narrower boxes only")
+        at_middle = self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER + 1)
+        everywhere = self._everywhere(box, at_middle)
+        wide = self._known.branch(box.degrees, everywhere, ORDER + 1)
+        (u, A, B), (wide_u, wide_A, wide_B) = (
+            self._model(self._known, dihedral_series(degrees, length), series, length)
+            for degrees, series, length in ((box.middle, at_middle, ORDER), (box.degrees, wide, ORDER + 1))
+        )
+        return ModelForms(
+            box,
+            _form(box, at_middle, wide, range(len(wide)), [0]),
+            [series[ORDER] for series in at_middle],
+            _form(box, u, wide_u, _COLUMNS, [0]),
+            _form(box, A, wide_A, _ROWS, _ROWS),
+            _form(box, B, wide_B, _ROWS, _COLUMNS),
+            tuple(self._errors(box, everywhere)) if self._uncertain else (),
+        )
 
     def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat, arb_mat]:
         """A (6, 6), B (6, 5) and the inputs (5, 1) at one dihedral, degrees, in balls."""
-        from flint import arb_mat
+        point = [[value] for value in self.trim_at(degrees)]
+        u, A, B = self._model(self._known, radians(exact(degrees)), point, 1)
+        return _matrix(A, 0, _ROWS, _ROWS), _matrix(B, 0, _ROWS, _COLUMNS), _matrix(u, 0, _COLUMNS, [0])
 
-        guess = find_operating_point(self.family.aircraft, self.family.condition(degrees))
-        point = self._point(exact(degrees), [exact(guess.inputs[index]) for index in self.free])
-        state, control = self._vectors([exact(degrees)], [[value] for value in point], 1)
-        _, A, B = self._jacobians(state, control, self._parameters)
-        n = len(STATES)
-        return (
-            arb_mat([[_series(A[n * j + i], 1)[0] for j in _ROWS] for i in _ROWS]),
-            arb_mat([[_series(B[n * j + i], 1)[0] for j in range(len(INPUTS))] for i in _ROWS]),
-            arb_mat([[_series(value, 1)[0]] for value in control]),
-        )
+    def trim_at(self, degrees: float) -> list[arb]:
+        """The unknowns at one dihedral, degrees, in balls: Newton's method on midpoints, then Krawczyk."""
+        at = exact(degrees)
+        found = find_operating_point(self.family.aircraft, self.family.condition(degrees))
+        values = found.states._asdict() | found.inputs._asdict()
+        values["gamma"] = values["pitch"] - values["alpha"]
+        middle = [exact(values[name]) for name in self.free]
+        for _ in range(2):
+            step, _ = self._known.newton(at, middle)
+            middle = [(value - change).mid() for value, change in zip(middle, step, strict=True)]
+        step, _ = self._known.newton(at, middle)
+        return self._known.contracted(at, middle, [abs(change).upper() + exact(_TINY) for change in step])
 
-    def input_beyond_limits(self, forms: ModelForms) -> str | None:
-        """An input that may leave its limits somewhere on the box; None when every one is proved to stay within."""
-        for name, row in zip(INPUTS, forms.inputs.range().tolist(), strict=True):
-            low, high = LIMITS[name]
-            if not (exact(low) <= row[0] <= exact(high)):
+    def beyond_limits(self, forms: ModelForms) -> str | None:
+        """What may leave its limits somewhere on the box; None when all is proved to stay within."""
+        values = dict(zip(INPUTS, forms.inputs.range().entries(), strict=True))
+        for i, (name, value) in enumerate(zip(self.free, forms.unknowns.range().entries(), strict=True)):
+            values[name] = value + sum((symmetric(each.unknowns[i, 0]) for each in forms.errors), exact(0.0))
+        for name, value in values.items():
+            low, high = self.limits[name]
+            if not (exact(low) <= value <= exact(high)):
                 return name
         return None
 
-    def _point(self, degrees: arb, middle: list[arb]) -> list[arb]:
-        """The trim at one angle: Newton's method on midpoints, then Krawczyk."""
-        for _ in range(2):
-            step, _ = self._newton(degrees, middle)
-            middle = [(value - change).mid() for value, change in zip(middle, step, strict=True)]
-        step, _ = self._newton(degrees, middle)
-        return self._contracted(degrees, middle, [abs(change).upper() + exact(_TINY) for change in step])
-
     def _everywhere(self, box: DihedralBox, at_middle: list[list[arb]]) -> list[arb]:
-        """A ball for each input that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0)."""
+        """A ball for each unknown that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0)."""
         start = [series[0] for series in at_middle]
         widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
-        found = self._contracted(box.degrees, [value.mid() for value in start], widths)
-        if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
-            raise Undecided("the trim at the middle of the box is not the one found around it")
-        slopes = self._coefficients(box.degrees, found, 2)
+        found = self._around(self._known, box, start, widths)
+        slopes = self._known.branch(box.degrees, found, 2)
         tau = symmetric(box.radius)
         return [value + tau * series[1] for value, series in zip(start, slopes, strict=True)]
 
-    def _contracted(self, degrees: arb, middle: list[arb], widths: list[arb]) -> list[arb]:
-        """Balls about `middle` that Krawczyk's operator maps into their interior, as it leaves them."""
+    @staticmethod
+    def _around(equations: TrimEquations, box: DihedralBox, start: list[arb], widths: list[arb]) -> list[arb]:
+        """Krawczyk's box about what is known of a part of it."""
+        found = equations.contracted(box.degrees, [value.mid() for value in start], widths)
+        if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
+            raise Undecided("the trim at the middle of the box is not the one found around it")
+        return found
+
+    def _errors(self, box: DihedralBox, known: list[arb]) -> Iterator[Errors]:
+        """What each parameter does; `known`: the unknowns on the box without errors.
+
+        w(η, p) = w(η, p_0) + Σ_k ∂w/∂p_k (p_k - p_0k), with the derivatives -F_w⁻¹ F_p anywhere between.
+        """
         from flint import arb_mat
 
-        step, inverse = self._newton(degrees, middle)
-        identity = matrix(np.eye(len(middle)))
-        for _ in range(_ATTEMPTS):
-            offsets = [symmetric(1.2 * width) for width in widths]
-            candidate = [value + offset for value, offset in zip(middle, offsets, strict=True)]
-            jacobian = self._derivative(degrees, candidate)
-            image = (identity - inverse * jacobian) * arb_mat([[offset] for offset in offsets])
-            mapped = [row[0] - change for change, row in zip(step, image.tolist(), strict=True)]
-            if inside(mapped, offsets):
-                return [value + offset for value, offset in zip(middle, mapped, strict=True)]
-            widths = [abs(before.union(after)).upper() for before, after in zip(offsets, mapped, strict=True)]
-        raise Undecided("Krawczyk's operator does not map a box of inputs into itself")
+        widths = [value.rad() * 2 + abs(value).upper() * _FIRST for value in known]
+        found = self._around(self._all, box, known, widths)
+        slopes: list[arb_mat] = []
+        for _ in range(2):  # the second time with the narrower unknowns that the first time gives
+            inverse, constant = self._all.inverse(box.degrees, found), [[value] for value in found]
+            slopes = []
+            for k, width in self._uncertain:
+                residual = self._moved(k, width).residual(radians(box.degrees), constant, 2)
+                slopes.append(-inverse * arb_mat([[each[1]] for each in residual]))
+            moves = [sum((symmetric(each[i, 0]) for each in slopes), exact(0.0)) for i in range(len(found))]
+            found = [value + move for value, move in zip(known, moves, strict=True)]
+        for (k, width), slope in zip(self._uncertain, slopes, strict=True):
+            series = [[value, rise] for value, rise in zip(found, slope.entries(), strict=True)]
+            _, A, B = self._model(self._moved(k, width), radians(box.degrees), series, 2)
+            yield Errors(_matrix(A, 1, _ROWS, _ROWS), _matrix(B, 1, _ROWS, _COLUMNS), slope)
 
-    def _newton(self, degrees: arb, values: list[arb]) -> tuple[list[arb], arb_mat]:
-        """C F(w, η) and C, the inverse of F_w rounded to doubles."""
-        from flint import arb_mat
-
-        inverse = matrix(np.linalg.inv(doubles(self._derivative(degrees.mid(), values))))
-        residual = self._residual([degrees], [[value] for value in values], 1)
-        step = inverse * arb_mat([[series[0]] for series in residual])
-        return [row[0] for row in step.tolist()], inverse
-
-    def _coefficients(self, degrees: arb, start: list[arb], length: int) -> list[list[arb]]:
-        """Taylor coefficients w_0 .. of the branch through `start`, one list an input."""
-        from flint import arb_mat
-
-        series = [[value] for value in start]
-        derivative = self._derivative(degrees, start)
-        rough = matrix(np.linalg.inv(doubles(derivative)))
-        try:
-            solved = (rough * derivative).inv() * rough
-        except ZeroDivisionError as error:
-            raise Undecided("the derivative of the trim equations may be singular on this box") from error
-        for j in range(1, length):
-            residual = self._residual([degrees, exact(1.0)], series, j + 1)
-            change = solved * arb_mat([[each[j]] for each in residual])
-            for own, row in zip(series, change.tolist(), strict=True):
-                own.append(-row[0])
-        return series
-
-    def _residual(self, angle: list[arb], series: list[list[arb]], length: int) -> list[Any]:
-        state, control = self._vectors(angle, series, length)
-        rates = self._rates(state, control, self._parameters)[0]
-        return [_series(rates[index], length) for index in self._equations]
-
-    def _derivative(self, degrees: arb, values: list[arb]) -> arb_mat:
-        """F_w at constant arguments."""
-        from flint import arb_mat
-
-        state, control = self._vectors([degrees], [[value] for value in values], 1)
-        flat = self._jacobians(state, control, self._parameters)[2]
-        columns = [flat[len(STATES) * index : len(STATES) * (index + 1)] for index in self.free]
-        return arb_mat([[_series(column[row], 1)[0] for column in columns] for row in self._equations])
-
-    def _vectors(self, angle: list[arb], series: list[list[arb]], length: int) -> tuple[list[Any], list[Any]]:
+    def _moved(self, k: int, width: arb) -> TrimEquations:
+        """The parameter k as a series in its half widths."""
         from flint import arb_series
 
-        values: dict[str, Any] = dict(self._imposed)
-        values["dihedral"] = dihedral_series(angle[0], length)
-        for index, own in zip(self.free, series, strict=True):
-            values[INPUTS[index]] = arb_series(own[:length], prec=length)
-        return [values[name] for name in STATES], [values[name] for name in INPUTS]
+        parameters = list(self._all.parameters)
+        parameters[k] = arb_series([parameters[k], width], prec=2)
+        return replace(self._all, parameters=parameters)
 
-    def _composed(self, box: DihedralBox, middle: list[list[arb]], wide: list[list[arb]]) -> ModelForms:
-        from flint import arb
-
-        parts = []
-        for degrees, series, length in ((box.middle, middle, ORDER), (box.degrees, wide, ORDER + 1)):
-            state, control = self._vectors([degrees], series, length)
-            _, A, B = self._jacobians(state, control, self._parameters)
-            parts.append((control, A, B))
-        third = [arb(0)] * len(INPUTS)
-        for index, own in zip(self.free, middle, strict=True):
-            third[index] = own[ORDER]
-        (u, A, B), (wide_u, wide_A, wide_B) = parts
-        inputs = list(range(len(INPUTS)))
-        return ModelForms(
-            box,
-            _form(box, u, wide_u, inputs, [0], len(INPUTS)),
-            third,
-            _form(box, A, wide_A, _ROWS, _ROWS, len(STATES)),
-            _form(box, B, wide_B, _ROWS, inputs, len(STATES)),
-        )
+    @staticmethod
+    def _model(equations: TrimEquations, dihedral: Any, series: Any, length: int) -> list[list[list[arb]]]:
+        """Inputs, A and B; each a list of coefficients for every entry, column by column."""
+        arguments = equations.arguments(dihedral, series, length)
+        _, A, B = equations.jacobians(*arguments)
+        return [[coefficients(entry, length) for entry in entries] for entries in (arguments[1], A, B)]
 
 
-def _series(value: Any, length: int) -> Any:
-    """The coefficients of a series or a ball, `length` of them."""
-    from flint import arb
+def _matrix(entries: list[list[arb]], order: int, rows: Sequence[int], columns: Sequence[int]) -> arb_mat:
+    """One coefficient of a matrix that is stored column by column."""
+    from flint import arb_mat
 
-    if isinstance(value, arb):
-        return [value] + [arb(0)] * (length - 1)
-    return [value[index] for index in range(length)]
+    height = len(entries) if len(columns) == 1 else len(STATES)
+    return arb_mat([[entries[height * j + i][order] for j in columns] for i in rows])
 
 
 def _form(
-    box: DihedralBox, thin: list[Any], wide: list[Any], rows: list[int], columns: list[int], height: int
+    box: DihedralBox, thin: list[list[arb]], wide: list[list[arb]], rows: Sequence[int], columns: Sequence[int]
 ) -> TaylorForm:
-    """The Taylor form of a matrix that CasADi stores column by column, `height` rows each."""
-    from flint import arb_mat
-
-    def coefficient(entries: list[Any], order: int) -> arb_mat:
-        return arb_mat([[_series(entries[height * j + i], order + 1)[order] for j in columns] for i in rows])
-
-    return TaylorForm(tuple(coefficient(thin, j) for j in range(ORDER)), coefficient(wide, ORDER), box.radius)
+    middle = tuple(_matrix(thin, j, rows, columns) for j in range(ORDER))
+    return TaylorForm(middle, _matrix(wide, ORDER, rows, columns), box.radius)

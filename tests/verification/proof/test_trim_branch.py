@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from proof_cases import family, model_at
@@ -66,13 +68,13 @@ def test_inputs_near_their_limits_are_named() -> None:
             last = middle
         except NoSolutionError:
             without = middle
-    assert branch.input_beyond_limits(branch.forms(DihedralBox(last - 0.2, last - 0.1))) is None
-    assert branch.input_beyond_limits(branch.forms(DihedralBox(last - 0.1, last))) == "elevator_center"
+    assert branch.beyond_limits(branch.forms(DihedralBox(last - 0.2, last - 0.1))) is None
+    assert branch.beyond_limits(branch.forms(DihedralBox(last - 0.1, last))) == "elevator_center"
 
 
 def test_doubles_alone_give_a_sharper_model() -> None:
     flights = family()
-    sharp = TrimBranch(type(flights)(flights.aircraft, {}, decimals=False)).model_at(15.0)[0]
+    sharp = TrimBranch(replace(flights, decimals=False)).model_at(15.0)[0]
     wide = TrimBranch(flights).model_at(15.0)[0]
     for one, other in zip(sharp.entries(), wide.entries(), strict=True):
         assert other.contains(one.mid())

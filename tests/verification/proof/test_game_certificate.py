@@ -1,0 +1,168 @@
+"""Certificates of a solution and of a critic, checked; and spoiled ones, refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from proof_cases import family, model_at
+
+from controller.game.basis import basis
+from controller.game.model_file import StoredCritic
+from controller.game.zero_sum import Game, published_game
+from hfa_model.support.errors import NoSolutionError
+from verification.proof.certificate_file import digest, write_certificate
+from verification.proof.checked_report import checked_report
+from verification.proof.checker import check_certificate
+from verification.proof.game_certificate import critic_claim, solution_claim
+from verification.proof.solution_proof import prove_critic, prove_solution
+from verification.proof.taylor_model import Rejected
+from verification.riccati.gare import solve_game
+
+Content = dict[str, Any]
+
+
+def aircraft_game(dynamics: str = "published") -> Game:
+    model = model_at(15.0, dynamics)
+    return published_game(model.A, model.B)
+
+
+def scalar_game() -> Game:
+    """a = -1, b = e = q = r = 1, delta = 2: below delta_min an eigenvalue of the Hamiltonian is on the axis."""
+    one = np.eye(1)
+    return Game(A=-one, B=one, E=one, Q=one, R=one, delta=2.0)
+
+
+@pytest.fixture(scope="module")
+def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("proof") / "solution.json"
+    proof = prove_solution(aircraft_game(), family(), 15.0)
+    write_certificate(path, "game", *solution_claim(proof, family(), 15.0))
+    return path
+
+
+@pytest.fixture(scope="module")
+def critic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """W off by 1e-6 and K off by 1e-3."""
+    path = tmp_path_factory.mktemp("proof") / "critic.json"
+    game, functions = aircraft_game(), basis("quadratic", 6)
+    exact = solve_game(game)
+    stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
+    write_certificate(
+        path, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0), family(), 15.0)
+    )
+    return path
+
+
+def test_a_solution_is_verified(solution: Path) -> None:
+    report = checked_report(check_certificate(solution))
+    assert report.data["proved"] is True
+    assert report.data["distances"]["P"][1] < 1e-12
+    assert report.data["delta_min_at_most"] / report.data["delta_min_above"] < 1 + 1.001e-6
+
+
+def test_a_critic_is_verified(critic: Path) -> None:
+    data = checked_report(check_certificate(critic)).data
+    assert data["closed_loop_hurwitz"] is True
+    for name, size in {"W": 1e-6, "P": 1e-6, "K": 1e-3}.items():
+        np.testing.assert_allclose(data["distances"][name], size, rtol=1e-5)
+
+
+def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
+    path = tmp_path / "scalar.json"
+    proof = prove_solution(scalar_game())
+    claim, boxes = solution_claim(proof, None, None)
+    assert "axis" in boxes["refused"][0]
+    write_certificate(path, "game", claim, boxes)
+    above, most = checked_report(check_certificate(path)).data["delta_min_above"], proof.delta
+    assert most is not None
+    assert above < np.sqrt(0.5) <= most.value
+    forged = claim | {"delta_min": [0.5, above]}, boxes | {"value": boxes["refused"]}
+    write_certificate(path, "game", *forged)
+    with pytest.raises(Rejected):
+        check_certificate(path)
+
+
+def test_a_gain_that_does_not_stabilize_is_certified_so(tmp_path: Path) -> None:
+    path = tmp_path / "critic.json"
+    proof = prove_critic(aircraft_game(), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
+    write_certificate(path, "game", *critic_claim(proof, None, None))
+    data = checked_report(check_certificate(path)).data
+    assert data["closed_loop_hurwitz"] is False
+
+
+def test_a_loop_with_a_mode_on_the_axis_is_not_certified() -> None:
+    one = np.eye(1)
+    game = Game(A=one, B=one, E=one, Q=one, R=one, delta=np.inf)
+    proof = prove_critic(game, StoredCritic(None, None, one), basis("quadratic", 1))
+    assert proof.stabilizes is None
+    with pytest.raises(NoSolutionError, match="may lie on the axis"):
+        critic_claim(proof, None, None)
+
+
+def _radius(content: Content) -> None:
+    content["statement"]["distances"]["P"][1] = 1e-14
+
+
+def _solution(content: Content) -> None:
+    content["boxes"]["solution"][0]["P"][0][0][0] = "1.0"
+
+
+def _bracket(content: Content) -> None:
+    content["statement"]["delta_min"] = [content["statement"]["delta_min"][1]] * 2
+
+
+def _above(content: Content) -> None:
+    content["statement"]["delta_min"] = [content["statement"]["delta_min"][0]] * 2
+
+
+def _modes(content: Content) -> None:
+    content["boxes"]["modes"][0]["unstable"] = 0
+
+
+def _trim(content: Content) -> None:
+    content["boxes"]["value"][0]["trim"]["throttle"][0] = "20.0"
+
+
+def _weight(content: Content) -> None:
+    content["statement"]["game"]["Q"][0][0] *= 1.0 + 1e-6
+
+
+def _missing(content: Content) -> None:
+    content["boxes"]["refused"] = []
+
+
+@pytest.mark.parametrize("change", [_radius, _solution, _bracket, _above, _modes, _trim, _weight, _missing])
+def test_a_forged_solution_is_rejected(solution: Path, tmp_path: Path, change: Callable[[Content], None]) -> None:
+    with pytest.raises(Rejected):
+        check_certificate(_changed(solution, tmp_path, change))
+
+
+def _nearer(content: Content) -> None:
+    content["statement"]["distances"]["K"] = [0.0, 9e-4]
+
+
+def _farther(content: Content) -> None:
+    content["statement"]["distances"]["W"] = [2e-6, 1.0]
+
+
+def _unstable(content: Content) -> None:
+    content["boxes"]["loop"][0]["unstable"] = 1
+
+
+@pytest.mark.parametrize("change", [_nearer, _farther, _unstable])
+def test_a_forged_critic_is_rejected(critic: Path, tmp_path: Path, change: Callable[[Content], None]) -> None:
+    with pytest.raises(Rejected):
+        check_certificate(_changed(critic, tmp_path, change))
+
+
+def _changed(path: Path, folder: Path, change: Callable[[Content], None]) -> Path:
+    content = json.loads(path.read_text())
+    change(content)
+    forged = folder / "forged.json"
+    forged.write_text(json.dumps(content | {"digest": digest(content)}))
+    return forged
