@@ -58,7 +58,7 @@ def say_notes(warnings: Iterable[str]) -> None:
         print(f"hfa: note: {warning}", file=sys.stderr)
 
 
-#: Seconds: of work by which its length is judged, and from which it is announced.
+#: Seconds: of work from which its length is estimated, and from which it is announced.
 _TRIAL, _LONG = 3.0, 300.0
 
 

@@ -1,4 +1,4 @@
-"""Where the aircraft flies: operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
+"""Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
 import sys
 from typing import TYPE_CHECKING

@@ -1,1 +1,1 @@
-"""What judge and learner share: the game, the basis, the files and the result; no algorithm."""
+"""What learning and checking share: the game, the basis, the files and the result; no algorithm."""

@@ -31,13 +31,13 @@ LARGEST_STATE = 1e100
 
 @dataclass(frozen=True)
 class IrlSettings:
-    """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are flown, then
+    """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are simulated, then
     `iterations` policy updates follow, one per Δ; None stands for 40, and for more where the basis has more than 26
     weights (`law_settings.enough_for`).
 
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller). initial_weights: W(0)
     of the first policies, model's units; 0 is u = 0 and needs a stable plant. probe: amplitude of the probing
-    inputs. disturbance: amplitude of the disturbance flown. disturbance_measured: whether the learner knows it.
+    inputs. disturbance: amplitude of the simulated disturbance. disturbance_measured: whether the learner knows it.
     """
 
     interval: float = 0.2
@@ -84,10 +84,10 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class IntegralLearning:
-    """Policy iteration on flown data; from the game only B, E, Q, R, δ are read, never A.
+    """Policy iteration on simulated data; from the game only B, E, Q, R, δ are read, never A.
 
     For the policies u = -K z, d = L z of the last iteration, their value z'Pz satisfies over every interval
-    [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z, whatever u and d were flown
+    [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z, whatever u and d were applied
     (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by least squares, then K = R⁻¹B'P, L = δ⁻²E'P.
     """
 
@@ -98,7 +98,7 @@ class IntegralLearning:
 
     @property
     def intervals(self) -> int:
-        """N, how many intervals are flown."""
+        """N, how many intervals are simulated."""
         given = self.settings.intervals
         return law_settings.enough_for(self.basis.size, 40) if given is None else given
 
@@ -147,7 +147,7 @@ class IntegralLearning:
 
     @cached_property
     def equations(self) -> StackEquations:
-        """Bellman residuals at the flown states, for the history only: they use A, the learning does not."""
+        """Bellman residuals at the simulated states, for the history only: they use A, the learning does not."""
         flown = record(self.target, self.record.states * self.record.scales)
         return StackEquations.build(self.target, self.basis, flown, self.record.scales)
 
@@ -173,7 +173,7 @@ class IntegralLearning:
         B, E = game.B / data.scales[:, None], game.E / data.scales[:, None]
         P = self.basis.matrix(weights)
         K, L = np.linalg.solve(game.R, B.T @ P), E.T @ P / game.delta**2
-        # ∫ z v', v = B (u + K z) + E (d - L z): what the flown policies did beyond the evaluated ones.
+        # ∫ z v', v = B (u + K z) + E (d - L z): what the applied policies did beyond the evaluated ones.
         beyond = data.zu @ B.T + data.zz @ (B @ K).T + data.zd @ E.T - data.zz @ (E @ L).T
         row, column = np.triu_indices(game.A.shape[0])
         pushed = beyond[:, row, column] + beyond[:, column, row]

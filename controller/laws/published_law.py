@@ -197,7 +197,7 @@ class PublishedLaw:
         return new, error + s.step * self._error_rate(weights, error)
 
     def _current(self, weights: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """σ and e of the flown state, F = A z."""
+        """σ and e of the simulated state, F = A z."""
         e, z = self.equations, error[None, :]
         gradient = self.basis.gradient(z)
         return bellman(gradient, z @ self._plant.T, np.sum((z @ e.Q) * z, axis=-1), e.S(GAME), weights, weights)

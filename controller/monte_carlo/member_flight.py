@@ -1,4 +1,4 @@
-"""One member of a Monte Carlo in the air: a draw of the scenario, flown by the loop that all members share."""
+"""One member of a Monte Carlo: a draw of the scenario, simulated by the loop that all members share."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def member_loop(plan: MonteCarlo) -> WatchedLoop:
 
 
 def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
-    """Draw and fly one member."""
+    """Draw and simulate one member."""
     scenario = plan.member(member)
     loop = _loop(plan, scenario)
     constants = loop.constants(plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario)))

@@ -27,7 +27,7 @@ class MonteCarlo:
     """N members, each a draw of one scenario. Two plans are equal when they give the same results.
 
     parameters, dynamics: the nominal aircraft, trimmed at `point`. plant: "nonlinear" or "linear". seed: with the
-    number of a member it decides all that is random in it, so that members can be flown anywhere in any order. A
+    number of a member it decides all that is random in it, so that members can be simulated anywhere in any order. A
     member's flight ends at the first step outside the envelope. BadInputError when a number is wrong, the flight does
     not begin inside its envelope, an error belongs to a parameter that is zero, or a signal has no formula.
     """

@@ -1,4 +1,4 @@
-"""The aircraft with its parameters as an input of the loop: compiled once, flown with any of them."""
+"""The aircraft with its parameters as an input of the loop: compiled once, simulated with any of them."""
 
 from __future__ import annotations
 

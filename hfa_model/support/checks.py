@@ -1,4 +1,4 @@
-"""One judged number: what was measured, what it may be, and what it means when it is not."""
+"""One checked number: the measured value, its limit, and what it means when it is beyond."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def case() -> FlightCase:
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
-    """Of the peer's six rates from those of the aircraft, in parts of the largest one, at random states and inputs."""
+    """Of six rates from those of the aircraft, as a fraction of the largest, at random states and inputs."""
     rng = np.random.default_rng(3)
     low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
     states = rng.uniform(low, [80.0, 0.15, 0.15, 0.3, 0.4, 0.3], size=(count, 6))

@@ -42,7 +42,7 @@ def regenerated_models() -> dict[str, Game]:
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
     """Six states, one to five inputs, one to six disturbances, Q of rank one to six, delta in 0.3..30.
 
-    `scaled`: in units of state that differ by up to 1e8 from each other, as nobody would choose them.
+    `scaled`: in units of state that differ by up to 1e8 from each other, badly scaled on purpose.
     """
     n, m, k, rank = 6, int(rng.integers(1, 6)), int(rng.integers(1, 7)), int(rng.integers(1, 7))
     A, B = rng.standard_normal((n, n)), rng.standard_normal((n, m))

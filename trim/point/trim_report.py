@@ -63,7 +63,7 @@ def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPo
 
 
 def operating_point_report(point: OperatingPoint) -> Report:
-    """State, inputs and residuals: what a point knows of itself, without the aircraft and the condition."""
+    """State, inputs and residuals: what a point holds, without the aircraft and the condition."""
     parts = _values("state", point.states._asdict()), _values("input", point.inputs._asdict()), _equations(point)
     return Report(_title(point), parts, warnings(point), point.to_dict(), _records(point))
 

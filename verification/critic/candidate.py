@@ -1,4 +1,4 @@
-"""A critic to be judged: what is known of it, whatever it came as."""
+"""A critic to be checked: its value and gain, whatever file or object it comes from."""
 
 from __future__ import annotations
 

@@ -40,9 +40,9 @@ SCHEMA = "hfa.critic-check/1"
 class CriticCheck(Reported):
     """The verdict on one critic.
 
-    exact: the certified solution. candidate: what was judged. learned_margin, exact_margin: disk margins of both gains,
-    None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or "".
-    history: the errors over time, of a history.
+    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
+    gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
+    "". history: the errors over time, of a history.
     """
 
     exact: GameSolution
@@ -110,7 +110,7 @@ def check_critic(
     at_dihedral: Callable[[float], Game] | None = None,
     seed: int = 0,
 ) -> CriticCheck:
-    """Hold a critic against the exact solution of its game.
+    """Compare a critic with the exact solution of its game.
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of states, stability
     of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below delta; for a run also the rank of its

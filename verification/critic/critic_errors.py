@@ -18,8 +18,8 @@ from verification.critic.candidate import Candidate
 from verification.riccati.gare import GameSolution
 from verification.riccati.units import balanced_units
 
-#: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and rad/s, in the order of
-#: `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
+#: Half widths of the box of ordinary deviations of the aircraft, chosen here and not by the learner: ft/s, rad and
+#: rad/s, in the order of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: States and inputs of the aircraft's linear model.
 AIRCRAFT_SHAPE = (6, 5)

@@ -1,4 +1,4 @@
-"""Why a critic is wrong, where the reason can be told from its numbers."""
+"""The mistake in a wrong critic, where its numbers identify one."""
 
 from __future__ import annotations
 

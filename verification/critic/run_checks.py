@@ -14,7 +14,7 @@ from verification.riccati.certificate import relative_residual
 from verification.riccati.spectrum import spectrum
 from verification.riccati.units import balanced_units, in_units
 
-#: Relative Riccati residual, in balanced units, below which the judge calls a run settled.
+#: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
 
 

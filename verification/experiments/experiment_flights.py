@@ -18,7 +18,7 @@ from verification.experiments.setting import Setting
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """law flies the aircraft of a dihedral angle whose A is off by `uncertainty` * A.
+    """law controls the aircraft of a dihedral angle whose A is off by `uncertainty` * A.
 
     noise: whether the sensors have the noise of 5.4. commanded: False for the disturbance alone, from rest and without
     a command.
@@ -45,7 +45,7 @@ class FlightRecord:
     """What a flight was like. Arrays have one row a tick, up to the last one before the flight was lost.
 
     times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman residual of the learned
-    value at the flown error; critic: None for laws that do not learn. lost_at: s, inf when it came to its end.
+    value at the simulated error; critic: None for laws that do not learn. lost_at: s, inf when it came to its end.
     """
 
     plan: FlightPlan

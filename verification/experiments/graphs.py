@@ -74,7 +74,7 @@ def increments_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
 
 
 def residual_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
-    """|e| of the learned value at the flown error, in units of the cost rate z'Qz."""
+    """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
     lines = tuple(Line(label_of(one, by), one.times, np.maximum(np.abs(one.residual), FLOOR)) for one in records)
     return Panel(title, "|Bellman residual|, cost / s", lines, "log", _mark(T_w))
 

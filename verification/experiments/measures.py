@@ -76,14 +76,14 @@ def ratio(select: Select, other: Select, quantity: Metric, *, of: Iterable[str] 
 
 
 def residual_growth(select: Select) -> Measure:
-    """Largest Bellman residual at the flown error after T_w over the largest before."""
+    """Largest Bellman residual at the simulated error after T_w over the largest before."""
     return lambda evidence, law: max(
         over(after, before) for _, before, after in _flown_residuals(evidence, select, law)
     )
 
 
 def residual_drop(select: Select) -> Measure:
-    """Largest Bellman residual at the flown error after T_w over the one at the start."""
+    """Largest Bellman residual at the simulated error after T_w over the one at the start."""
     return lambda evidence, law: max(over(after, start) for start, _, after in _flown_residuals(evidence, select, law))
 
 

@@ -35,7 +35,7 @@ class LearningMetrics:
     T_w over the largest before. end_update: the same for the end of the learning time. late_change: largest
     |W - W(T_w)| after T_w over |W(T_w)|. end_change: |W(T_w) - W| at the beginning of the end over |W(T_w)|.
     stack_residual: relative residual on the stack at the start, at T_w and at the end of the flight. flown_residual:
-    |e| at the flown error, at the start, and the largest before and after T_w. facts: what the law says of itself.
+    |e| at the simulated error, at the start, and the largest before and after T_w. facts: the law's own.
     """
 
     path_share: float
@@ -160,7 +160,7 @@ def _lost(game: Game, lost_at: float, learning: LearningMetrics | None) -> Fligh
 def learning_metrics(
     times: np.ndarray, critic: Critic, residual: np.ndarray, predefined_time: float, lost_at: float
 ) -> LearningMetrics:
-    """How the critic of a flight up to lost_at, s (inf: to its end) learned. residual: (N,), at the flown error."""
+    """How the critic of a flight up to lost_at, s (inf: to its end) learned. residual: (N,), at the simulated error."""
     if not np.isinf(lost_at):
         never = (np.inf, np.inf, np.inf)
         return LearningMetrics(np.inf, np.inf, np.inf, np.inf, np.inf, never, never, critic.note)

@@ -23,7 +23,7 @@ ALL = "all"
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
 _OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
 
-#: Told what is flown, and how many flights of how many are done.
+#: Called with what is simulated, and how many flights of how many are done.
 Progress = Callable[[str, int, int], None]
 
 
@@ -70,7 +70,7 @@ def reproduce(
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The claims of several experiments with counts of the verdicts, and what was flown."""
+    """The claims of several experiments with counts of the verdicts, and the simulated flights."""
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]
     used = {law for result in results for law in result["laws"]}

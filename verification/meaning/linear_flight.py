@@ -18,7 +18,7 @@ RELATIVE_TOLERANCE = 1e-13
 
 
 class LinearFlight(NamedTuple):
-    """What was flown: times (N,), states (N, n), controls (N, m), disturbances (N, k), running cost (N,)."""
+    """A simulation: times (N,), states (N, n), controls (N, m), disturbances (N, k), running cost (N,)."""
 
     times: np.ndarray
     states: np.ndarray

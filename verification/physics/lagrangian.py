@@ -1,4 +1,4 @@
-"""The equations of motion derived a second time, from energies: the judge of the `newton` variant.
+"""The equations of motion derived a second time, from energies, to check the `newton` variant.
 
 Three rigid panels; generalized coordinates r = (X, Z, θ, η): position of the center panel in an inertial frame
 (X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or `dynamics.py` is used: positions are

@@ -1,4 +1,4 @@
-"""The main job, judged: both printed pairs regenerated from one aircraft and compared entry by entry."""
+"""The main job, checked: both printed pairs regenerated from one aircraft and compared entry by entry."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class Regeneration(ByValue, Reported):
 
 
 def regenerate_all(aircraft: Aircraft) -> Regeneration:
-    """Trim and linearize at both printed angles and judge the result against the print."""
-    return Regeneration(tuple(judge(regenerate(aircraft, published), published) for published in published_models()))
+    """Trim and linearize at both printed angles and compare the result with the print."""
+    return Regeneration(tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models()))
 
 
-def judge(model: LinearModel, published: PublishedModel) -> RegeneratedPair:
+def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair:
     """Every entry of A and B against its print; the spectrum and its stability against those of the printed A."""
     entries = compare(model, published)
     printed, computed = _spectrum(published.A), _spectrum(model.A)

@@ -19,7 +19,7 @@ from verification.riccati.gare_schur import schur_solution
 from verification.riccati.spectrum import is_hurwitz, spectrum
 from verification.riccati.units import balanced_units, in_units
 
-#: Four orders above rounding: closer to the axis, the spectrum of the Hamiltonian cannot be told to split.
+#: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the Hamiltonian splits.
 AXIS_DISTANCE = 1e-12
 #: At this distance it has an eigenvalue on the imaginary axis for all that can be said.
 ON_THE_AXIS = 1e-14
@@ -59,7 +59,7 @@ def certified_solution(game: Game) -> tuple[np.ndarray, Certificate]:
 
     P: (n, n) symmetric, read-only. Everything is measured in balanced units of state, so that the verdict does not
     depend on the user's units.  Raises NoSolutionError with the reason of the first test that failed; a failure of
-    the first derivation is told before the second one is asked.
+    the first derivation is reported before the second one is computed.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and Glover, Chapter 13.
     """
     checks = hamiltonian_checks(game)

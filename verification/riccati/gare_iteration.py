@@ -32,7 +32,7 @@ def iterated_solution(game: Game) -> np.ndarray:
         Z = _lqr_step(form, X, forcing, step)
         X = X + Z
         gained = Z @ form.E
-        forcing = gained @ gained.T  # symmetric to the last bit, as SciPy wants it
+        forcing = gained @ gained.T  # symmetric to the last bit, as SciPy requires
         if np.abs(forcing).max() <= np.finfo(float).eps * _largest_term(form, X):
             return form.value(_polished(form, X, step))
     raise NoSolutionError(f"the Lanzon-Feng-Anderson iteration did not settle in {MAX_STEPS} steps")
@@ -51,7 +51,7 @@ def _lqr_step(form: NormalForm, X: np.ndarray, forcing: np.ndarray, step: int) -
     """Stabilizing Z of A_k'Z + Z A_k - Z B B' Z + F = 0, solved with F scaled to one.
 
     With Z = c Y and F = c G the equation becomes A_k'Y + Y A_k - Y c B B' Y + G = 0. The scaling keeps a
-    forcing of 1e-20 within the range in which a Riccati solver can judge its own answer.
+    forcing of 1e-20 within the range in which a Riccati solver can check its own answer.
     """
     from scipy.linalg import LinAlgError, solve_continuous_are
 

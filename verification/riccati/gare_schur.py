@@ -19,7 +19,7 @@ SETTLED = 1e-15
 def schur_solution(game: Game) -> np.ndarray:
     """A'P + P A + Q - P S P = 0 from the pencil with inputs [B, E] and weights blkdiag(I, -I), in normal form.
 
-    Returns (n, n), symmetric. Nothing is promised about it: `certificate` must judge it.
+    Returns (n, n), symmetric. It is not checked here but in `certificate`.
     Raises NoSolutionError when the stable subspace has no graph, or does not exist.
     Source: Arnold and Laub, Proc. IEEE 72 (1984), as implemented in SciPy.
     """

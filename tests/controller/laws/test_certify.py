@@ -122,7 +122,7 @@ def test_settled_is_the_first_time_of_the_last_stay_within_the_band() -> None:
     assert settled_at(times, np.array([1.0, 1e-12, np.nan, 1e-12, 1e-12]), RESIDUAL_LIMIT) == 3.0
 
 
-def test_singular_weights_are_told_from_definite_ones_beyond_rounding() -> None:
+def test_singular_weights_are_distinguished_from_definite_ones_beyond_rounding() -> None:
     """Q = C'C that is not diagonal: its smallest eigenvalue is rounding of either sign, and so is that of P."""
     rng = np.random.default_rng(18)
     signs = set()

@@ -135,7 +135,7 @@ def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str, pl
 
 
 @pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
-def test_machine_code_flies_the_same(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_machine_code_gives_the_same_flight(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     long = replace(plan, members=1000)
     assert_same_flight(with_scenario(long, duration=0.5, tick=0.1, step=0.005), 3, nonlinear_rate)
@@ -179,7 +179,7 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
         assert_same_flight(with_scenario(plan, duration=0.05), 3, forgetful)
 
 
-def test_a_member_is_a_scenario_that_flies_alone(plan: MonteCarlo) -> None:
+def test_a_member_is_one_scenario_simulated_alone(plan: MonteCarlo) -> None:
     """The draw of a member, simulated with its whole history, is the flight that the Monte Carlo summed up."""
     member, summary = fly_member(plan, 3)
     K = plan.law.gains[0]

@@ -75,7 +75,7 @@ def test_a_dask_cluster_gives_the_same_bits_and_a_killed_worker_loses_nothing(
     assert_same(spread, fly_members(plan, 0, 12))
 
 
-def test_a_resumed_run_flies_only_what_is_missing(
+def test_a_resumed_run_simulates_only_what_is_missing(
     plan: MonteCarlo, small_chunks: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Stop(Exception):

@@ -124,7 +124,7 @@ def test_the_data_say_what_the_text_says(published_aircraft: Aircraft) -> None:
     assert data["nearest_limits"][0] == "throttle"
 
 
-def test_a_point_alone_tells_its_verdicts(published_aircraft: Aircraft) -> None:
+def test_a_point_alone_shows_its_verdicts(published_aircraft: Aircraft) -> None:
     point = find_operating_point(published_aircraft, BASE)
     assert repr(point).count("PASS") == len(BALANCED)
     moved = replace(point, states=State(*(np.array(point.states) + 1e-3).tolist()), residuals={"speed": 1.0})

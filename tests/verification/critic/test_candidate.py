@@ -65,7 +65,7 @@ def test_a_wrong_shape_beside_a_right_one_is_refused(parts: dict[str, Any]) -> N
     assert "K is 6 x 5" in said.err
 
 
-def test_monte_carlo_flies_the_gain_of_a_solution(parts: dict[str, Any]) -> None:
+def test_monte_carlo_simulates_the_gain_of_a_solution(parts: dict[str, Any]) -> None:
     assert hfa("solve", *AT_15, "-o", "s15.json").code == DONE
     assert "P" in json.loads(Path("s15.json").read_text(encoding="utf-8"))
     words = ("monte-carlo", *AT_15, "--members", "1", "--duration", "0.1", "--json")

@@ -151,7 +151,7 @@ def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game):
     assert not check_critic(game, candidate).ok
 
 
-def test_a_run_is_also_judged_by_its_time(game):
+def test_a_run_is_also_checked_for_its_settling_time(game):
     weights = QUADRATIC.weights(solve_game(game).P)
     candidate = from_weights(game, weights, QUADRATIC)
     run = _result(game, weights, 21)
@@ -161,7 +161,7 @@ def test_a_run_is_also_judged_by_its_time(game):
     assert late.diagnosis == ""  # the critic is the game's: no mistake of its numbers explains the delay
 
 
-def test_the_settling_time_is_the_judges_own(game):
+def test_the_settling_time_is_computed_anew(game):
     weights = QUADRATIC.weights(solve_game(game).P)
     run = replace(_result(game, weights, 21), settling_time=math.inf, residual_norm=np.ones(2))
     assert settling_time(game, run, QUADRATIC) == 1.0
@@ -189,7 +189,7 @@ def test_wrong_shapes_are_named(game):
         from_gain(game, np.ones((6, 5)))
 
 
-def test_a_game_without_a_solution_cannot_be_judged(game):
+def test_a_critic_of_a_game_without_a_solution_cannot_be_checked(game):
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
 

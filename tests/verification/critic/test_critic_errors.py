@@ -68,7 +68,7 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(name: str) -> None:
         assert found["value_rel_error"] > LIMIT, place
 
 
-def test_an_entry_that_hides_in_the_norms_is_refused() -> None:
+def test_a_wrong_entry_too_small_for_the_norms_is_refused() -> None:
     P = EXACT.P.copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
     assert failed(from_value(GAME, P)) >= {"P_entry_error"}
@@ -112,7 +112,7 @@ def test_the_bounds_hold_at_every_state_of_the_box(name: str) -> None:
     assert np.all(np.abs(d).max(axis=0) <= found["disturbance_rel_error"] * largest)
 
 
-def test_a_gain_alone_has_no_value_to_judge() -> None:
+def test_a_gain_alone_has_no_value_to_check() -> None:
     assert set(over_the_box(from_gain(GAME, EXACT.K))) == {"policy_rel_error"}
 
 

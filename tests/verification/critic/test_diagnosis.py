@@ -35,7 +35,7 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
 
 
 @pytest.mark.parametrize("mistake", UNNAMED)
-def test_what_cannot_be_told_is_refused_without_a_cause(game: Game, mistake: str) -> None:
+def test_a_mistake_that_is_not_recognized_is_refused_without_a_cause(game: Game, mistake: str) -> None:
     kind, plant = UNNAMED[mistake]
     check = check_critic(game, candidate_of(game, kind, plant))
     assert not check.ok

@@ -42,7 +42,7 @@ def test_there_are_claims_about_the_print() -> None:
 
 
 @pytest.mark.parametrize(("section", "claim"), OF_THE_PRINT, ids=lambda value: getattr(value, "number", value))
-def test_the_print_does_not_hang_on_what_is_flown(section: str, claim: Claim) -> None:
+def test_claims_about_the_print_do_not_depend_on_flights(section: str, claim: Claim) -> None:
     one, other = (
         claim.measure(Evidence(setting_of(matrices), section, {}), PRINT) for matrices in ("regenerated", "printed")
     )
@@ -72,7 +72,7 @@ def claim_on(plan: FlightPlan, relation: str, limit: float | str, **changes: Any
 
 
 @pytest.mark.parametrize("relation", ["<=", ">=", "<", ">"])
-def test_a_destabilised_flight_confirms_nothing(relation: str) -> None:
+def test_a_claim_about_an_unstable_flight_is_not_confirmed(relation: str) -> None:
     """A plant of the opposite sign is unstable under the exact gain; its error is beyond every limit."""
     setting = make_setting(changed(COARSE))
     plan = FlightPlan(15.0, EXACT, uncertainty=-6.0)

@@ -163,7 +163,7 @@ def test_the_law_as_printed_overflows_at_once(dihedral: float) -> None:
     assert record.metrics.learning.facts["alpha2"] > 1e20
 
 
-def test_the_modified_law_flies_and_learns_and_can_be_frozen() -> None:
+def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:
     setting = make_setting(changed(BRIEF))
     free = simulate_plan(setting, FlightPlan(5.0, MODIFIED), "5.1")
     frozen = simulate_plan(setting, FlightPlan(5.0, MODIFIED), "5.3")
@@ -177,7 +177,7 @@ def test_the_modified_law_flies_and_learns_and_can_be_frozen() -> None:
     np.testing.assert_array_equal(free.critic.weights[:at_end], frozen.critic.weights[:at_end])
 
 
-def test_the_certified_law_flies_a_baseline_and_then_the_exact_gain() -> None:
+def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
     setting = make_setting(changed(BRIEF))
     constants = constants_of(setting, CERTIFIED, 0.5)
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED), "5.2")
@@ -194,7 +194,7 @@ def test_the_certified_law_flies_a_baseline_and_then_the_exact_gain() -> None:
     np.testing.assert_allclose(record.inputs[-1], -exact @ record.errors[-1], rtol=1e-6)
 
 
-def test_integral_learning_flies_its_start_until_it_has_data() -> None:
+def test_integral_learning_applies_its_start_until_it_has_data() -> None:
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     baseline = constants_of(setting, CERTIFIED, 5.0)(0)

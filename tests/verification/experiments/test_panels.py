@@ -45,7 +45,7 @@ def test_what_is_drawn_is_what_is_stored() -> None:
     np.testing.assert_array_equal(picture.arrays["01 left speed, ft_s _ certified _ y"], LINES[0].y)
 
 
-def test_lines_can_be_told_apart_without_color() -> None:
+def test_lines_differ_without_color() -> None:
     axes = draw(picture_of(Panel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),)))).axes[0]
     drawn = {line.get_label(): line for line in axes.get_lines()}
     assert drawn[COMMAND].get_linestyle() == "--"

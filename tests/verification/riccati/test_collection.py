@@ -92,7 +92,7 @@ def test_two_thousand_games(seed: int) -> None:
 
 
 @pytest.mark.parametrize("n", range(1, 11))
-def test_chains_of_integrators_without_a_word_from_scipy(n: int) -> None:
+def test_chains_of_integrators_without_a_warning_from_scipy(n: int) -> None:
     """The forcing of the iteration was asymmetric by rounding, which SciPy refuses."""
     B = np.eye(n)[:, [-1]]
     with warnings.catch_warnings():

@@ -96,7 +96,7 @@ def test_without_disturbance_it_is_lqg(servo: OutputGame) -> None:
     assert found.coupling == 0.0
 
 
-def test_whoever_measures_every_state_well_plays_the_state_feedback_game(game: Game) -> None:
+def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game) -> None:
     """As the noise falls the filter's share of the coupling falls, and the smallest delta becomes that of the game."""
     n, m = game.B.shape
     smallest = minimum_delta(game).value

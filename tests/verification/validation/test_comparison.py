@@ -55,7 +55,7 @@ def test_a_wrong_number_of_theirs_is_seen(published_aircraft: Aircraft, monkeypa
     assert failed[0].reason.endswith("1/s at 0 deg")
 
 
-def test_a_printed_number_knows_its_last_digit() -> None:
+def test_half_a_unit_of_the_last_printed_digit() -> None:
     entries = {each.name: each for each in third_printed_model()}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
     assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
