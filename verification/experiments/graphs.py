@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -42,6 +42,18 @@ def error_panel(title: str, state: str, records: Sequence[FlightRecord], by: str
     lines = tuple(Line(label_of(record, by), record.times, record.errors[:, row]) for record in records)
     label = _labelled(f"z{row + 1} = {_SYMBOLS[state]} error", getattr(STATE_UNITS, state))
     return Panel(title, label, lines, marked=_mark(T_w, records))
+
+
+def beside(
+    panel: Callable[..., Panel],
+    titles: Sequence[str],
+    groups: Sequence[Sequence[FlightRecord]],
+    by: str,
+    T_w: float,
+    *what: str,
+) -> tuple[Panel, ...]:
+    """A panel for each group of flights, side by side; what: the state, where the panel shows one."""
+    return tuple(panel(title, *what, group, by, T_w) for title, group in zip(titles, groups, strict=True))
 
 
 def input_panels(

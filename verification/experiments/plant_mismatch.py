@@ -136,11 +136,7 @@ CLAIMS = (
         "5.3-14",
         "Fig. 17: input rates stay within acceptable limits",
         "largest rate of a deflection over one tick, rad/s",
-        worst(
-            _all,
-            lambda metrics: metrics.peak_rate,
-            of=("aileron_center", "aileron_outer", "elevator_center", "elevator_outer"),
-        ),
+        worst(_all, lambda metrics: metrics.peak_rate, of=_DEFLECTIONS),
         "<=",
         1.0,
         missing="an acceptable rate; 1 rad/s stands here for a brisk actuator",
@@ -188,48 +184,26 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
     """Figures 14 to 21."""
     T_w = setting.configuration.predefined_time(_SECTION)
     groups = [[flown[plan] for plan in _all(setting, law)] for law in _SHOWN]
-    tracking = tuple(
-        PaperFigure(
-            14 + index,
-            f"Model uncertainty and {name} tracking, 5 deg",
-            2,
-            tuple(
-                graphs.state_panel(law, state, group, "uncertainty", T_w)
-                for law, group in zip(_SHOWN, groups, strict=True)
-            ),
-        )
-        for index, (name, state) in enumerate(zip(_NAMES, TRACKED, strict=True))
-    )
     each = [
         (f"{law}, {graphs.label_of(record, 'uncertainty')}", record)
         for pair in zip(*groups, strict=True)
         for law, record in zip(_SHOWN, pair, strict=True)
     ]
-    residuals = tuple(
-        graphs.residual_panel(law, group, "uncertainty", T_w) for law, group in zip(_SHOWN, groups, strict=True)
+    shown = _SHOWN, groups, "uncertainty", T_w
+    panels = (
+        *(
+            (f"{name} tracking, 5 deg", graphs.beside(graphs.state_panel, *shown, state))
+            for name, state in zip(_NAMES, TRACKED, strict=True)
+        ),
+        ("control inputs, 5 deg", graphs.input_panels(*shown)),
+        ("critic weights", tuple(graphs.weights_panel(*pair, T_w) for pair in each)),
+        ("critic-weight increments", tuple(graphs.increments_panel(*pair, T_w) for pair in each)),
+        ("Bellman residuals", graphs.beside(graphs.residual_panel, *shown)),
+        ("critic weight-update norms", graphs.beside(graphs.update_panel, *shown)),
     )
-    updates = tuple(
-        graphs.update_panel(law, group, "uncertainty", T_w) for law, group in zip(_SHOWN, groups, strict=True)
-    )
-    return (
-        *tracking,
-        PaperFigure(
-            17,
-            "Model uncertainty and control inputs, 5 deg",
-            2,
-            graphs.input_panels(_SHOWN, groups, "uncertainty", T_w),
-        ),
-        PaperFigure(
-            18, "Model uncertainty and critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)
-        ),
-        PaperFigure(
-            19,
-            "Model uncertainty and critic-weight increments",
-            2,
-            tuple(graphs.increments_panel(*pair, T_w) for pair in each),
-        ),
-        PaperFigure(20, "Model uncertainty and Bellman residuals", 2, residuals),
-        PaperFigure(21, "Model uncertainty and critic weight-update norms", 2, updates),
+    return tuple(
+        PaperFigure(number, f"Model uncertainty and {what}", 2, drawn)
+        for number, (what, drawn) in enumerate(panels, start=14)
     )
 
 

@@ -203,17 +203,6 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
     cases = [[flown[FlightPlan(angle, law)] for law in shown] for angle in (CASE_I, CASE_II)]
     steered = [[flown[FlightPlan(angle, law)] for law in (MODIFIED, CERTIFIED, EXACT)] for angle in (CASE_I, CASE_II)]
     learning = [[flown[FlightPlan(angle, law)] for angle in (CASE_I, CASE_II)] for law in (MODIFIED, CERTIFIED)]
-    tracking = tuple(
-        PaperFigure(
-            number,
-            f"{_WORDS[state].capitalize()} tracking",
-            2,
-            tuple(
-                graphs.state_panel(title, state, group, "law", T_w) for title, group in zip(_TITLES, cases, strict=True)
-            ),
-        )
-        for number, state in ((3, "speed"), (4, "alpha"), (5, "dihedral"))
-    )
     by_case = [list(group) for group in zip(*learning, strict=True)]
     each = [
         (f"{record.plan.law}, {title}", record)
@@ -221,23 +210,21 @@ def pictures(setting: Setting, flown: Mapping[FlightPlan, FlightRecord]) -> tupl
         for title, record in zip(_TITLES, group, strict=True)
     ]
     return (
-        *tracking,
+        *(
+            PaperFigure(
+                number,
+                f"{_WORDS[state].capitalize()} tracking",
+                2,
+                graphs.beside(graphs.state_panel, _TITLES, cases, "law", T_w, state),
+            )
+            for number, state in zip((3, 4, 5), TRACKED, strict=True)
+        ),
         PaperFigure(6, "Control inputs", 2, graphs.input_panels(_TITLES, steered, "law", T_w)),
         PaperFigure(7, "Critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)),
         PaperFigure(8, "Critic-weight increments", 2, tuple(graphs.increments_panel(*pair, T_w) for pair in each)),
+        PaperFigure(9, "Bellman residuals", 2, graphs.beside(graphs.residual_panel, _TITLES, by_case, "law", T_w)),
         PaperFigure(
-            9,
-            "Bellman residuals",
-            2,
-            tuple(
-                graphs.residual_panel(title, group, "law", T_w) for title, group in zip(_TITLES, by_case, strict=True)
-            ),
-        ),
-        PaperFigure(
-            10,
-            "Critic weight-update norms",
-            2,
-            tuple(graphs.update_panel(title, group, "law", T_w) for title, group in zip(_TITLES, by_case, strict=True)),
+            10, "Critic weight-update norms", 2, graphs.beside(graphs.update_panel, _TITLES, by_case, "law", T_w)
         ),
     )
 
