@@ -116,7 +116,7 @@ def test_the_disturbance_alone_costs_less_than_the_game_promises() -> None:
 
 @pytest.mark.parametrize("law", [EXACT_FF, CERTIFIED_FF])
 def test_the_fixed_step_agrees_with_an_adaptive_integrator(law: str) -> None:
-    """The paper's step against DOP853 at rtol 1e-12, restarted where a gain changes: 1e-6 on every state."""
+    """The paper's step against DOP853 at rtol 1e-10, restarted where a gain changes: 1e-6 on every state."""
     from scipy.integrate import solve_ivp
 
     setting = default_setting()
@@ -138,7 +138,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(law: str) -> None:
             return case.game.A @ x + case.game.B @ (F @ w.at(t) - K @ (x - reference.at(t))) + d.at(t)
 
         times = tick * np.arange(begin, end + 1)
-        found = solve_ivp(rate, (times[0], times[-1]), x, method="DOP853", rtol=1e-12, atol=1e-14, t_eval=times[1:])
+        found = solve_ivp(rate, (times[0], times[-1]), x, method="DOP853", rtol=1e-10, atol=1e-12, t_eval=times[1:])
         rows += list(found.y.T)
         x, begin = found.y[:, -1], end
     adaptive = np.array(rows)
