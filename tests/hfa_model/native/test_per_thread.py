@@ -94,7 +94,7 @@ def test_memory_that_threads_share_is_noticed() -> None:
 def test_a_worker_with_four_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(stored_sweep, "CHUNK", 500)
-    dihedrals = tuple(np.radians(np.linspace(0.0, 20.0, 5000)).tolist())
+    dihedrals = tuple(np.radians(np.linspace(0.0, 20.0, 2500)).tolist())
     plan = SweepPlan({"dihedral": dihedrals, "speed": (60.0, 64.0, 68.0, 72.0)}, PARAMETERS, "published")
     serial = stream_sweep(plan, tmp_path / "serial.zarr")
     with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=True, dashboard_address=":0") as cluster:
