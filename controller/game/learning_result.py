@@ -8,30 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.checks import RELATIONS
+from hfa_model.support.checks import Check
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report, Reported
 
 SCHEMA = "hfa.learning-result/1"
-
-
-@dataclass(frozen=True)
-class SelfCheck:
-    """One check that a law makes of its own value: `value relation limit`, relation one of `RELATIONS`."""
-
-    name: str
-    value: float
-    relation: str
-    limit: float
-
-    @property
-    def ok(self) -> bool:
-        """Whether the relation holds; a value that is not a number fails."""
-        return RELATIONS[self.relation](self.value, self.limit)
-
-    def __str__(self) -> str:
-        """The check as a sentence, for reports and error lines."""
-        return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
 
 class Status(StrEnum):
@@ -80,7 +61,7 @@ class LearningResult(Reported):
     K: np.ndarray
     excitation: Excitation
     settling_time: float
-    certificates: tuple[SelfCheck, ...]
+    certificates: tuple[Check, ...]
     settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
@@ -98,7 +79,7 @@ class LearningResult(Reported):
     @property
     def outcome(self) -> str:
         """The status, and behind "failed: " every certificate that does not hold."""
-        failed = [str(row) for row in self.certificates if not row.ok]
+        failed = [row.sentence for row in self.certificates if not row.ok]
         return f"{self.status}: {'; '.join(failed)}" if failed else str(self.status)
 
     def report(self) -> Report:
@@ -109,7 +90,8 @@ class LearningResult(Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
-        certificates = [{**asdict(row), "ok": row.ok} for row in self.certificates]
+        parts = "name", "value", "relation", "limit", "ok"
+        certificates = [{part: getattr(row, part) for part in parts} for row in self.certificates]
         names = [each.name for each in fields(self)]
         names.insert(names.index("certificates") + 1, "status")
         values = {name: getattr(self, name) for name in names}

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.learning_result import Excitation, LearningResult, SelfCheck
+from controller.game.learning_result import Excitation, LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import refinement
 from controller.samples.stack_equations import StackEquations, control_root
+from hfa_model.support.checks import Check, checked
 
 #: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.
 RESIDUAL_LIMIT = 1e-9
@@ -57,9 +58,7 @@ def conclude(
     )
 
 
-def certificates(
-    game: Game, equations: StackEquations, weights: np.ndarray, richness: Excitation
-) -> tuple[SelfCheck, ...]:
+def certificates(game: Game, equations: StackEquations, weights: np.ndarray, richness: Excitation) -> tuple[Check, ...]:
     """The checks of a learned value W'ψ(z), weights (M,) in the model's units.
 
     A - S P Hurwitz is what singles out the one root of the Riccati equation that is the value of the game: a
@@ -68,23 +67,23 @@ def certificates(
     scales = equations.scales
     P = equations.basis.matrix(weights)
     rows = [
-        SelfCheck("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
-        SelfCheck("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
+        checked("abscissa of A - S P [1/s]", abscissa(game.A - game.S @ P), "<", 0.0),
+        checked("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
         positivity(game, P, scales),
-        SelfCheck("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
-        SelfCheck("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
-        SelfCheck("rank of the stack", float(richness.rank), ">=", float(richness.size)),
-        SelfCheck("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
+        checked("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
+        checked("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
+        checked("rank of the stack", float(richness.rank), ">=", float(richness.size)),
+        checked("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
     ]
     if equations.basis.size > equations.basis.quadratic_size:
         magnitudes = np.abs(equations.scaled(weights))
         quadratic = equations.basis.quadratic_size
         beyond = float(magnitudes[quadratic:].max() / magnitudes[:quadratic].max())
-        rows.append(SelfCheck("largest weight beyond the quadratic ones", beyond, "<=", BEYOND_LIMIT))
+        rows.append(checked("largest weight beyond the quadratic ones", beyond, "<=", BEYOND_LIMIT))
     return tuple(rows)
 
 
-def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> SelfCheck:
+def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> Check:
     """Smallest eigenvalue of P over the largest in coordinates z / scales: P > 0, or P >= 0 where Q is singular.
 
     With Q > 0 the value is positive definite. Otherwise states that cost nothing may have the value 0, which
@@ -95,8 +94,8 @@ def positivity(game: Game, P: np.ndarray, scales: np.ndarray) -> SelfCheck:
     smallest = float(of_P[0] / np.abs(of_P).max()) if np.any(P) else 0.0
     name = "smallest eigenvalue of scaled P over the largest"
     if of_Q[0] > SIGNLESS * of_Q[-1]:
-        return SelfCheck(name, smallest, ">", 0.0)
-    return SelfCheck(name, smallest, ">=", INDEFINITENESS)
+        return checked(name, smallest, ">", 0.0)
+    return checked(name, smallest, ">=", INDEFINITENESS)
 
 
 def abscissa(matrix: np.ndarray) -> float:

@@ -16,36 +16,50 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
+    "==": operator.eq,
 }
 
 
 class Check(NamedTuple):
-    """A named number with the limit it is compared with; `reason` is empty when `ok`."""
+    """A named number that must be `value relation limit`; `reason` is empty when `ok`."""
 
     name: str
     value: float
     limit: float
     ok: bool
     reason: str
+    relation: str = "<="
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; a number that is not finite becomes None."""
-        return self._asdict() | {"value": finite_or_none(self.value), "limit": finite_or_none(self.limit)}
+        numbers = {"value": finite_or_none(self.value), "limit": finite_or_none(self.limit)}
+        return {"name": self.name} | numbers | {"ok": self.ok, "reason": self.reason}
+
+    @property
+    def sentence(self) -> str:
+        """The check in words, for reports and error lines."""
+        return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+
+def checked(name: str, value: float, relation: str, limit: float, reason: str = "") -> Check:
+    """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number fails."""
+    ok = RELATIONS[relation](float(value), float(limit))
+    return Check(name, float(value), float(limit), ok, "" if ok else reason, relation)
 
 
 def at_most(name: str, value: float, limit: float, reason: str) -> Check:
     """Passes when value <= limit; a value that is not a number fails."""
-    return _judged(name, value, limit, bool(value <= limit), reason)
+    return checked(name, value, "<=", limit, reason)
 
 
 def at_least(name: str, value: float, limit: float, reason: str) -> Check:
     """Passes when value >= limit; a value that is not a number fails."""
-    return _judged(name, value, limit, bool(value >= limit), reason)
+    return checked(name, value, ">=", limit, reason)
 
 
 def below(name: str, value: float, limit: float, reason: str) -> Check:
     """Passes when value < limit, strictly; a value that is not a number fails."""
-    return _judged(name, value, limit, bool(value < limit), reason)
+    return checked(name, value, "<", limit, reason)
 
 
 def checks_block(checks: Iterable[Check]) -> Block:
@@ -59,7 +73,3 @@ def checks_block(checks: Iterable[Check]) -> Block:
 def verdict_text(ok: bool) -> str:
     """How a table says whether a check holds."""
     return Toned("pass", "good") if ok else Toned("FAIL", "bad")
-
-
-def _judged(name: str, value: float, limit: float, ok: bool, reason: str) -> Check:
-    return Check(name, float(value), float(limit), ok, "" if ok else reason)

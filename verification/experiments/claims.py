@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hfa_model.support.checks import RELATIONS, Check
+from hfa_model.support.checks import Check, checked
 from hfa_model.support.jsonable import finite_or_none
 from verification.experiments.configuration import Criteria
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
@@ -119,8 +119,8 @@ def _check(claim: Claim, evidence: Evidence, law: str, limit: float) -> Check:
     try:
         value = claim.measure(evidence, law)
     except FlightLostError as lost:
-        return Check(law, math.inf, limit, ok=False, reason=str(lost))
-    return Check(law, value, limit, ok=RELATIONS[claim.relation](value, limit), reason="")
+        return Check(law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation)
+    return checked(law, value, claim.relation, limit)
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most, below
+from hfa_model.support.checks import Check, at_least, at_most, below, checked
 from hfa_model.support.errors import NoSolutionError
 from verification.riccati.gare_iteration import iterated_solution
 from verification.riccati.gare_schur import schur_solution
@@ -89,12 +89,8 @@ def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
             AXIS_DISTANCE,
             f"the Hamiltonian has an eigenvalue {where} the imaginary axis at {abs(nearest.imag):.4g} rad/s",
         ),
-        Check(
-            "hamiltonian_split",
-            float(stable),
-            float(n),
-            stable == n,
-            "" if stable == n else f"the Hamiltonian has {stable} stable eigenvalues instead of {n}",
+        checked(
+            "hamiltonian_split", stable, "==", n, f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
         ),
     )
 

@@ -9,7 +9,7 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
 from controller.game.basis import basis
-from controller.game.learning_result import Excitation, SelfCheck
+from controller.game.learning_result import Excitation
 from controller.game.zero_sum import Game
 from controller.laws.certify import (
     RESIDUAL_LIMIT,
@@ -22,6 +22,7 @@ from controller.laws.certify import (
 from controller.laws.learn import learn
 from controller.samples.recording import choose, random_pool, record
 from controller.samples.stack_equations import StackEquations
+from hfa_model.support.checks import checked
 
 
 def failures(game: Game, weights: np.ndarray, richness: Excitation | None = None, name: str = "quadratic") -> list[str]:
@@ -108,10 +109,10 @@ def test_singular_closed_loop_has_no_correction() -> None:
 
 
 def test_relations_are_what_they_say() -> None:
-    rows = {relation: SelfCheck("x", 1.0, relation, 1.0).ok for relation in ("<", "<=", ">", ">=")}
+    rows = {relation: checked("x", 1.0, relation, 1.0).ok for relation in ("<", "<=", ">", ">=")}
     assert rows == {"<": False, "<=": True, ">": False, ">=": True}
-    assert not any(SelfCheck("x", np.nan, relation, 1.0).ok for relation in rows)
-    assert str(SelfCheck("rank", 20.0, ">=", 21.0)) == "rank is 20 and must be >= 21"
+    assert not any(checked("x", np.nan, relation, 1.0).ok for relation in rows)
+    assert checked("rank", 20.0, ">=", 21.0).sentence == "rank is 20 and must be >= 21"
 
 
 def test_settled_is_the_first_time_of_the_last_stay_within_the_band() -> None:
