@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -58,8 +59,10 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
     assert found["dynamics"] == "published"
 
 
-@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat", ".csv"])
-@pytest.mark.parametrize("command", ["trim", "linearize", "solve", "learn", "fly"])
+@pytest.mark.parametrize(
+    ("command", "suffix"),
+    [*product(("trim", "linearize", "fly"), (".json", ".npz", ".mat", ".csv")), ("solve", ".mat"), ("learn", ".npz")],
+)
 def test_every_file_has_it(command: str, suffix: str, heavy: Path, tmp_path: Path) -> None:
     path = tmp_path / f"out{suffix}"
     more = ("--duration", "0.1") if command == "fly" else ()

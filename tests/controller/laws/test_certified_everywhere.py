@@ -61,7 +61,9 @@ def learned(dynamics: str, degrees: float) -> Judged:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 @pytest.mark.parametrize(
-    "degrees", [degrees if degrees % 5 == 0 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in DEGREES]
+    # docs/critics.md runs 0, 10 and 20.
+    "degrees",
+    [degrees if degrees % 10 == 5 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in DEGREES],
 )
 def test_the_certified_law_finds_the_exact_solution(dynamics: str, degrees: int) -> None:
     assert_learned(learned(dynamics, degrees))
