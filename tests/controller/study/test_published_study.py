@@ -159,6 +159,7 @@ def test_the_causes_that_the_document_gives_stand_in_the_runs(committed: dict[st
     assert all(run.last_lambda_0 < 0.01 * run.lambda_0 for run in poor.runs)
 
 
+@pytest.mark.slow  # hfa study runs the same two rows in tests/cli/test_study_command.py
 def test_study_rows_that_take_seconds() -> None:
     seen: list[float] = []
     explicit, frozen = published_study(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +38,7 @@ def failed(check: CriticCheck) -> set[str]:
     return {row.name for row in check.checks if not row.ok}
 
 
-@pytest.mark.parametrize("of_input", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("state", UNITS)
+@pytest.mark.parametrize(("state", "of_input"), [(1.0, 1.0), *product((1e-8, 1e8), (1e-3, 1e3))])
 def test_a_wrong_column_or_row_of_the_gain_is_seen(state: float, of_input: float) -> None:
     game = game_in(state, of_input)
     K = solve_game(game).K
