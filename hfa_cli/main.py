@@ -36,6 +36,7 @@ COMMANDS = {
     "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
     "validate": "compare the model with a third printed model and with a released simulation",
     "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
+    "design": "the certified controller of a design at every dihedral angle, as one file",
     "learn": "learn the value and the gain of the game with a critic",
     "verify": "compare a learned critic with the exact game solution",
     "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",

@@ -33,6 +33,7 @@ ROOMS = (
     "verification.riccati",
     "verification.meaning",
     "verification.critic",
+    "verification.servo",
     "verification.published",
     "verification.validation",
     "verification.flights",

@@ -1,1 +1,1 @@
-"""Servos in flight with faults: those of SimVFA from their formulas, those of this package, and what came out."""
+"""Servos: the certified controllers of a design, their loops, corners and tuning; flights through the peer's commands."""

@@ -1,0 +1,64 @@
+"""`hfa design`: a controller is made, written, printed again and checked; what is wrong is one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from controllers import small_controller
+from game_answers import answer
+from scipy.io import loadmat
+
+from controller import load_controller, save_controller
+from hfa_model import Aircraft
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
+    made = hfa("design", "--design", "simvfa-1", "--dihedral", "9:11:2", "-o", "servo.npz")
+    assert made.code == 0
+    again = hfa("design", "servo.npz")
+    table = made.out.split("\n\n")[:-1]  # the last paragraph is the provenance
+    assert again.out.split("\n\n")[:-1] == table
+    assert "simvfa-1: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
+    assert "smallest disk margin at sensors" in table[3]
+    controller = load_controller("servo.npz")
+    assert controller.about["provenance"]["command"].startswith("hfa design --design simvfa-1")
+    data = answer("design", "servo.npz")
+    np.testing.assert_array_equal(data["C"], controller.C)
+    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.dihedrals)
+
+
+def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(published_aircraft: Aircraft) -> None:
+    found = hfa("design", "--design", "simvfa-1", "--dihedral", "11", "--corners", "-o", "servo.mat")
+    assert found.code == 1
+    assert "FAIL largest_abscissa: unstable at" in found.out
+    assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (2, 11)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "named"),
+    [
+        ("", 2, "name what to do: either --design NAME, or the file of a controller"),
+        ("small.npz --design simvfa-1", 2, "name what to do: either --design NAME, or the file"),
+        ("small.npz --dihedral 3", 2, "--dihedral belongs to --design; leave it out with a file"),
+        ("none.npz", 2, "none.npz: there is no such file"),
+        ("plant.npz", 2, "plant.npz: this is no controller file"),
+        ("small.npz --corners --dynamics newton", 2, "was designed for published dynamics, the aircraft has newton"),
+        ("--design simvfa-1 -o servo.json", 2, "unknown suffix '.json'"),
+        ("--design simvfa-1 --dihedral 0:5", 2, "--dihedral is LOW:HIGH"),
+        ("--design simvfa-1 --feedback output", 2, "design simvfa-1 has no sensors"),
+        ("--design simvfa-1 --feedback both", 2, "--feedback is 'both'; use one of state, output"),
+    ],
+)
+def test_what_is_wrong_is_one_line(published_aircraft: Aircraft, words: str, code: int, named: str) -> None:
+    save_controller("small.npz", small_controller(published_aircraft))
+    np.savez("plant.npz", A=np.eye(2))
+    assert_refused(hfa("design", *words.split()), code, named)
+    assert not Path("servo.npz").exists()
