@@ -29,7 +29,16 @@ def load_design(name: str) -> Design:
     the command filter, [feedforward.actuator] as above.
     BadInputError names the file, the entry and what is wrong with it.
     """
-    data = read_named("design", name, NAMED, "controller.designs", (*_KEYS, *_TABLES))
+    return design_of(name, read_design(name))
+
+
+def read_design(name: str) -> dict[str, Any]:
+    """The entries of a design file as they stand there."""
+    return read_named("design", name, NAMED, "controller.designs", (*_KEYS, *_TABLES))
+
+
+def design_of(name: str, data: Mapping[str, Any]) -> Design:
+    """The design of the entries of a file; BadInputError as `load_design`."""
     weights = table_of(name, data, "weights")
     odd = sorted(set(weights) - {"states", "inputs"})
     if odd:

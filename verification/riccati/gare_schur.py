@@ -23,17 +23,26 @@ def schur_solution(game: Game) -> np.ndarray:
     Raises NoSolutionError when the stable subspace has no graph, or does not exist.
     Source: Arnold and Laub, Proc. IEEE 72 (1984), as implemented in SciPy.
     """
+    form = normal_form(game)
+    return form.value(_refined(form, _by_schur(form)))
+
+
+def quick_solution(game: Game) -> np.ndarray:
+    """The same without the refinement, a hundred times faster: for a search, whose result is certified afterwards."""
+    form = normal_form(game)
+    return form.value(_by_schur(form))
+
+
+def _by_schur(form: NormalForm) -> np.ndarray:
     from scipy.linalg import LinAlgError, solve_continuous_are
 
-    form = normal_form(game)
     inputs = np.hstack([form.B, form.E])
     weights = np.diag(np.repeat([1.0, -1.0], [form.B.shape[1], form.E.shape[1]]))
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # what is wrong is not certified
-            X = solve_continuous_are(form.A, inputs, form.Q, weights)
+            return np.asarray(solve_continuous_are(form.A, inputs, form.Q, weights))
     except (LinAlgError, ValueError) as error:
         raise NoSolutionError("the Hamiltonian has no stable subspace that is the graph of a P") from error
-    return form.value(_refined(form, X))
 
 
 def _refined(form: NormalForm, X: np.ndarray) -> np.ndarray:

@@ -99,7 +99,7 @@ def solve_output_feedback(problem: OutputGame) -> OutputFeedback:
             f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
             "ask for a larger delta, or measure more"
         )
-    controller = _central(problem, X, Y)
+    controller = central_controller(problem, X, Y)
     checks = _checks(problem, controller, _central_by_duality(problem, X, Y), radius)
     failed = [check for check in checks if not check.ok]
     if failed:
@@ -149,7 +149,8 @@ def closed_loop(problem: OutputGame, controller: tuple[np.ndarray, np.ndarray, n
     return loop, into, paid
 
 
-def _central(problem: OutputGame, X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def central_controller(problem: OutputGame, X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ak, Bk, Ck of `solve_output_feedback` from X and Y, whatever they are: nothing is certified."""
     game = problem.game
     Ck = -game.gain(X)
     Z = np.linalg.inv(np.eye(len(X)) - Y @ X / game.delta**2)

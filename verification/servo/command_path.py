@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,8 +25,8 @@ class LinearController:
     C: np.ndarray
     D: np.ndarray
     W: np.ndarray
-    delta_min: float
-    checks: tuple[Check, ...]
+    delta_min: float = math.nan
+    checks: tuple[Check, ...] = ()
 
 
 def measurements(design: Design, feedback: str) -> tuple[str, ...]:

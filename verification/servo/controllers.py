@@ -53,11 +53,20 @@ def design_controller(
             ) from error
         if progress is not None:
             progress(number + 1, len(dihedrals))
+    table = controller_table(aircraft, design, feedback, models, found)
+    rows = [_row(aircraft, model, design, each, table) for model, each in zip(models, found, strict=True)]
+    return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})
+
+
+def controller_table(
+    aircraft: Aircraft, design: Design, feedback: str, models: list[LinearModel], found: list[LinearController]
+) -> ScheduledController:
+    """Controllers of one design, and the linear models that they are for, in one value."""
     shaping = design.feedforward
-    table = ScheduledController(
+    return ScheduledController(
         name=design.name,
         feedback=feedback,
-        dihedrals=np.array(dihedrals, dtype=float),
+        dihedrals=np.array([model.point.states.dihedral for model in models]),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},  # type: ignore[arg-type]
         states=_states(design, feedback),
         measurements=measurements(design, feedback),
@@ -69,8 +78,6 @@ def design_controller(
         parameters=parameter_hash(aircraft.parameters),
         command_filter=(shaping.bandwidth, shaping.damping) if shaping else (),
     )
-    rows = [_row(aircraft, model, design, each, table) for model, each in zip(models, found, strict=True)]
-    return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})
 
 
 def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedback: str) -> LinearController:
@@ -102,25 +109,35 @@ def _state_feedback(built: DesignModel) -> LinearController:
 
 
 def _output_feedback(built: DesignModel) -> LinearController:
-    """x̂' = Ak x̂ + Bk y_s, u = Ck x̂, where the integrals among the sensors y_s are the controller's own."""
-    problem = OutputGame(built.game(), built.C, built.D, built.V)
+    """The central controller, certified."""
+    problem = problem_of(built)
     exact = solve_output_feedback(problem)
+    found = from_estimator(built, (exact.Ak, exact.Bk, exact.Ck))
+    return replace(found, delta_min=minimum_output_delta(problem)[0], checks=exact.checks)
+
+
+def problem_of(built: DesignModel) -> OutputGame:
+    """The game of a design from its sensors."""
+    return OutputGame(built.game(), built.C, built.D, built.V)
+
+
+def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, np.ndarray]) -> LinearController:
+    """x̂' = Ak x̂ + Bk y_s, u = Ck x̂, where the integrals among the sensors y_s are the controller's own."""
+    Ak, Bk, Ck = estimator
     names, own = measurements(built.design, "output"), built.design.integral_states
-    B, from_own = np.zeros((len(exact.Ak), len(names))), np.zeros((len(exact.Ak), len(own)))
+    B, from_own = np.zeros((len(Ak), len(names))), np.zeros((len(Ak), len(own)))
     for column, sensor in enumerate(built.sensors):
         if sensor in own:
-            from_own[:, own.index(sensor)] = exact.Bk[:, column]
+            from_own[:, own.index(sensor)] = Bk[:, column]
         else:
-            B[:, names.index(sensor)] = exact.Bk[:, column]
+            B[:, names.index(sensor)] = Bk[:, column]
     q, m = len(own), len(built.inputs)
     return LinearController(
-        A=np.block([[exact.Ak, from_own], [np.zeros((q, len(exact.Ak) + q))]]),
+        A=np.block([[Ak, from_own], [np.zeros((q, len(Ak) + q))]]),
         B=np.vstack([B, np.zeros((q, len(names)))]),
-        C=np.hstack([exact.Ck, np.zeros((m, q))]),
+        C=np.hstack([Ck, np.zeros((m, q))]),
         D=np.zeros((m, len(names))),
-        W=np.vstack([built.B - exact.Bk @ built.D, np.zeros((q, m))]),
-        delta_min=minimum_output_delta(problem)[0],
-        checks=exact.checks,
+        W=np.vstack([built.B - Bk @ built.D, np.zeros((q, m))]),
     )
 
 
