@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,10 +15,10 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.support.checks import Check, below, checks_block
 from hfa_model.support.report import Report, Reported
 from hfa_model.support.text import Table, in_degrees
-from trim.linear.linearize import linearize
+from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from verification.servo.servo_loop import servo_loop, servo_plant
+from verification.servo.servo_loop import ServoLoop, servo_loop, servo_plant
 
 #: Ends of the ranges: share of a command that arrives, and rad/s.
 EFFECTIVENESS, BANDWIDTH = (0.2, 1.0), (0.5, 2.0)
@@ -124,13 +124,7 @@ def check_corners(
     unstable = loops = 0
     for number, dihedral in enumerate(angles.tolist()):
         model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
-        for corner in _corners(dihedral, len(controller.inputs)):
-            ends = zip(controller.inputs, corner.effectiveness, corner.bandwidth, strict=True)
-            actuators = {
-                name: Actuator(order=corner.order, effectiveness=share, bandwidth=bandwidth)
-                for name, share, bandwidth in ends
-            }
-            loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
+        for corner, loop in corner_loops(aircraft, model, controller):
             abscissa, loops = loop.abscissa, loops + 1
             margins = [0.0, 0.0]
             if abscissa < 0.0:
@@ -148,11 +142,20 @@ def check_corners(
     return CornerCheck(controller, loops, unstable, *worst)
 
 
-def _corners(dihedral: float, inputs: int) -> list[Corner]:
-    ends = itertools.product(
-        ORDERS, itertools.product(EFFECTIVENESS, repeat=inputs), itertools.product(BANDWIDTH, repeat=inputs)
-    )
-    return [Corner(dihedral, *end) for end in ends]
+def corner_loops(
+    aircraft: Aircraft, model: LinearModel, controller: ScheduledController
+) -> Iterator[tuple[Corner, ServoLoop]]:
+    """Every corner at the angle of a linear model, and its loop."""
+    n = len(controller.inputs)
+    shares_of_all = itertools.product(EFFECTIVENESS, repeat=n)
+    bandwidths_of_all = itertools.product(BANDWIDTH, repeat=n)
+    for order, shares, bandwidths in itertools.product(ORDERS, shares_of_all, bandwidths_of_all):
+        actuators = {
+            name: Actuator(order=order, effectiveness=share, bandwidth=bandwidth)
+            for name, share, bandwidth in zip(controller.inputs, shares, bandwidths, strict=True)
+        }
+        plant = servo_plant(aircraft, model, controller, actuators)
+        yield Corner(model.point.states.dihedral, order, shares, bandwidths), servo_loop(plant, controller)
 
 
 def _ends(values: tuple[float, float]) -> str:
