@@ -1,5 +1,8 @@
 """The controller of a design at every dihedral angle, certified, as one file; or the table of a file made before.
 
+With --tune a search over named weights of a design writes a better one; what it has evaluated is kept beside it in
+OUTPUT.record, so that a search that was interrupted goes on when it is started again.
+
 With --corners the loop is closed with actuators of effectiveness 0.2 to 1 and bandwidth 0.5 to 2 rad/s; exit 1 when
 one of the loops is unstable.
 """
@@ -18,7 +21,9 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, show
 from hfa_cli.parser import add_value
 from hfa_cli.ranges import array_of, value_range
+from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from verification.servo.tuning_file import load_tuning, save_design, tuning_report
 
 #: A second or two each.
 _MOST_POINTS = 1000
@@ -32,10 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--design", parsed(load_design), "NAME", designs)
     add_value(parser, "--dihedral", partial(value_range, "dihedral"), "RANGE", f"angles in degrees; default {_RANGE}")
     add_value(parser, "--feedback", one_of("state", "output"), "KIND", "state or output; default: by the sensors")
+    about = "search better weights, as this file says; write the design with -o (.toml)"
+    add_value(parser, "--tune", parsed(load_tuning), "FILE", about)
     options.add_aircraft(parser)
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
-    about = f"write the controller ({', '.join(SUFFIXES)})"
-    parser.add_argument("-o", "--output", type=output_file(*SUFFIXES), metavar="FILE", help=about)
+    about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
+    parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
     options.add_form(parser)
 
 
@@ -46,8 +53,13 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.servo.corners import check_corners
 
     aircraft = options.aircraft_of(arguments)
-    if (arguments.file is None) == (arguments.design is None):
-        raise BadInputError("name what to do: either --design NAME, or the file of a controller")
+    given = [name for name in ("file", "design", "tune") if getattr(arguments, name) is not None]
+    if len(given) != 1:
+        raise BadInputError("name what to do: one of --design NAME, --tune FILE, or the file of a controller")
+    if arguments.tune is not None:
+        return _search(arguments, aircraft)
+    if arguments.output is not None and arguments.output.suffix.lower() not in SUFFIXES:
+        raise BadInputError(f"{arguments.output}: a controller is written as {' or '.join(SUFFIXES)}")
     if arguments.file is not None:
         options.refuse(arguments, ("dihedral", "feedback", "output"), "belongs to --design; leave it out with a file")
         controller = load_controller(arguments.file)
@@ -67,3 +79,20 @@ def run(arguments: argparse.Namespace) -> int:
         save_controller(arguments.output, controller)
     show(report, arguments, target=None)
     return 0 if ok else 1
+
+
+def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
+    """Tune; exit 1 when no evaluation kept the constraints."""
+    from verification.servo.tuning import tune
+
+    options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
+    target = arguments.output
+    if target is None or target.suffix.lower() != ".toml":
+        raise BadInputError("--tune writes a design; name it with -o FILE.toml")
+    record = target.with_name(f"{target.name}.record")
+    found = tune(aircraft, arguments.tune, record, Progress("search"))
+    report = tuning_report(arguments.tune, found)
+    entries = arguments.tune.entries_at(found.best)
+    save_design(target, entries | {"description": f"found by a search from {arguments.tune.name}"})
+    show(report, arguments, target=None)
+    return 0 if report.data["ok"] else 1

@@ -10,8 +10,9 @@ from cli import assert_refused, hfa
 from controllers import small_controller
 from game_answers import answer
 from scipy.io import loadmat
+from servo_cases import write_tuning
 
-from controller import load_controller, save_controller
+from controller import load_controller, load_design, save_controller
 from hfa_model import Aircraft
 
 
@@ -42,16 +43,36 @@ def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(publish
     assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (2, 11)
 
 
+def test_a_search_writes_a_design_and_goes_on_where_it_ended() -> None:
+    write_tuning(Path())
+    words = ("design", "--tune", "tune.toml", "-o", "best.toml")
+    first = answer(*words, code=1)  # a corner stays unstable: what is written does not keep the constraints
+    record = Path("best.toml.record").read_text(encoding="utf-8").splitlines()
+    best = load_design("best.toml")
+    assert best.input_weights["aileron_outer"] == first["variables"]["effort"]["best"]
+    assert first["best"]["cost"] <= first["start"]["cost"]
+    Path("best.toml.record").write_text("\n".join(record[: len(record) // 2]) + "\n[[1.0, 2", encoding="utf-8")
+    again = answer(*words, code=1)
+    assert {key: again[key] for key in again if key != "provenance"} == {
+        key: first[key] for key in first if key != "provenance"
+    }
+    write_tuning(Path(), seed=2)
+    assert_refused(hfa(*words), 2, "best.toml.record: this is the record of another search; remove it")
+
+
 @pytest.mark.parametrize(
     ("words", "code", "named"),
     [
-        ("", 2, "name what to do: either --design NAME, or the file of a controller"),
-        ("small.npz --design simvfa-1", 2, "name what to do: either --design NAME, or the file"),
+        ("", 2, "name what to do: one of --design NAME, --tune FILE, or the file of a controller"),
+        ("small.npz --design simvfa-1", 2, "name what to do: one of --design NAME, --tune FILE, or the file"),
         ("small.npz --dihedral 3", 2, "--dihedral belongs to --design; leave it out with a file"),
         ("none.npz", 2, "none.npz: there is no such file"),
         ("plant.npz", 2, "plant.npz: this is no controller file"),
         ("small.npz --corners --dynamics newton", 2, "was designed for published dynamics, the aircraft has newton"),
-        ("--design simvfa-1 -o servo.json", 2, "unknown suffix '.json'"),
+        ("--design simvfa-1 -o servo.toml", 2, "a controller is written as .npz or .mat"),
+        ("--tune tune.toml", 2, "--tune writes a design; name it with -o FILE.toml"),
+        ("--tune tune.toml --corners -o best.toml", 2, "--corners belongs to --design; leave it out with --tune"),
+        ("--tune none.toml -o best.toml", 2, "none.toml: there is no readable file of that name"),
         ("--design simvfa-1 --dihedral 0:5", 2, "--dihedral is LOW:HIGH"),
         ("--design simvfa-1 --feedback output", 2, "design simvfa-1 has no sensors"),
         ("--design simvfa-1 --feedback both", 2, "--feedback is 'both'; use one of state, output"),
@@ -60,5 +81,6 @@ def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(publish
 def test_what_is_wrong_is_one_line(published_aircraft: Aircraft, words: str, code: int, named: str) -> None:
     save_controller("small.npz", small_controller(published_aircraft))
     np.savez("plant.npz", A=np.eye(2))
+    write_tuning(Path())
     assert_refused(hfa("design", *words.split()), code, named)
     assert not Path("servo.npz").exists()
