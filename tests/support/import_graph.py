@@ -33,7 +33,6 @@ ROOMS = (
     "verification.riccati",
     "verification.meaning",
     "verification.critic",
-    "verification.servo",
     "verification.published",
     "verification.validation",
     "verification.flights",
