@@ -1,1 +1,1 @@
-"""Servos: the certified controllers of a design, their loops, corners and tuning; flights through the peer's commands."""
+"""Servos: the certified controllers of a design, their loops, corners and tuning; flights through commands."""
