@@ -45,23 +45,29 @@ class Feedforward:
     """u_ff = share Γ w, the inputs that make the aircraft follow the command filter w of
     r'' = ω² r_end - 2 ζ ω r' - ω² r exactly, when its actuators are `actuator`, through u' = (u_ff - u) / lag.
 
-    bandwidth ω: rad/s, damping ζ: 1, of the filter. share: 1. lag: s, 0 for none. BadInputError for another sign.
+    bandwidth ω: rad/s, damping ζ: 1, of the filter. share: 1, 0 for none. lag: s, 0 for none. known: from 0 to 1, the
+    share of r that the estimator takes for what it is, a command; the rest it takes for a disturbance, to be worked
+    off with the speed of the estimator. BadInputError for any other number.
     """
 
     share: float = 1.0
     lag: float = 0.0
+    known: float = 0.0
     bandwidth: float = 0.5
     damping: float = 2.0
     actuator: Actuator = Actuator()
 
     def __post_init__(self) -> None:
         """Refuse a filter that never arrives."""
-        for name in ("share", "bandwidth", "damping"):
+        for name in ("bandwidth", "damping"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise BadInputError(f"the {name} of a feedforward is {value}; it must be a positive number")
-        if not (math.isfinite(self.lag) and self.lag >= 0.0):
-            raise BadInputError(f"the lag of a feedforward is {self.lag}; it must not be negative")
+        for name, most in (("share", math.inf), ("lag", math.inf), ("known", 1.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0.0 <= value <= most):
+                limits = "not be negative" if math.isinf(most) else "lie from 0 to 1"
+                raise BadInputError(f"the {name} of a feedforward is {value}; it must {limits}")
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.checks import Check
-from hfa_model.vectors import STATES
-from verification.servo.regulator import Regulator, regulator
+from verification.servo.regulator import regulator
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +41,30 @@ def commands_of(design: Design) -> tuple[str, ...]:
     return tuple(f"{name}{signal}" for signal in signals for name in design.integrals)
 
 
-def with_commands(aircraft: Aircraft, built: DesignModel, feedback: str, found: LinearController) -> LinearController:
-    """With the integrals of measured minus commanded output, and the feedforward where the design has one.
+def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearController) -> LinearController:
+    """e' = y - r for the integrals, which are the last states of `found`; with a feedforward what it adds.
 
-    On the feedforward's own response y = Y w the controller sees no error: it is fed y - Y w, and u_ff is added.
+    u_ff' = (share Γ w - u_ff) / lag, and the integrals of the estimator are told known r. found.B, found.D: of the
+    measurements; the result's of [measurements; commands].
     """
-    design, names = built.design, measurements(built.design, feedback)
-    q, n, m = len(design.integrals), len(found.A), len(built.inputs)
-    B, D = found.B.copy(), found.D.copy()
-    first = n - q
+    design, q, m = built.design, len(built.design.integrals), len(built.inputs)
+    n, p, shaping = len(found.A), found.B.shape[1], design.feedforward
+    names = measurements(design, "output" if n > q else "state")
+    told = np.zeros((n, len(commands_of(design))))
+    B, D = np.hstack([found.B, told]), np.hstack([found.D, np.zeros((m, told.shape[1]))])
     for k, output in enumerate(design.integrals):
-        B[first + k, names.index(output)] = 1.0
-    shaping = design.feedforward
+        B[n - q + k, names.index(output)], B[n - q + k, p + k] = 1.0, -1.0
     if shaping is None:
-        told = np.zeros((n, q))
-        told[first:] = -np.eye(q)
-        return replace(found, B=np.hstack([B, told]), D=np.hstack([D, np.zeros((m, q))]))
-    outputs = dict.fromkeys(design.integrals, 1.0)
+        return replace(found, B=B, D=D)
+    if n > q:
+        estimates = slice(n - 2 * q, n - q)
+        B[estimates, p : p + q] -= shaping.known * np.eye(q)
+    if shaping.share == 0.0:
+        return replace(found, B=B, D=D)
     acting = replace(
         design,
         actuators=dict.fromkeys(design.inputs, shaping.actuator),
-        sensors=outputs,
+        sensors=dict.fromkeys(design.integrals, 1.0),
         integrals=(),
         state_weights={},
         disturbances={"states": 1.0},
@@ -70,36 +72,15 @@ def with_commands(aircraft: Aircraft, built: DesignModel, feedback: str, found: 
         feedforward=None,
     )
     exact = regulator(design_model(aircraft, built.model, acting), shaping)
-    seen = _seen(aircraft, built, acting, names, exact)
-    wanted = np.eye(q, len(COMMAND_SIGNALS) * q)
-    for k, output in enumerate(design.integrals):
-        seen[names.index(output)] = wanted[k]
-    u = shaping.share * exact.inputs
-    B, D = np.hstack([B, -B @ seen]), np.hstack([D, -D @ seen])
+    u = np.hstack([np.zeros((m, p)), shaping.share * exact.inputs])
     if shaping.lag == 0.0:
-        return replace(found, B=B, D=D + np.hstack([np.zeros((m, len(names))), u]))
+        return replace(found, B=B, D=D + u)
     lag = np.eye(m) / shaping.lag
     return replace(
         found,
         A=np.block([[-lag, np.zeros((m, n))], [np.zeros((n, m)), found.A]]),
-        B=np.vstack([np.hstack([np.zeros((m, len(names))), lag @ u]), B]),
+        B=np.vstack([lag @ u, B]),
         C=np.hstack([np.eye(m), found.C]),
         D=D,
         W=np.vstack([np.zeros((m, m)), found.W]),
     )
-
-
-def _seen(
-    aircraft: Aircraft, built: DesignModel, acting: Design, names: tuple[str, ...], exact: Regulator
-) -> np.ndarray:
-    """Y with y = Y w: what is measured while the aircraft follows the command filter exactly, (p, 3q)."""
-    seen = np.zeros((len(names), exact.states.shape[1]))
-    outputs = [name for name in names if not name.endswith("_rate") or name in STATES]
-    plant = design_model(aircraft, built.model, replace(acting, sensors=dict.fromkeys(outputs, 1.0)))
-    response = plant.C @ exact.states + plant.D @ exact.inputs
-    for row, name in enumerate(names):
-        if name in outputs:
-            seen[row] = response[outputs.index(name)]
-        else:
-            seen[row] = response[outputs.index(f"{name.removesuffix('_rate')}_position")] @ exact.rates
-    return seen

@@ -84,10 +84,10 @@ def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedba
     """The controller of one linear model; NoSolutionError when it is not certified."""
     built = design_model(aircraft, model, design)
     if feedback == "state":
-        return with_commands(aircraft, built, feedback, _state_feedback(built))
+        return with_commands(aircraft, built, _state_feedback(built))
     if not design.sensors:
         raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
-    return with_commands(aircraft, built, feedback, _output_feedback(built))
+    return with_commands(aircraft, built, _output_feedback(built))
 
 
 def _state_feedback(built: DesignModel) -> LinearController:
@@ -142,7 +142,7 @@ def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, 
 
 
 def _states(design: Design, feedback: str) -> tuple[str, ...]:
-    lagged = design.feedforward is not None and design.feedforward.lag > 0.0
+    lagged = bool(design.feedforward and design.feedforward.share and design.feedforward.lag)
     return (
         *(f"{name}_feedforward" for name in design.inputs if lagged),
         *(f"{name}_estimate" for name in design.states if feedback == "output"),

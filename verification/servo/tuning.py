@@ -224,7 +224,7 @@ def quick_controller(aircraft: Aircraft, model: LinearModel, design: Design) -> 
     built = design_model(aircraft, model, design)
     problem = problem_of(built)
     X, Y = quick_solution(problem.game), quick_solution(problem.dual)
-    found = with_commands(aircraft, built, "output", from_estimator(built, central_controller(problem, X, Y)))
+    found = with_commands(aircraft, built, from_estimator(built, central_controller(problem, X, Y)))
     return controller_table(aircraft, design, "output", [model], [found])
 
 

@@ -181,7 +181,9 @@ def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("changes", [{"share": 0.0}, {"bandwidth": -1.0}, {"damping": math.inf}, {"lag": -0.1}])
+@pytest.mark.parametrize(
+    "changes", [{"share": -1.0}, {"bandwidth": 0.0}, {"damping": math.inf}, {"lag": -0.1}, {"known": 1.1}]
+)
 def test_what_is_no_feedforward_is_refused(changes: dict) -> None:
     (name,) = changes
     with pytest.raises(BadInputError, match=f"the {name} of a feedforward is .*; it must"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from servo_cases import A_Z, measured_servo, model_at
@@ -13,7 +11,8 @@ from controller.design.design import Feedforward
 from hfa_model import Aircraft, BadInputError, NoSolutionError
 from verification import solve_game
 from verification.riccati.output_feedback import OutputGame, closed_loop, solve_output_feedback
-from verification.servo.command_path import LinearController
+from verification.servo.command_flight import fly_commands
+from verification.servo.command_path import LinearController, measurements
 from verification.servo.controllers import controller_at, design_controller
 from verification.servo.regulator import regulator
 from verification.servo.servo_loop import servo_plant
@@ -60,21 +59,32 @@ def test_output_feedback_has_the_poles_of_the_central_controller(published_aircr
 
 
 @pytest.mark.parametrize("feedback", ["state", "output"])
-def test_on_the_exact_response_the_controller_adds_the_feedforward_alone(
-    published_aircraft: Aircraft, feedback: str
-) -> None:
-    """With the actuators that it knows, x = Π w, x_c = 0 stays: nothing is left for the feedback."""
-    design = measured_servo()
-    found = controller_at(published_aircraft, model_at(11.0), design, feedback)
-    table = design_controller(published_aircraft, design, ANGLES, feedback)
-    plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
-    p = len(table.measurements)
+def test_the_feedforward_and_what_the_estimator_is_told(published_aircraft: Aircraft, feedback: str) -> None:
+    shaping = Feedforward(share=0.5, known=0.25)
+    plain, told = (
+        controller_at(published_aircraft, model_at(11.0), measured_servo(feedforward=each), feedback)
+        for each in (None, shaping)
+    )
+    p = len(measurements(measured_servo(), feedback))
+    np.testing.assert_array_equal(told.B[:, :p], plain.B[:, :p])
+    np.testing.assert_array_equal(plain.B[-2:, p:], -np.eye(2))
+    np.testing.assert_array_equal(told.B[-2:, p:], -np.eye(2, 6))
+    if feedback == "output":
+        np.testing.assert_array_equal(told.B[-4:-2, p:], -0.25 * np.eye(2, 6))
+    outputs = measured_servo(sensors={"dihedral": 1.0, A_Z: 1.0}, integrals=(), state_weights={}, feedforward=None)
+    exact = regulator(design_model(published_aircraft, model_at(11.0), outputs), shaping)
+    np.testing.assert_allclose(told.D[:, p:], 0.5 * exact.inputs)
 
-    outputs = replace(design, sensors={"dihedral": 1.0, A_Z: 1.0}, integrals=(), state_weights={}, feedforward=None)
-    exact = regulator(design_model(published_aircraft, model_at(11.0), outputs), Feedforward())
-    seen = plant.C @ exact.states
-    np.testing.assert_allclose(found.B[:, :p] @ seen + found.B[:, p:], 0.0, atol=1e-9 * np.abs(found.B).max())
-    np.testing.assert_allclose(found.D[:, :p] @ seen + found.D[:, p:], exact.inputs, atol=1e-9)
+
+def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_aircraft: Aircraft) -> None:
+    ends = np.column_stack([np.radians([1.0, 2.0, -1.0]), [-1.0, 1.0, 0.0]])
+    errors = []
+    for shaping in (None, Feedforward()):
+        design = measured_servo(feedforward=shaping)
+        table = design_controller(published_aircraft, design, np.radians([11.0]))
+        plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
+        errors.append(fly_commands(plant, table, ends, 70.0, Feedforward()).errors["dihedral"])
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft) -> None:
