@@ -20,6 +20,7 @@ from hfa_model.support.text import Table, in_degrees
 from hfa_model.support.toml_file import finite_number, names_of, table_of
 from verification.servo.tuning import Case, Tuned, Tuning, Variable
 
+SCHEMA = "hfa.design-search/1"
 _KEYS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "variables", "objective", "cases")
 _CASE = ("dihedral", "order", "bandwidth", "damping", "effectiveness", "each", "ends")
 #: Evaluations of a file that does not say how many.
@@ -106,6 +107,7 @@ def tuning_report(tuning: Tuning, found: Tuned) -> Report:
             checks_block(checks),
         ),
         data={
+            "schema": SCHEMA,
             "ok": all(check.ok for check in checks),
             "evaluations": found.evaluations,
             "variables": {
