@@ -114,19 +114,17 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
         )
     ]
     if c_compiler() is not None:
-        found.append(
-            Row(
-                f"{count} dihedral angles, generated C",
-                peer_name,
-                in_turn(
-                    lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
-                    peer,
-                    units=count,
-                    peer_units=peer_count,
+        # 0.3 us a point was asked of the vector unit, where the peer takes 465.
+        for name, vector, target in (("generated C", False, 200.0), ("generated C on the vector unit", True, 1550.0)):
+            timing = in_turn(
+                lambda vector=vector: solve_level_flights(
+                    variant, parameters, conditions, compile_code=True, vector=vector
                 ),
-                200.0,
+                peer,
+                units=count,
+                peer_units=peer_count,
             )
-        )
+            found.append(Row(f"{count} dihedral angles, {name}", peer_name, timing, target))
     found.append(
         Row(
             f"{count} dihedral angles with tracked modes, every residual and limit checked",

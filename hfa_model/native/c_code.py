@@ -1,8 +1,9 @@
-"""A CasADi Function as plain C: one function of arrays, no library but math.h, no tables, no memory of its own."""
+"""A CasADi Function as plain C: functions of arrays, no library but math.h, no tables, no memory of their own."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Callable, Mapping
 
 import casadi as ca
 
@@ -39,11 +40,56 @@ _OPERATIONS = {
 }
 
 
+#: The same where a loop over points is to run on the vector unit, which has no functions for these.
+_FOR_VECTORS = {
+    ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
+    ca.OP_FMAX: "{0} > {1} ? {0} : {1}",
+}
+
+
 def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]) -> str:
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
 
     Columns of a matrix come one after the other. BadInputError names an operation that is not known here.
     """
+    names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
+    body = _statements(
+        function, name, lambda which, i: f"{arguments[which]}[{i}]", lambda which, i: f"{results[which]}[{i}]"
+    )
+    return f"static void {name}({names})\n{{\n{body}\n}}\n"
+
+
+def c_loop(function: ca.Function, name: str) -> str:
+    """`void name(long n, const double *const *argument, double *result)` for n points, of one result.
+
+    argument k: (size, n), result: (size, n), so that neighbours in memory are neighbouring points.
+    """
+    count = function.n_in()
+    inputs = "\n".join(f"    const double *restrict a{k} = argument[{k}];" for k in range(count))
+    body = _statements(
+        function, name, lambda which, i: f"a{which}[{i} * n + k]", lambda _, i: f"out[{i} * n + k]", _FOR_VECTORS
+    )
+    return f"""#include <math.h>
+void {name}(long n, const double *const *argument, double *restrict out)
+{{
+{inputs}
+#pragma omp simd
+    for (long k = 0; k < n; k++) {{
+{body}
+    }}
+}}
+"""
+
+
+def _statements(
+    function: ca.Function,
+    name: str,
+    load: Callable[[int, int], str],
+    store: Callable[[int, int], str],
+    changed: Mapping[int, str] | None = None,
+) -> str:
+    """Declarations and statements; load, store: how entry i of an argument and of a result is written."""
+    operations = _OPERATIONS | dict(changed or {})
     lines = []
     for index in range(function.n_instructions()):
         code, out, source = (
@@ -54,15 +100,13 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
         if code == ca.OP_CONST:
             lines.append(f"w{out[0]} = {function.instruction_constant(index)!r};")
         elif code == ca.OP_INPUT:
-            lines.append(f"w{out[0]} = {arguments[source[0]]}[{source[1]}];")
+            lines.append(f"w{out[0]} = {load(*source)};")
         elif code == ca.OP_OUTPUT:
-            lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
-        elif code in _OPERATIONS:
-            lines.append(f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};")
+            lines.append(f"{store(*out)} = w{source[0]};")
+        elif code in operations:
+            lines.append(f"w{out[0]} = {operations[code].format(*(f'w{each}' for each in source))};")
         else:
             words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
             raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")
-    names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
     work = textwrap.fill(", ".join(f"w{index}" for index in range(function.sz_w())), 100)
-    body = "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])
-    return f"static void {name}({names})\n{{\n{body}\n}}\n"
+    return "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])

@@ -14,6 +14,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,27 +25,31 @@ _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """The same function compiled to machine code, or the function itself when that cannot be had.
+    """The same function compiled to machine code, or the function itself when that cannot be had."""
+    library = library_of(lambda symbol: _c_text(function, symbol), _FLAGS)
+    return function if library is None else ca.external(library[0], str(library[1]))
 
-    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
-    content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
-    cannot live in one process.
+
+def library_of(text: Callable[[str], str], flags: tuple[str, ...], machine: str = "") -> tuple[str, Path] | None:
+    """A symbol and the library that has it, compiled from text(symbol); None, said once, when that cannot be had.
+
+    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler, its flags and the machine,
+    and of its own content, which is checked before it is loaded. Its symbol carries the first, because two libraries
+    of one name cannot live in one process.
     """
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
-        return function
-    text = _c_text(function, "placeholder")
-    key = hashlib.sha256("\n".join([text, compiler, *_FLAGS]).encode()).hexdigest()[:24]
+        return None
+    key = hashlib.sha256("\n".join([text("placeholder"), compiler, *flags, machine]).encode()).hexdigest()[:24]
     symbol = f"hfa_{key}"
     try:
         folder = _own_folder(cache_folder())
-        library = _kept(folder, symbol) or _compile(compiler, _c_text(function, symbol), folder, symbol)
-        return ca.external(symbol, str(library))
+        return symbol, _kept(folder, symbol) or _compile([compiler, *flags], text(symbol), folder, symbol)
     except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         reason = str(error).splitlines()[0]
         _say(f"cannot compile machine code ({reason}); running without")
-        return function
+        return None
 
 
 def cache_folder() -> Path:
@@ -95,11 +100,11 @@ def _named(folder: Path, symbol: str, content: Path) -> Path:
     return folder / f"{symbol}-{hashlib.sha256(content.read_bytes()).hexdigest()[:24]}.so"
 
 
-def _compile(compiler: str, text: str, folder: Path, symbol: str) -> Path:
+def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         source, made = Path(temporary) / "generated.c", Path(temporary) / "generated.so"
         source.write_text(text, encoding="utf-8")
-        words, place = [compiler, *_FLAGS, str(source), "-o", str(made), "-lm"], {**os.environ, "TMPDIR": temporary}
+        words, place = [*compiler, str(source), "-o", str(made), "-lm"], {**os.environ, "TMPDIR": temporary}
         subprocess.run(words, env=place, check=True, capture_output=True)
         made.chmod(0o700)
         library = _named(folder, symbol, made)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from hfa_model import INPUTS, STATES, Aircraft, default_parameters
+from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import VARIANTS, variant_named
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import CONDITION, solve_level_flights
+from trim.sweeps.level_flights import CONDITION, level_conditions, solve_level_flights
 
 
 def _conditions(count: int, seed: int) -> np.ndarray:
@@ -62,3 +63,20 @@ def test_parameters_may_vary_from_point_to_point():
     assert np.array_equal(both.A[1], alone.A[0])
     assert not np.allclose(both.A[0], both.A[1])
     assert both.states.shape == (2, len(STATES))
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler on this machine")
+def test_the_vector_unit_agrees_within_rounding(aircraft: Aircraft) -> None:
+    random = np.random.default_rng(3)
+    varied = ("dihedral", "speed", "altitude", "alpha")
+    lowest, highest = [0.0, 60.0, 30_000.0, 0.03], [0.35, 75.0, 45_000.0, 0.06]
+    conditions = level_conditions(varied, random.uniform(lowest, highest, (1000, 4)))
+    parameters = np.array(aircraft.parameters) * random.uniform(0.99, 1.01, (1000, len(aircraft.parameters)))
+    one = solve_level_flights(aircraft.variant, parameters, conditions)
+    other = solve_level_flights(aircraft.variant, parameters, conditions, vector=True)
+    np.testing.assert_array_equal(one.trimmed, other.trimmed)
+    assert one.trimmed.sum() > 900
+    for name in ("states", "inputs", "A", "B"):
+        known, found = getattr(one, name), getattr(other, name)
+        size = np.abs(known).max(axis=tuple(range(1, known.ndim)), keepdims=True)
+        assert (np.abs(found - known) / size).max() < 1e-13, name
