@@ -24,7 +24,7 @@ DEFAULT_DYNAMICS = "published"
 OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
 #: All that says where the aircraft is trimmed, the dihedral angle apart.
 OF_THE_TRIM = (*OF_THE_CONDITION, "condition", "free", "hold", "limit", "start")
-_MOST_WORKERS = 1000
+MOST_WORKERS = 1000
 
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
@@ -87,7 +87,7 @@ def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
 
 def add_workers(parser: argparse._ActionsContainer, what: str) -> None:
     """--workers, --scheduler, --resume."""
-    add_value(parser, "--workers", whole(1, _MOST_WORKERS), "N", "processes; default 1")
+    add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", "processes; default 1")
     add_value(parser, "--scheduler", str, "URL", "Dask scheduler, tcp://host:port")
     parser.add_argument("--resume", action="store_true", help=f"continue an interrupted {what}")
 

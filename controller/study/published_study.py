@@ -18,6 +18,7 @@ from controller.samples.recording import random_pool
 from controller.study.study_rows import STUDY, StudyCase
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.workers import workers
 
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
@@ -117,11 +118,12 @@ def published_study(
     *,
     known: Callable[[str, Sequence[PlannedRun]], tuple[StudyRun, ...] | None] = lambda name, planned: None,
     keep: Callable[[StudyRow, Sequence[PlannedRun]], None] = lambda row, planned: None,
+    processes: int = 1,
 ) -> tuple[StudyRow, ...]:
     """Run every row of `STUDY` (or those named) on both published models; takes a few minutes.
 
     known: from a row's name and runs to the runs as they were made before, None for a row that is to be run. keep:
-    called after each row that was run. Raises BadInputError for an unknown row.
+    called after each row that was run. processes: that share the runs. Raises BadInputError for an unknown row.
     """
     names = tuple(STUDY) if rows is None else rows
     for name in names:
@@ -130,19 +132,20 @@ def published_study(
     references = references_of_models()
     planned = {name: planned_runs(name, references) for name in names}
     before = {name: known(name, planned[name]) for name in names}
-    count, total = 0, sum(len(planned[name]) for name in names if before[name] is None)
-    done = []
-    for name in names:
-        runs = list(before[name] or ())
-        for one in planned[name][len(runs) :]:
-            runs.append(_run(references[one.dihedral_deg], one))
-            count += 1
+    finished = [StudyRow(name, STUDY[name].cause, before[name] or ()) for name in names]
+    waiting = [(row, one) for row, name in enumerate(names) if before[name] is None for one in planned[name]]
+    made: dict[int, StudyRun] = {}
+    with workers(processes) as place:
+        tasks = ((key, (references[one.dihedral_deg], one)) for key, (_, one) in enumerate(waiting))
+        for key, result in place.run(_run, tasks):
+            made[key], row = result, waiting[key][0]
             if progress is not None:
-                progress(count / total, name)
-        done.append(StudyRow(name, STUDY[name].cause, tuple(runs)))
-        if before[name] is None:
-            keep(done[-1], planned[name])
-    return tuple(done)
+                progress(len(made) / len(waiting), names[row])
+            of_row = [each for each, (other, _) in enumerate(waiting) if other == row]
+            if all(each in made for each in of_row):
+                finished[row] = replace(finished[row], runs=tuple(made[each] for each in of_row))
+                keep(finished[row], planned[names[row]])
+    return tuple(finished)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Takes minutes. With --folder each row is kept as it is finished, and --resume co
 from __future__ import annotations
 
 import argparse
+import os
 from typing import Any
 
 from controller.study.published_study import published_study
@@ -13,11 +14,14 @@ from controller.study.study_folder import StudyFolder
 from controller.study.study_report import study_report
 from controller.study.study_rows import STUDY
 from hfa_cli import options
-from hfa_cli.argument_types import parsed
+from hfa_cli.argument_types import parsed, whole
 from hfa_cli.output import Progress, check_folder, check_target, show
 from hfa_cli.parser import add_value
 from hfa_cli.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
+
+#: Cases from which starting processes pays.
+_MANY = 50
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "keep each row there as it is finished; made when missing"
     add_value(parser, "--folder", parsed(check_folder), "FOLDER", about)
     parser.add_argument("--resume", action="store_true", help="do not run again the rows that are finished in --folder")
+    about = "processes that share the runs; default: one a core for many runs, else 1"
+    add_value(parser, "--workers", whole(1, options.MOST_WORKERS), "N", about)
     add_removed(parser, "--save", "keep the finished rows with --folder FOLDER")
     options.add_output(parser)
 
@@ -41,9 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
     kept: dict[str, Any] = {} if folder is None else {"keep": folder.keep}
     if folder is not None and arguments.resume:
         kept["known"] = folder.known
-    rows = published_study(_names(arguments.only), Progress("study").say, **kept)
+    names = _names(arguments.only)
+    processes = arguments.workers or _processes(names)
+    rows = published_study(names, Progress("study").say, processes=processes, **kept)
     show(study_report(rows), arguments, target=target)
     return 0
+
+
+def _processes(names: tuple[str, ...]) -> int:
+    """One a core for many runs."""
+    cases = sum(len(list(STUDY[name].cases())) for name in names)
+    return min(os.cpu_count() or 1, options.MOST_WORKERS) if cases >= _MANY else 1
 
 
 def _names(words: list[str] | None) -> tuple[str, ...]:

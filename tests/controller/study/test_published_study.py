@@ -203,3 +203,8 @@ def test_study_rows_say_what_they_hold() -> None:
     empty = StudyRow("x", "why", (StudyRun(15.0, PublishedSettings(), 1e-9, 1.0, 2.0, 1e-5, overflow="lost"),))
     assert np.isnan(empty.span("P_error")[0])
     assert empty.span("alpha2") == (2.0, 2.0)
+
+
+def test_processes_share_the_runs() -> None:
+    row = ("learning alone, frozen, implicit",)
+    assert published_study(row, processes=2) == published_study(row)
