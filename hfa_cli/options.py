@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -90,6 +91,11 @@ def add_workers(parser: argparse._ActionsContainer, what: str) -> None:
     add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", "processes; default 1")
     add_value(parser, "--scheduler", str, "URL", "Dask scheduler, tcp://host:port")
     parser.add_argument("--resume", action="store_true", help=f"continue an interrupted {what}")
+
+
+def cores() -> int:
+    """Processes that run at once on this machine."""
+    return min(os.cpu_count() or 1, MOST_WORKERS)
 
 
 def given(arguments: argparse.Namespace, name: str) -> bool:

@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.argument_types import parsed
+from hfa_cli.argument_types import parsed, whole
+from hfa_cli.options import MOST_WORKERS, cores
 from hfa_cli.output import Progress, check_folder
 from hfa_cli.parser import add_value
 from hfa_cli.removed_options import add_removed
 from hfa_model.support.files import write_text
+
+#: Steps of a flight from which starting processes pays.
+_LONG = 100_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "regenerated (trimmed and linearized here; default) or printed"
     add_value(parser, "--matrices", str, "SOURCE", about, default="regenerated")
     parser.add_argument("--resume", action="store_true", help="keep experiments that are finished")
+    about = "processes that share the flights; default: one a core for long flights, else 1"
+    add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", about)
     add_removed(parser, "--reading", "the configuration is that of verification/experiments/section5.toml")
     parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")
 
@@ -46,7 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
     def show(section: str, done: int, total: int) -> None:
         counters.setdefault(section, Progress(f"reproduce {section}"))(done, total)
 
-    table = reproduce(chosen, setting, folder, resume=arguments.resume, progress=show)
+    flight = setting.configuration.flight
+    steps = flight.ticks * flight.steps_per_tick
+    processes = arguments.workers or (cores() if steps >= _LONG else 1)
+    table = reproduce(chosen, setting, folder, resume=arguments.resume, progress=show, processes=processes)
     write_text(folder / "claims.json", json_text(table))
     write_text(folder / "claims.md", claims_markdown(table))
     print(json_text(table) if arguments.json else claims_text(table), end="" if arguments.json else "\n")

@@ -6,7 +6,6 @@ Takes minutes. With --folder each row is kept as it is finished, and --resume co
 from __future__ import annotations
 
 import argparse
-import os
 from typing import Any
 
 from controller.study.published_study import published_study
@@ -57,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _processes(names: tuple[str, ...]) -> int:
     """One a core for many runs."""
     cases = sum(len(list(STUDY[name].cases())) for name in names)
-    return min(os.cpu_count() or 1, options.MOST_WORKERS) if cases >= _MANY else 1
+    return options.cores() if cases >= _MANY else 1
 
 
 def _names(words: list[str] | None) -> tuple[str, ...]:

@@ -139,7 +139,8 @@ def test_resuming_simulates_nothing_again(finished: Path, monkeypatch: pytest.Mo
         with pytest.raises(AssertionError, match="simulated again"):
             hfa("reproduce", "5.4", "-o", str(finished))
     with pytest.raises(AssertionError, match="simulated again"):
-        hfa("reproduce", "5.4", "-o", str(finished), "--resume")  # another configuration is another experiment
+        # Another configuration is another experiment.
+        hfa("reproduce", "5.4", "-o", str(finished), "--resume", "--workers", "1")
     monkeypatch.setattr("hfa_model.support.finished.toolchain_version", lambda: "0.0.9")
     with configured(*SHORT), pytest.raises(AssertionError, match="simulated again"):
         hfa("reproduce", "all", "-o", str(finished), "--resume")

@@ -8,10 +8,11 @@ from typing import Any
 
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.workers import workers
 from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment import Experiment, Outcome
-from verification.experiments.experiment_flights import simulate_plan
+from verification.experiments.experiment_flights import FlightRecord, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
 from verification.experiments.result_folder import finished_experiment, write_outcome
 from verification.experiments.setting import Setting
@@ -36,16 +37,20 @@ def experiments(name: str) -> tuple[Experiment, ...]:
     return (EXPERIMENTS[name],)
 
 
-def run_experiment(experiment: Experiment, setting: Setting, progress: Progress | None = None) -> Outcome:
-    """Simulate every flight and check every claim."""
+def run_experiment(
+    experiment: Experiment, setting: Setting, progress: Progress | None = None, processes: int = 1
+) -> Outcome:
+    """Simulate every flight and check every claim. processes: that share the flights."""
     plans = experiment.flights(setting)
-    flown = {}
-    for count, plan in enumerate(plans):
-        if progress is not None:
-            progress(experiment.section, count, len(plans))
-        flown[plan] = simulate_plan(setting, plan, experiment.section)
-    if progress is not None:
-        progress(experiment.section, len(plans), len(plans))
+    told = progress or (lambda section, done, total: None)
+    records: dict[int, FlightRecord] = {}
+    told(experiment.section, 0, len(plans))
+    with workers(processes) as place:
+        tasks = ((key, (setting, plan, experiment.section)) for key, plan in enumerate(plans))
+        for key, record in place.run(simulate_plan, tasks):
+            records[key] = record
+            told(experiment.section, len(records), len(plans))
+    flown = {plan: records[key] for key, plan in enumerate(plans)}
     evidence = Evidence(setting, experiment.section, flown)
     return Outcome(experiment, setting, flown, tuple(check_claim(claim, evidence) for claim in experiment.claims))
 
@@ -57,15 +62,16 @@ def reproduce(
     *,
     resume: bool = False,
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> dict[str, Any]:
     """Run experiments into folder/section each, and return the table of their claims.
 
-    resume: an experiment that is there with the same identity is not run again.
+    resume: an experiment that is there with the same identity is not run again. processes: that share the flights.
     """
     results = []
     for experiment in chosen:
         known = finished_experiment(experiment, setting, folder) if resume else None
-        results.append(known or write_outcome(run_experiment(experiment, setting, progress), folder))
+        results.append(known or write_outcome(run_experiment(experiment, setting, progress, processes), folder))
     return claims_table(setting, results)
 
 

@@ -92,3 +92,11 @@ def test_every_panel_of_an_experiment_has_units_and_the_learning_time(noise: Out
     errors = next(line for line in pictures[0].panels[0].lines if line.label == CERTIFIED)
     plan = next(plan for plan in noise.flown if plan.law == CERTIFIED and plan.noise)
     np.testing.assert_array_equal(errors.y, noise.flown[plan].errors[:, 0])
+
+
+def test_processes_share_the_flights(noise: Outcome) -> None:
+    again = run_experiment(EXPERIMENTS["5.4"], noise.setting, processes=2)
+    assert list(again.flown) == list(noise.flown)
+    assert [claim.to_dict() for claim in again.claims] == [claim.to_dict() for claim in noise.claims]
+    for one, other in zip(again.flown.values(), noise.flown.values(), strict=True):
+        np.testing.assert_array_equal(one.states, other.states)
