@@ -120,7 +120,7 @@ def published_study(
     keep: Callable[[StudyRow, Sequence[PlannedRun]], None] = lambda row, planned: None,
     processes: int = 1,
 ) -> tuple[StudyRow, ...]:
-    """Run every row of `STUDY` (or those named) on both published models; takes a few minutes.
+    """Run every row of `STUDY` (or those named) on both published models.
 
     known: from a row's name and runs to the runs as they were made before, None for a row that is to be run. keep:
     called after each row that was run. processes: that share the runs. Raises BadInputError for an unknown row.
@@ -136,14 +136,13 @@ def published_study(
     waiting = [(row, one) for row, name in enumerate(names) if before[name] is None for one in planned[name]]
     made: dict[int, StudyRun] = {}
     with workers(processes) as place:
-        tasks = ((key, (references[one.dihedral_deg], one)) for key, (_, one) in enumerate(waiting))
-        for key, result in place.run(_run, tasks):
+        for key, result in place.run(_run, enumerate((references[one.dihedral_deg], one) for _, one in waiting)):
             made[key], row = result, waiting[key][0]
             if progress is not None:
                 progress(len(made) / len(waiting), names[row])
-            of_row = [each for each, (other, _) in enumerate(waiting) if other == row]
-            if all(each in made for each in of_row):
-                finished[row] = replace(finished[row], runs=tuple(made[each] for each in of_row))
+            of_row = [made.get(each) for each, (other, _) in enumerate(waiting) if other == row]
+            if None not in of_row:
+                finished[row] = replace(finished[row], runs=tuple(filter(None, of_row)))
                 keep(finished[row], planned[names[row]])
     return tuple(finished)
 

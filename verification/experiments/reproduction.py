@@ -46,8 +46,7 @@ def run_experiment(
     records: dict[int, FlightRecord] = {}
     told(experiment.section, 0, len(plans))
     with workers(processes) as place:
-        tasks = ((key, (setting, plan, experiment.section)) for key, plan in enumerate(plans))
-        for key, record in place.run(simulate_plan, tasks):
+        for key, record in place.run(simulate_plan, enumerate((setting, plan, experiment.section) for plan in plans)):
             records[key] = record
             told(experiment.section, len(records), len(plans))
     flown = {plan: records[key] for key, plan in enumerate(plans)}
