@@ -40,7 +40,7 @@ LAWS = ("exact", "certified", "irl")
 #: In place of NAME=...: what the paper simulates in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
 #: How help shows colon-separated numbers.
-_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
+_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
 _TICK = 0.01
 
 
@@ -54,7 +54,9 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
     add_actuators(parser)
     add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
-    add_value(parser, "--turbulence", numbers(TURBULENCE, 2), TURBULENCE, "Dryden turbulence, ft/s and ft, from --seed")
+    add_value(
+        parser, "--turbulence", numbers(TURBULENCE, 2, 3), TURBULENCE, "Dryden turbulence, ft/s, ft and s, from --seed"
+    )
     add_envelope(parser)
 
 
@@ -253,6 +255,6 @@ def _gust(arguments: argparse.Namespace, speed: float, duration: float) -> Gust 
             raise BadInputError(f"--gust begins at {begin[0]:g} s; the flight lasts from 0 to {duration:g} s")
         return OneMinusCosine(length, peak, speed, *begin)
     if arguments.turbulence is not None:
-        intensity, scale = arguments.turbulence
-        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments))
+        intensity, scale, *fade = arguments.turbulence
+        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
     return None

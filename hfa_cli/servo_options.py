@@ -51,13 +51,11 @@ def controlled(
         if arguments.command:
             raise BadInputError("--command belongs to --controller; give both")
         return None, scenario
-    if arguments.law != "certified" or arguments.set or arguments.online:
+    if arguments.law != "certified" or arguments.set or getattr(arguments, "online", False):
         raise BadInputError("--controller takes the place of a law; leave out --law, --set and --online")
-    options.refuse(
-        arguments,
-        ("reference", "check", "gain", "weights", "delta", "Q", "R"),
-        "belongs to a gain; leave it out with --controller",
-    )
+    others = ("reference", "check", "gain", "weights", "delta", "Q", "R")
+    known = tuple(name for name in others if hasattr(arguments, name))
+    options.refuse(arguments, known, "belongs to a gain; leave it out with --controller")
     if arguments.actuators is None:
         raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
     controller = load_controller(arguments.controller)

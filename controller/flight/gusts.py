@@ -89,10 +89,11 @@ class Dryden:
 
     Spectrum Φ(Ω) = sigma² (scale/π) (1 + 3 (scale Ω)²) / (1 + (scale Ω)²)² over spatial frequencies Ω > 0.
     n is held during each tick of length `interval`; its variance is the one with which w has the variance
-    sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight begins in stationary turbulence.
+    sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight begins in stationary turbulence,
+    which sets in at once; or w grows with t/fade, and is stationary from t = fade on.
 
     intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft above 2000 ft.
-    speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of the start.
+    speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of the start. fade: s, 0 for none.
     Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a number is not positive or τ does
     not lie between `SHORTEST` and `LONGEST` ticks.
     """
@@ -103,9 +104,12 @@ class Dryden:
     interval: float
     ticks: int
     seed: int
+    fade: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no turbulence."""
+        if not (np.isfinite(self.fade) and self.fade >= 0.0):
+            raise BadInputError(f"the turbulence fades in over {self.fade} s; the time must not be negative")
         _check_positive(
             intensity=self.intensity, scale=self.scale, speed=self.speed, interval=self.interval, ticks=self.ticks
         )
@@ -129,8 +133,9 @@ class Dryden:
         return 1
 
     def updraft(self, t: Any, memory: Any, p: Any) -> Any:
-        """sigma/sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
-        return self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
+        """sigma/sqrt(τ) (x1 + √3 τ x2) min(t/fade, 1) in the states of `memory_rate`."""
+        w = self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
+        return w * ca.fmin(t / self.fade, 1.0) if self.fade else w
 
     def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ: the filter in controllable form, n scaled to make w ft/s."""

@@ -21,7 +21,7 @@ class Uncertainty:
 
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
     the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
-    (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a name or a number is wrong.
+    (intensity, ft/s, scale, ft) of Dryden turbulence, with the time in s over which it fades in, or None. BadInputError when a name or a number is wrong.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
     randomness more or less leaves the draws of the others as they are.
@@ -29,7 +29,7 @@ class Uncertainty:
 
     errors: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
-    turbulence: tuple[float, float] | None = None
+    turbulence: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         """Name what is wrong before the simulation."""
@@ -67,7 +67,8 @@ class Uncertainty:
         if self.turbulence is None:
             return None
         own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-        return Dryden(*self.turbulence, speed, tick, ticks, own_seed)
+        intensity, scale, *fade = self.turbulence
+        return Dryden(intensity, scale, speed, tick, ticks, own_seed, *fade)
 
 
 def _stream(seed: int, member: int, kind: int) -> np.random.Generator:

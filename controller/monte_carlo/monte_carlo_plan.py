@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.flight.actuators import LONGEST_STEP
 from controller.flight.commands import CommandedStates
 from controller.flight.envelope import Envelope
 from controller.flight.flown_law import FlownLaw
@@ -52,6 +53,11 @@ class MonteCarlo:
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
         if self.scenario.samples is not None:
             raise BadInputError("the scenario of a Monte Carlo is drawn already; give the one that it was drawn from")
+        if self.law.fastest * self.scenario.step > LONGEST_STEP:
+            raise BadInputError(
+                f"law {self.law.name} has a mode of {self.law.fastest:.4g} 1/s; at a step of {self.scenario.step:g} s "
+                f"it must be below {LONGEST_STEP / self.scenario.step:g} 1/s: make the step shorter"
+            )
         self.envelope.refuse_start(np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if getattr(self.parameters, name) == 0.0:

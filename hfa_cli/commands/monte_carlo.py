@@ -18,6 +18,7 @@ from controller.flight.critic_policy import CriticPolicy
 from controller.flight.signals import Signal
 from controller.game.zero_sum import Game
 from hfa_cli import options
+from hfa_cli.actuator_options import actuators_of, add_actuators
 from hfa_cli.argument_types import number, numbers, quantity, whole
 from hfa_cli.flights import (
     LAWS,
@@ -39,6 +40,7 @@ from hfa_cli.flights import (
 from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, check_target
 from hfa_cli.parser import add_named, add_value
+from hfa_cli.servo_options import add_controller, controlled
 from hfa_cli.stored_law import add_stored, check_stored
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import LinearModel, linearize
@@ -68,10 +70,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     deviation, of_sensor = "relative standard deviation of a parameter", "standard deviation of a sensor"
     add_named(drawn, "--error", lambda _, text: number(text), "NAME=DEVIATION", deviation)
     add_named(drawn, "--noise", quantity, "NAME=DEVIATION", f"{of_sensor}, degrees for angles")
-    add_value(drawn, "--turbulence", numbers(TURBULENCE, 2), TURBULENCE, "Dryden turbulence, ft/s and ft")
+    add_value(
+        drawn,
+        "--turbulence",
+        numbers(TURBULENCE, 2, 3),
+        TURBULENCE,
+        "Dryden turbulence, ft/s and ft; s in which it sets in",
+    )
     flight = parser.add_argument_group("the flight")
     add_times(flight)
     add_initial(flight)
+    add_controller(parser)
+    add_actuators(flight)
     add_signal(flight, "--reference", "what a state shall follow")
     add_signal(flight, "--disturbance", "added to the rate of a state")
     add_envelope(flight)
@@ -120,7 +130,9 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
         reference=reference,
         disturbance=signal_of("disturbance", arguments.disturbance),
         uncertainty=_uncertainty(arguments),
+        actuators=actuators_of(arguments),
     )
+    law, scenario = controlled(arguments, aircraft, point, scenario)
     return MonteCarlo(
         members=arguments.members,
         seed=seed_of(arguments),
@@ -128,7 +140,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
         dynamics=arguments.dynamics,
         point=point,
         plant=arguments.plant,
-        law=_law(arguments, linearize(aircraft, point), reference),
+        law=law or _law(arguments, linearize(aircraft, point), reference),
         scenario=scenario,
         envelope=envelope_of(arguments, aircraft, point),
     )
@@ -138,10 +150,7 @@ def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
     from controller.flight.uncertain import Uncertainty
 
     errors, noise = arguments.error or {}, arguments.noise or {}
-    if arguments.turbulence is None:
-        return Uncertainty(errors, noise)
-    intensity, scale = arguments.turbulence
-    return Uncertainty(errors, noise, (intensity, scale))
+    return Uncertainty(errors, noise, arguments.turbulence)
 
 
 def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -> FlownLaw:
