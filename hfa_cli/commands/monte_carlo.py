@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--turbulence",
         numbers(TURBULENCE, 2, 3),
         TURBULENCE,
-        "Dryden turbulence, ft/s and ft; s in which it sets in",
+        "Dryden turbulence, ft/s, ft and s",
     )
     flight = parser.add_argument_group("the flight")
     add_times(flight)
