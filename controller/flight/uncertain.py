@@ -21,7 +21,8 @@ class Uncertainty:
 
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
     the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
-    (intensity, ft/s, scale, ft[, time over which it fades in, s]) of Dryden turbulence, or None. BadInputError when a name or a number is wrong.
+    (intensity, ft/s, scale, ft[, time over which it fades in, s]) of Dryden turbulence, or None. BadInputError when a
+    name or a number is wrong.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
     randomness more or less leaves the draws of the others as they are.
