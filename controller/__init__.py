@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from controller.design.design_file import load_design as load_design
     from controller.design.design_model import DesignModel as DesignModel, design_model as design_model
     from controller.design.scheduled_controller import ScheduledController as ScheduledController
-    from controller.flight.actuators import Actuators as Actuators
+    from controller.flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
+    from controller.flight.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
     from controller.flight.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
     from controller.flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
+    from controller.flight.servo_policy import servo_law as servo_law
     from controller.flight.signals import Harmonic as Harmonic, Signal as Signal
     from controller.flight.simulate import Scenario as Scenario, fly as fly
     from controller.flight.uncertain import Uncertainty as Uncertainty

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
         minimum_output_delta as minimum_output_delta,
         solve_output_feedback as solve_output_feedback,
     )
+    from verification.servo.reference_model import reference_servo as reference_servo
     from verification.validation.comparison import Validation as Validation, validate as validate
     from verification.validation.outside import released_trims as released_trims
 

@@ -25,8 +25,14 @@ def _title(result: Mapping[str, Any]) -> str:
 
 
 def _table(result: Mapping[str, Any]) -> Table:
+    header = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
+    return Table(header, rows_of(result))
+
+
+def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Law, both rms errors, surface rate and outcome, a row a law."""
     angle, acceleration = REGULATED
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for flight in result["flights"]:
         rms, lost = flight["rms_error"], flight["lost_at"]
         rows.append(
@@ -38,5 +44,4 @@ def _table(result: Mapping[str, Any]) -> Table:
                 "held" if lost is None else f"{flight['left']} left at {lost:.4g} s",
             )
         )
-    header = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
-    return Table(header, rows)
+    return rows
