@@ -21,7 +21,9 @@ from trim.linear.linearize import linearize
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 from verification.riccati.gare import solve_game
-from verification.servo.adaptive import adaptive_law
+from verification.servo.adaptive_degree_2 import AdaptiveDegree2
+from verification.servo.adaptive_degree_3 import AdaptiveDegree3
+from verification.servo.adaptive_policy import adaptive_law
 from verification.servo.reference_model import REGULATED, reference_servo
 
 #: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.
@@ -95,6 +97,11 @@ def _reference(order: int) -> Callable[[Flown], FlownLaw]:
     return made
 
 
+def _adaptive(order: int) -> Callable[[Flown], FlownLaw]:
+    kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
+    return lambda on: adaptive_law(kind, order, on.aircraft, on.point, on.commands, ANGLES)
+
+
 def _own(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
     return lambda on: servo_law(controller, on.commands, on.aircraft, on.point)
 
@@ -108,7 +115,6 @@ def _paper(on: Flown) -> FlownLaw:
 def laws_of(order: int, controllers: Mapping[str, ScheduledController]) -> dict[str, Callable[[Flown], FlownLaw]]:
     """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for."""
     found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
-    if order == 1:
-        found["simvfa-1 adaptive"] = lambda on: adaptive_law(on.aircraft, on.point, on.commands, ANGLES)
+    found[f"simvfa-{order} adaptive"] = _adaptive(order)
     found |= {name: _own(controller) for name, controller in controllers.items()}
     return found | {"paper": _paper}

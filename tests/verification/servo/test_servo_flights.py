@@ -50,6 +50,8 @@ THEIRS = {
     ("order-1-fault", "simvfa-1"): (0.685, 0.202),
     ("order-1-fault", "simvfa-1 adaptive"): (0.408, 0.101),
     ("order-2", "simvfa-2"): (0.446, 0.140),
+    ("order-2", "simvfa-2 adaptive"): (0.445, 0.140),
+    ("order-2-fault", "simvfa-2 adaptive"): (0.498, 0.322),
 }
 
 
@@ -75,9 +77,9 @@ def test_a_finished_case_is_kept_and_known_again(
     first = run_case(
         published_aircraft, "order-2", own, tmp_path / "out", duration=4.0, progress=lambda *done: told.append(done)
     )
-    assert told[-1] == ("order-2", 3, 3)
+    assert told[-1] == ("order-2", 4, 4)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["order-2.json", "order-2.png"]
-    assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "ours", "paper"]
+    assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "simvfa-2 adaptive", "ours", "paper"]
     flown = []
     monkeypatch.setattr(servo_flights, "fly_case", lambda *given: flown.append(given) or ())
     monkeypatch.setattr("verification.servo.servo_figure.servo_figure", lambda *_: pytest.fail("drawn again"))
