@@ -22,7 +22,6 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
     """Each commanded output with its command, and below it what every law misses; a lost law ends with a cross."""
     names = [each.name for each in flights[0].tracked]
     figure = new_figure(5.2 * len(names), 6.0)
-    figure.suptitle(title, fontsize=10)
     panels = figure.subplots(2, len(names), sharex=True, squeeze=False)
     longest = max(flights, key=lambda flight: len(flight.times))
     for column, name in enumerate(names):
@@ -46,5 +45,7 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
         for axes in (above, below):
             axes.grid(alpha=0.3)
             axes.tick_params(labelsize=7)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=8, title=title
+    )
     return figure
