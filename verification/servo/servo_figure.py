@@ -39,7 +39,8 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
         span = factor * float(np.abs(longest.tracked[column].command).max() or 1.0)
         above.set_ylim(-2.0 * span, 2.0 * span)
         below.set_ylim(-span, span)
-        above.set_ylabel(f"{name} off trim, {shown_unit(unit)}", fontsize=8)
+        above.set_title(name, fontsize=9)
+        above.set_ylabel(f"off trim, {shown_unit(unit)}", fontsize=8)
         below.set_ylabel(f"off its command, {shown_unit(unit)}", fontsize=8)
         below.set_xlabel("time, s", fontsize=8)
         for axes in (above, below):
