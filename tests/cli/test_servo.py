@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli import assert_refused, hfa
+from controllers import integrating_controller
 
 from controller.design.controller_file import save_controller
 from hfa_model.aircraft import Aircraft
@@ -20,6 +21,7 @@ FLOWN = (*FLY, "--controller", "servo.npz", "--actuators", "0.5:60", "--command"
 @pytest.fixture(scope="module")
 def folder(published_aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made: Path = tmp_path_factory.mktemp("servo")
+    save_controller(made / "slow.npz", integrating_controller(published_aircraft))
     save_controller(made / "servo.npz", reference_servo(published_aircraft, "simvfa-1", ANGLES[9:15]))
     return made
 
@@ -69,6 +71,32 @@ def test_options_of_a_controller_need_one() -> None:
 def test_angles_beyond_the_table_are_refused() -> None:
     words = ("fly", "--dihedral", "13.5", *FLOWN[3:])
     assert_refused(hfa(*words), 2, "covers dihedral 9 to 14 deg; 13.5 to 14.5 deg is asked for")
+
+
+def test_members_follow_commands_behind_failing_actuators() -> None:
+    words = (
+        "monte-carlo",
+        "--dihedral",
+        "11",
+        "--actuators",
+        "0.5:60",
+        "--duration",
+        "2",
+        "--members",
+        "3",
+        "--step",
+        "0.01",
+    )
+    noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750:1", "--command", "dihedral=0:1")
+    data = [
+        json.loads(hfa(*words, *noisy, "--controller", "slow.npz", *more, "--json").out)
+        for more in ((), ("--fault", "0.2:0.5"))
+    ]
+    assert [each["held"] for each in data] == [3, 3]
+    assert data[0]["law"] == "small"
+    whole, weak = (each["effort"]["aileron_outer"][1] for each in data)
+    assert weak < 0.5 * whole
+    assert_refused(hfa(*words, *noisy, "--controller", "servo.npz"), 2, "law simvfa-1, reference model has a mode of")
 
 
 def test_a_case_is_flown_with_a_controller_beside(folder: Path) -> None:

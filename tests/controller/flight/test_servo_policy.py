@@ -7,7 +7,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from controllers import small_controller
+from controllers import integrating_controller, small_controller
 from scipy.integrate import solve_ivp
 
 from controller.design.scheduled_controller import ScheduledController
@@ -40,14 +40,6 @@ def commands(*values: float) -> CommandSteps:
     return CommandSteps(("dihedral",), 1.0 + 10.0 * np.arange(len(values)), np.array(values)[:, None])
 
 
-def integrator(aircraft: Aircraft, **changed: object) -> ScheduledController:
-    """u = -(k e + g (dihedral - r)), e' = dihedral - r, k rising with the angle."""
-    gains = np.array([0.02, 0.03, 0.04])[:, None, None]
-    one, row = np.ones((3, 1, 1)), np.array([0.0, 1.0, -1.0, 0.0])
-    parts = {"A": 0.0 * one, "B": one * row, "C": -gains, "D": -0.3 * gains * row, "W": 0.0 * one}
-    return small_controller(aircraft, **(parts | changed))
-
-
 def flown(
     aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, **changes: object
 ) -> NonlinearFlight:
@@ -76,7 +68,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:
     """The prediction of `fly` beside the same loop in NumPy, matrices looked up by the controller itself."""
-    controller = integrator(published_aircraft)
+    controller = integrating_controller(published_aircraft)
     result = flown(published_aircraft, point, controller)
     assert result.predicted is not None
     model, follow = LinearizedAircraft.at(published_aircraft, point), commands(0.01)
@@ -97,7 +89,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
 
 
 def test_a_fault_takes_effectiveness_from_its_time_on(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    controller = integrator(published_aircraft)
+    controller = integrating_controller(published_aircraft)
     whole = flown(published_aircraft, point, controller)
     weak = replace(FREE, faults=(ActuatorFault(6.0, 0.25, 0.5),))
     failed = flown(published_aircraft, point, controller, actuators=weak)
@@ -110,8 +102,11 @@ def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircr
     """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it where one does."""
     lowest, highest = np.array(point.inputs) - 1e-4, np.array(point.inputs) + 1e-4
     narrow = replace(FREE, lowest=Input(*lowest), highest=Input(*highest))
-    controller = integrator(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
-    plain, wound = integrator(published_aircraft), flown(published_aircraft, point, integrator(published_aircraft))
+    controller = integrating_controller(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
+    plain, wound = (
+        integrating_controller(published_aircraft),
+        flown(published_aircraft, point, integrating_controller(published_aircraft)),
+    )
     np.testing.assert_allclose(
         flown(published_aircraft, point, controller).flight.memory, wound.flight.memory, atol=1e-12
     )
@@ -124,7 +119,7 @@ def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircr
 def test_tracking_is_the_commanded_output_against_its_command(
     published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:
-    result = flown(published_aircraft, point, integrator(published_aircraft))
+    result = flown(published_aircraft, point, integrating_controller(published_aircraft))
     follow = commands(0.01)
     (one,) = tracked(result, MeasuredOutputs(published_aircraft, point, follow.names), follow)
     z = result.flight.errors[:, LINEAR_STATES.index("dihedral")]
