@@ -80,5 +80,6 @@ def _integrator(rate: ca.Function, step: float, steps: int) -> ca.Function:
     t, y = ca.SX.sym("t"), ca.SX.sym("y", rate.numel_in(1))
     p = ca.SX.sym("p", rate.numel_in(2) + 1)
     dae = {"t": t, "x": y, "p": p, "ode": rate(p[-1] + t, y, p[:-1])}
-    options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, "disable_internal_warnings": True}
+    quiet = {"disable_internal_warnings": True, "show_eval_warnings": False}
+    options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **quiet}
     return ca.integrator("stiff", "cvodes", dae, 0.0, (step * np.arange(1, steps + 1)).tolist(), options)

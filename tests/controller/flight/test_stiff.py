@@ -41,8 +41,9 @@ def test_a_fast_mode_follows_and_the_flight_ends_with_the_tick_that_is_told() ->
     np.testing.assert_allclose(path.states[:, 2], path.states[:, 0], atol=3e-5)
 
 
-def test_a_loop_that_blows_up_says_when() -> None:
+def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
     y = ca.SX.sym("y", 1)
     blown = ca.Function("rate", [ca.SX.sym("t"), y, ca.SX.sym("p", 0)], [y**2])
     with pytest.raises(NoSolutionError, match=r"left every bound at t = 0\.9 s"):
         integrate_stiff(blown, np.ones(1), lambda _: np.zeros(0), step=0.05, steps_per_tick=2, ticks=20)
+    assert capfd.readouterr() == ("", "")
