@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all lint bench lock clean
+.PHONY: report test test-all lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -29,6 +29,10 @@ lint: .venv/ready
 bench: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r benchmarks/requirements.txt
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
+
+# Executes the notebooks and stores their outputs in them.
+notebooks: .venv/ready
+	$(BIN)/python tests/support/notebooks.py
 
 # Rewrites the exact versions from the lower bounds in pyproject.toml.
 lock:

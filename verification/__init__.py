@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from verification.experiments.configuration import section5_configuration as section5_configuration
     from verification.experiments.experiment_flights import FlightPlan as FlightPlan, simulate_plan as simulate_plan
     from verification.experiments.setting import make_setting as make_setting
+    from verification.flights.flight_figures import flight_figure as flight_figure
     from verification.flights.recoverable import recoverable_map as recoverable_map
     from verification.flights.scheduling import certified_schedule as certified_schedule
     from verification.meaning.linear_flight import simulate as simulate

@@ -50,7 +50,7 @@ class Block:
     parts: Sequence[str | Table]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Report:
     """What a result says, in the order in which it is read.
 
@@ -65,6 +65,12 @@ class Report:
     data: Mapping[str, Any] = field(default_factory=dict)
     records: Table = NO_RECORDS
     source: str = ""
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        return self.html(level=3)
 
     def with_data(self, **more: Any) -> Report:
         """The same report with more data."""
@@ -136,10 +142,10 @@ class Reported:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        return self.report().text()
+        return repr(self.report())
 
     def _repr_html_(self) -> str:
-        return self.report().html(level=3)
+        return self.report()._repr_html_()
 
 
 def _text(part: str | Table | Block | Report, color: bool) -> str:

@@ -1,0 +1,94 @@
+"""The notebooks in examples/: their cells run, and their stored outputs are what the cells say today."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+from notebooks import EXAMPLES, executed
+
+NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
+Output = dict[str, Any]
+
+
+def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
+    """Source without the lines that only a kernel understands, and the stored outputs, of each cell of code."""
+    cells = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    return [("".join(line for line in cell["source"] if not line.startswith("%")), cell["outputs"]) for cell in cells]
+
+
+def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
+    """What a cell printed, and the value of its last line."""
+    tree, printed, value = ast.parse(source), io.StringIO(), None
+    with contextlib.redirect_stdout(printed):
+        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, "cell", "exec"), names)
+        if isinstance(last, ast.Expr):
+            value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+    return printed.getvalue(), value
+
+
+def stored(outputs: list[Output], kind: str) -> str:
+    """The text that is stored: of `kind` "stream" what was printed, else of that MIME type."""
+    printed = [each["text"] for each in outputs if each["output_type"] == "stream"]
+    values = [each["data"].get(kind, []) for each in outputs if each["output_type"] != "stream"]
+    return "".join("".join(text) for text in (printed if kind == "stream" else values))
+
+
+def shape(text: str) -> list[str]:
+    """The first word of each line: numbers of rounding differ from machine to machine."""
+    return [line.split(" ")[0] for line in text.splitlines()]
+
+
+def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
+    """What the cells say today and what is stored, where they differ."""
+    names: dict[str, Any] = {"__name__": "__main__"}
+    found = []
+    for number, (source, outputs) in enumerate(cells, start=1):
+        printed, value = ran(source, names)
+        if printed != stored(outputs, "stream"):
+            found.append(f"cell {number} prints {printed!r}")
+        if isinstance(value, Figure):
+            found += [] if stored(outputs, "image/png") else [f"cell {number} has no picture stored"]
+        elif value is not None and shape(repr(value)) != shape(stored(outputs, "text/plain")):
+            found.append(f"cell {number} says {repr(value).splitlines()[0]}")
+    return found
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
+    assert complaints(code_cells(path)) == [], "run `make notebooks`"
+
+
+def test_an_output_that_is_out_of_date_is_noticed() -> None:
+    said = [{"output_type": "stream", "text": ["2\n"]}]
+    value = [{"output_type": "execute_result", "data": {"text/plain": ["a b"]}}]
+    assert (
+        complaints([("a = 1\nprint(a + 1)", said), ("type('T', (), {'__repr__': lambda self: 'a c'})()", value)]) == []
+    )
+    assert complaints([("print(3)", said)]) == ["cell 1 prints '3\\n'"]
+    assert complaints([("7", value)]) == ["cell 1 says 7"]
+    assert complaints([("from matplotlib.figure import Figure\nFigure()", [])]) == ["cell 1 has no picture stored"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_names_no_folder_of_the_machine_it_ran_on(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert not any(word in text for word in (os.sep + "tmp" + os.sep, os.sep + "home" + os.sep, "Traceback", "iopub"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_kernel_executes_it(path: Path) -> None:
+    kinds = [
+        [[each["output_type"] for each in cell["outputs"]] for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        for notebook in (executed(path), json.loads(path.read_text(encoding="utf-8")))
+    ]
+    assert kinds[0] == kinds[1]
