@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -12,6 +13,7 @@ from hfa_cli.origin import signed
 from hfa_model.support.data_files import SUFFIXES as SUFFIXES
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
+from hfa_model.support.text import Style
 
 #: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.
 FORMATS: dict[str, Callable[[Report], str]] = {
@@ -49,7 +51,18 @@ def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) 
     report = signed(report)
     if target is not None:
         report.save(target)
-    print(report.json() if arguments.json else FORMATS[arguments.format or "text"](report))
+    form = arguments.format or "text"
+    if not arguments.json and form == "text":
+        print(report.text(_style()))
+    else:
+        print(report.json() if arguments.json else FORMATS[form](report))
+
+
+def _style() -> Style:
+    """Bars on a terminal, and colors unless the user wants none (no-color.org)."""
+    on_terminal = sys.stdout.isatty()
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return Style(bars=on_terminal, color=on_terminal and not plain)
 
 
 def say_notes(warnings: Iterable[str]) -> None:

@@ -82,11 +82,13 @@ def run(arguments: argparse.Namespace) -> int:
         full=arguments.full,
         progress=Progress("sweep"),
     )
-    if arguments.picture is not None:
+    report = sweep_report(result)
+    if arguments.picture is not None and not result.trimmed.any():
+        report = replace(report, notes=[*report.notes, f"nothing to draw: {arguments.picture} is not written"])
+    elif arguments.picture is not None:
         from trim.sweeps.root_locus import root_locus
 
         root_locus(result, arguments.picture, provenance().text())
-    report = sweep_report(result)
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games
 

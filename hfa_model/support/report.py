@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_model.support.text import Table, Toned, columns
+from hfa_model.support.text import PLAIN, Style, Table, Toned, columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,9 +76,9 @@ class Report:
         """The same report with more data."""
         return replace(self, data={**self.data, **more})
 
-    def text(self, *, color: bool = False) -> str:
+    def text(self, style: Style = PLAIN) -> str:
         """For a terminal: parts with an empty line between them; pictures have no place there."""
-        shown = [_text(part, color) for part in self.parts if not isinstance(part, Picture)]
+        shown = [_text(part, style) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
         return "\n\n".join(filter(None, [self.title, *shown, *notes, self.source]))
 
@@ -148,12 +148,12 @@ class Reported:
         return self.report()._repr_html_()
 
 
-def _text(part: str | Table | Block | Report, color: bool) -> str:
+def _text(part: str | Table | Block | Report, style: Style) -> str:
     if isinstance(part, Report):
-        return part.text(color=color)
+        return part.text(style)
     if isinstance(part, Block):
-        return "\n".join(_text(each, color) for each in part.parts)
-    return columns(*part, color=color) if isinstance(part, Table) else part
+        return "\n".join(_text(each, style) for each in part.parts)
+    return columns(*part, style) if isinstance(part, Table) else part
 
 
 def _markdown(part: Part, level: int) -> str:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+#: Characters of a bar.
+_BAR = 10
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
 #: From the best to the worst, with the color that a terminal gives it.
@@ -32,6 +34,37 @@ class Toned(str):
 
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]  # the words that make it again
         return str(self), self.tone
+
+
+class Placed(str):
+    """A number that also says where it lies in its range: 0 at the lower end, 1 at the upper; outside, beyond them."""
+
+    place: float
+
+    def __new__(cls, text: str, place: float) -> Placed:
+        """The text with its place."""
+        cell = super().__new__(cls, text)
+        cell.place = place
+        return cell
+
+    @property
+    def bar(self) -> str:
+        """[--o-------], the mark outside where the place is."""
+        if not 0.0 <= self.place <= 1.0:
+            bar = f"[{'-' * _BAR}]"
+            return f"o{bar} " if self.place < 0.0 else f" {bar}o"
+        mark = min(int(self.place * _BAR), _BAR - 1)
+        return f" [{'-' * mark}o{'-' * (_BAR - 1 - mark)}] "
+
+
+class Style(NamedTuple):
+    """What a text may have beside its words. bars: where numbers lie in their ranges. color: of toned cells."""
+
+    bars: bool = False
+    color: bool = False
+
+
+PLAIN = Style()
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
@@ -110,13 +143,13 @@ def four_decimals(value: float) -> str:
     return "0.0000" if text == "-0.0000" else text
 
 
-def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, color: bool = False) -> str:
-    """Rows of text in aligned columns: the first to the left, the others to the right; toned cells in color if so."""
-    table = [header, *rows]
+def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], style: Style = PLAIN) -> str:
+    """Rows of text in aligned columns: the first to the left, the others to the right."""
+    table = [header, *(_with_bars(row) if style.bars else row for row in rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     lines = [
         "  ".join(
-            _colored(cell, cell.ljust(width) if i == 0 else cell.rjust(width), color)
+            _colored(cell, cell.ljust(width) if i == 0 else cell.rjust(width), style)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
         for row in table
@@ -124,5 +157,9 @@ def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, color: 
     return "\n".join(line.rstrip() for line in lines)
 
 
-def _colored(cell: str, shown: str, color: bool) -> str:
-    return f"\033[{TONES[cell.tone]}m{shown}\033[0m" if color and isinstance(cell, Toned) else shown
+def _with_bars(row: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{cell} {cell.bar}" if isinstance(cell, Placed) else cell for cell in row)
+
+
+def _colored(cell: str, shown: str, style: Style) -> str:
+    return f"\033[{TONES[cell.tone]}m{shown}\033[0m" if style.color and isinstance(cell, Toned) else shown

@@ -241,6 +241,13 @@ def test_picture_of_a_sweep(tmp_path: Path, suffix: str, start: bytes) -> None:
     assert path.read_bytes().startswith(start)
 
 
+def test_a_sweep_without_a_trim_draws_no_empty_picture(tmp_path: Path) -> None:
+    path = tmp_path / "locus.png"
+    result = hfa("sweep", "--speed", "1:5:1", "--picture", str(path))
+    assert (result.code, list(tmp_path.iterdir())) == (FAILED, [])
+    assert f"nothing to draw: {path} is not written" in result.err
+
+
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_two_runs_draw_the_same_picture(tmp_path: Path, suffix: str) -> None:
     paths = [tmp_path / f"{name}.{suffix}" for name in ("first", "second")]

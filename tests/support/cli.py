@@ -33,12 +33,12 @@ class Terminal(io.StringIO):
         return True
 
 
-def hfa(*words: str, err: io.StringIO | None = None) -> Result:
-    """`hfa words...` in this process; standard error goes to `err`, which is no terminal unless said.
+def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
+    """`hfa words...` in this process; what it says goes to `err` and `out`, which are no terminals unless said.
 
     JSON that it prints must have the published format.
     """
-    out, err = io.StringIO(), io.StringIO() if err is None else err
+    out, err = io.StringIO() if out is None else out, io.StringIO() if err is None else err
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     if "--json" in words and out.getvalue():

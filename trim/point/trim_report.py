@@ -11,6 +11,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import (
+    Placed,
     Table,
     Toned,
     angle_text,
@@ -79,12 +80,21 @@ def _variables(kind: str, standing: list[Margin]) -> Table:
             *degrees(each.value, each.unit),
             each.role,
             *("" if math.isinf(limit) else shown_value(limit, each.unit) for limit in (each.lowest, each.highest)),
-            degrees(each.distance, each.unit)[0] if each.nearer else "",
+            _margin(each),
             each.nearer,
         )
         for each in standing
     ]
     return Table((kind, "value", "unit", "is", "lowest", "highest", "margin", "to"), rows)
+
+
+def _margin(each: Margin) -> str:
+    """The distance to the nearer limit, and where in its range the value lies; nothing where there is no limit."""
+    if not each.nearer:
+        return ""
+    shown = degrees(each.distance, each.unit)[0]
+    width = each.highest - each.lowest
+    return shown if math.isinf(width) else Placed(shown, (each.value - each.lowest) / width)
 
 
 def _nearest(nearest: list[Margin]) -> Table:
@@ -103,6 +113,8 @@ def _nearest(nearest: list[Margin]) -> Table:
 
 
 def _equations(point: OperatingPoint) -> Table:
+    """One row an equation, those that do not balance first."""
+    failing_first = sorted(point.residuals.items(), key=lambda item: _balances(item[0], point))
     rows = [
         (
             f"rate of {name}",
@@ -112,7 +124,7 @@ def _equations(point: OperatingPoint) -> Table:
             f"{point.scaled_residuals[name]:.2e}",
             Toned("PASS", "good") if _balances(name, point) else Toned("FAIL", "bad"),
         )
-        for name, value in point.residuals.items()
+        for name, value in failing_first
     ]
     return Table(("equation", "residual", "tolerance", "unit", "scaled", "verdict"), rows)
 

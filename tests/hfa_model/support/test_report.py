@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from hfa_model.support.figure import new_figure
 from hfa_model.support.report import Block, Picture, Report
-from hfa_model.support.text import RowsMade, Table, Toned
+from hfa_model.support.text import RowsMade, Style, Table, Toned
 
 
 def picture(drawn: list[str]) -> Picture:
@@ -113,7 +113,7 @@ def test_rows_that_are_made_are_counted_and_end() -> None:
 
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
     table = Table(("check", "value", "verdict"), [("a", "1.5", Toned("pass", "good")), ("longer", "2", "-")])
-    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(color=True)
+    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(Style(color=True))
     assert plain.splitlines()[1] == "a         1.5     pass"
     assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
     assert "\033[32m   pass\033[0m" in shown

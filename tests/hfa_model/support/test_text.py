@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import math
 
-from hfa_model.support.text import angle_text, degrees, eigenvalue_text, in_degrees, numbered, range_text, shown_value
+from hfa_model.support.text import (
+    Placed,
+    Style,
+    angle_text,
+    columns,
+    degrees,
+    eigenvalue_text,
+    in_degrees,
+    numbered,
+    range_text,
+    shown_value,
+)
 
 
 def test_radians_become_degrees() -> None:
@@ -25,6 +36,15 @@ def test_a_range_has_a_number_once() -> None:
     assert range_text(0.1, 0.1) == "0.1"
     assert range_text(0.1, math.inf, "never") == "0.1 to never"
     assert range_text(math.nan, math.nan) == "-"
+
+
+def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
+    ends = {0.0: " [o---------] ", 1.0: " [---------o] "}
+    marks = ends | {0.5: " [-----o----] ", -0.1: "o[----------] ", 1.1: " [----------]o"}
+    assert {place: Placed("1", place).bar for place in marks} == marks
+    rows = [("a", Placed("1.5", 0.5)), ("b", "")]
+    assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
+    assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
 
 
 def test_what_has_no_name_is_counted() -> None:

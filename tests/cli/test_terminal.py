@@ -1,0 +1,47 @@
+"""What only a terminal gets: colors, unless NO_COLOR is set, and bars; a file or a pipe gets neither."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from cli import Terminal, hfa
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.text import Table
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.trim_report import trim_report
+
+TRIM = ("trim", "--dihedral", "15")
+COLOR = re.compile("\033\\[[0-9;]*m")
+BAR = re.compile(r" *[ o]\[[-o]{10}\][ o]")
+
+
+@pytest.mark.parametrize(
+    ("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
+def test_a_terminal_gets_bars_and_colors(
+    environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    shown, plain = hfa(*TRIM, out=Terminal()).out, hfa(*TRIM).out
+    assert bool(COLOR.search(shown)) == colored
+    assert len(BAR.findall(shown)) == 11  # six states with limits and five inputs
+    assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
+    assert not BAR.search(plain + hfa(*TRIM, "--format", "markdown", out=Terminal()).out)
+    assert BAR.sub("", COLOR.sub("", shown)).split() == plain.split()
+
+
+def test_equations_that_do_not_balance_come_first(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    planted = OperatingPoint(
+        point.states, point.inputs, point.residuals | {"pitch_rate": 0.1}, point.dynamics, point.status
+    )
+    for given, first, verdict in ((point, "rate of speed", "PASS"), (planted, "rate of pitch_rate", "FAIL")):
+        parts = trim_report(published_aircraft, level_flight(point.states.dihedral), given).parts
+        (table,) = (part for part in parts if isinstance(part, Table) and part.header[0] == "equation")
+        assert (table.rows[0][0], table.rows[0][-1]) == (first, verdict)
+        assert len(table.rows) == len(point.residuals)
