@@ -42,9 +42,9 @@ def stored(outputs: list[Output], kind: str) -> str:
     return "".join("".join(text) for text in (printed if kind == "stream" else values))
 
 
-def shape(text: str) -> list[str]:
-    """The first word of each line: numbers of rounding differ from machine to machine."""
-    return [line.split(" ")[0] for line in text.splitlines()]
+def title(text: str) -> str:
+    """The first line: what the result is and its verdict. The rest changes whenever a report learns to say more."""
+    return text.partition("\n")[0]
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
@@ -57,8 +57,8 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
             found.append(f"cell {number} prints {printed!r}")
         if isinstance(value, Figure):
             found += [] if stored(outputs, "image/png") else [f"cell {number} has no picture stored"]
-        elif value is not None and shape(repr(value)) != shape(stored(outputs, "text/plain")):
-            found.append(f"cell {number} says {repr(value).splitlines()[0]}")
+        elif value is not None and title(repr(value)) != title(stored(outputs, "text/plain")):
+            found.append(f"cell {number} says {title(repr(value))}")
     return found
 
 
