@@ -69,7 +69,7 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 def test_an_output_that_is_out_of_date_is_noticed() -> None:
     said = [{"output_type": "stream", "text": ["2\n"]}]
-    value = [{"output_type": "execute_result", "data": {"text/plain": ["a b"]}}]
+    value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "more"]}}]
     assert (
         complaints([("a = 1\nprint(a + 1)", said), ("type('T', (), {'__repr__': lambda self: 'a c'})()", value)]) == []
     )
