@@ -94,7 +94,7 @@ def test_the_two_derivations_agree_on_existence(games: int) -> None:
         game = random_game(rng, scaled=number % 2 == 1)
         verdicts[_accepts(certified_solution, game), _accepts(iterated_solution, game)] += 1
     assert verdicts[True, False] == verdicts[False, True] == 0
-    assert min(verdicts[True, True], verdicts[False, False]) >= games // 5
+    assert min(verdicts[True, True], verdicts[False, False]) >= 2 * games // 9
 
 
 def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
