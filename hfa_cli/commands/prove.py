@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.design.controller_file import load_controller
+from controller.design.design_file import load_design
 from hfa_cli import options
-from hfa_cli.argument_types import input_file, number
+from hfa_cli.argument_types import input_file, number, parsed
 from hfa_cli.flight_family import add_flights, at_one_angle, family_of, interval_of
 from hfa_cli.games import MATRIX_FILES, NamedGame, add_weights, game_of
 from hfa_cli.output import Progress, show
@@ -32,8 +34,8 @@ if TYPE_CHECKING:
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
     "schedule": ("start", "basis", "model", "delta", "Q", "R"),
-    "solution": ("basis", "table", "resume", "rate", "errors"),
-    "critic": ("table", "resume", "rate", "errors"),
+    "solution": ("design", "basis", "table", "resume", "rate", "errors"),
+    "critic": ("design", "table", "resume", "rate", "errors"),
 }
 #: Angle between two gains of our own table, deg.
 _STEP = 2.0
@@ -48,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--check", input_file(".json"), "FILE", "verify a certificate instead of proving")
     about = "gains K over dihedral_deg (.npz .json); default: the exact game's"
     add_value(parser, "--table", input_file(".npz", ".json"), "FILE", about)
+    about = "of `schedule`: --table is a controller with memory, on the actuators of this design"
+    add_value(parser, "--design", parsed(load_design), "NAME", about)
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
     about = "of `schedule`: for all parameters within N standard errors; default 0"
     add_value(parser, "--errors", _not_negative, "N", about, default=0.0)
@@ -57,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
     options.add_output(parser)
-    parser.set_defaults(design=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -71,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
     unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) not in (0.0, False))
     options.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
+    if arguments.rate and arguments.design is not None:
+        raise BadInputError("--rate takes a table of gains K of the states; leave --design or --rate out")
     if arguments.file is not None and arguments.statement != "critic":
         raise BadInputError("a FILE goes with `hfa prove critic` alone; leave it out")
     return {"schedule": _schedule, "solution": _solution, "critic": _critic}[arguments.statement](arguments)
@@ -181,7 +186,13 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
     from verification.flights.scheduling import certified_schedule
     from verification.proof.gain_table import GainTable, load_table
+    from verification.proof.servo_table import servo_table
 
+    if arguments.design is not None:
+        if arguments.table is None:
+            raise BadInputError("--design goes with a controller; name its file by --table FILE.npz")
+        speed = family.condition(low).imposed["speed"]
+        return servo_table(load_controller(arguments.table), arguments.design.actuators, speed)
     if arguments.table is not None:
         return load_table(arguments.table)
     angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))

@@ -68,7 +68,9 @@ class ScheduleCertificate:
 
     def __init__(self, family: Family, table: GainTable, low: float, high: float, path: Path | None) -> None:
         self.table, self._path, self._saved, self._decimals = table, path, time.monotonic(), family.decimals
-        gains = {"dihedral_deg": table.dihedral_deg, "K": table.K, "M": table.M}
+        gains = {
+            "dihedral_deg": table.dihedral_deg,
+        } | {name: getattr(table, name) for name in "KMNX"}
         self._claim = jsonable(flights_claim(family, low, high) | {"table": gains})
 
     def save(self, loop: Cover, modes: Cover) -> None:

@@ -74,10 +74,10 @@ def check_stability(claim: Content, name: str, box: Content) -> None:
         ends = [end for row in said for end in row]
         if not all(arb(a) <= value <= arb(b) for (a, b), value in zip(ends, found.range().entries(), strict=True)):
             raise Rejected("an entry of A or B may lie outside its enclosure")
-    if name != "modes":  # of ζ = (x, memory): ζ' = (A x - B K ζ, 0) + M ζ
-        K, M = (linear(claim["table"], key, box["dihedral_deg"]) for key in ("K", "M"))
+    if name != "modes":  # of ζ = (x, memory): ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ
+        K, M, N, X = (linear(claim["table"], key, box["dihedral_deg"]) for key in "KMNX")
         x = np.eye(len(LINEAR_STATES), M.parts[0].ncols())
-        A = constant(x.T) * (A * constant(x) - B * K) + M
+        A = constant(x.T) * (A * constant(x) - B * K) + N * (A * X - B * K) + M
     if name != "motion":
         check_modes(A, box, box["unstable"], constant(box["H"]))
         return

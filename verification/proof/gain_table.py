@@ -24,17 +24,19 @@ _STATES = len(LINEAR_STATES)
 
 @dataclass(frozen=True, eq=False)
 class GainTable:
-    """ζ' = (A(η) x - B(η) K(η) ζ, 0) + M(η) ζ, ζ = (x, memory); K and M linear in η between the angles.
+    """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ, ζ = (x, memory); K, M, N, X linear in η between the angles.
 
     dihedral_deg: (G,), increasing, G >= 2. K: (G, 5, n). M: (G, n, n), what ζ does by itself: of actuators and of a
-    controller with memory; 0 unless given. n >= 6: the six states of the linear model come first. With n = 6 it is
-    u = -K(η) x. The doubles of the table are the gains, exactly. BadInputError when a shape, the order or a number is
-    wrong.
+    controller with memory. N: (G, n, 6), X: (G, 6, n): what accelerations do to it, measured with the states X ζ. All
+    three are 0 unless given. n >= 6: the six states of the linear model come first. With n = 6 it is u = -K(η) x. The
+    doubles of the table are the gains, exactly. BadInputError when a shape, the order or a number is wrong.
     """
 
     dihedral_deg: np.ndarray
     K: np.ndarray
     M: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    N: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    X: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Check the table once."""
@@ -42,14 +44,17 @@ class GainTable:
         if np.ndim(angles) != 1 or count < 2 or np.any(np.diff(angles) <= 0.0):
             raise BadInputError("a table of gains needs at least two dihedral angles, in increasing order")
         n = np.shape(self.K)[-1] if np.ndim(self.K) else 0
-        if not self.M.size:
-            object.__setattr__(self, "M", np.zeros((count, n, n)))
+        shapes = {"M": (count, n, n), "N": (count, n, _STATES), "X": (count, _STATES, n)}
+        for name, shape in shapes.items():
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, np.zeros(shape))
         if n < _STATES or np.shape(self.K) != (count, len(INPUTS), n):
             want = f"({count}, {len(INPUTS)}, {_STATES} or more)"
             raise BadInputError(f"K has shape {np.shape(self.K)}; with {count} angles it must be {want}")
-        if np.shape(self.M) != (count, n, n):
-            raise BadInputError(f"M has shape {np.shape(self.M)}; with this K it must be {(count, n, n)}")
-        if not all(np.all(np.isfinite(each)) for each in (angles, self.K, self.M)):
+        for name, shape in shapes.items():
+            if np.shape(getattr(self, name)) != shape:
+                raise BadInputError(f"{name} has shape {np.shape(getattr(self, name))}; with this K it must be {shape}")
+        if not all(np.all(np.isfinite(each)) for each in (angles, self.K, self.M, self.N, self.X)):
             raise BadInputError("the table of gains holds a number that is not finite")
 
     def segments(self, low: float, high: float) -> list[DihedralBox]:
@@ -64,6 +69,8 @@ class GainTable:
 
     def close(self, forms: ModelForms) -> tuple[TaylorForm, list[arb_mat]]:
         """The closed loop on a box that crosses no angle of the table, and what the parameters' errors add to it."""
+        from flint import arb_mat
+
         box, n = forms.box, self.K.shape[-1]
         index = int(np.searchsorted(self.dihedral_deg, box.low, side="right")) - 1
         first, second = (exact(angle) for angle in self.dihedral_deg[index : index + 2].tolist())
@@ -72,14 +79,20 @@ class GainTable:
             slope = (matrix(values[index + 1]) - matrix(values[index])) / (second - first)
             return matrix(values[index]) + (box.middle - first) * slope, slope
 
-        (K, K_slope), (M, M_slope) = affine(self.K), affine(self.M)
+        (K, K_slope), (M, M_slope), (N, N_slope), (X, X_slope) = map(affine, (self.K, self.M, self.N, self.X))
         states = matrix(np.eye(_STATES, n))
         up, zero = states.transpose(), matrix(np.zeros((n, n)))
-        plant = forms.A.map(lambda part: up * part * states)
-        loop = plant + forms.B.times_affine(-K, -K_slope).map(lambda part: up * part)
-        K_range = K + symmetric(box.radius) * K_slope
-        errors = [up * (each.A * states - each.B * K_range) for each in forms.errors]
-        return loop + TaylorForm((M, M_slope, zero), zero, box.radius), errors
+        steered = forms.B.times_affine(-K, -K_slope)
+        loop = (forms.A.map(lambda part: part * states) + steered).map(lambda part: up * part)
+        loop += TaylorForm((M, M_slope, zero), zero, box.radius)
+        K_all, N_all, X_all = (a + symmetric(box.radius) * b for a, b in ((K, K_slope), (N, N_slope), (X, X_slope)))
+        errors = [
+            up * (each.A * states - each.B * K_all) + N_all * (each.A * X_all - each.B * K_all) for each in forms.errors
+        ]
+        if self.N.any():
+            seen = (forms.A.times_affine(X, X_slope) + steered).map(arb_mat.transpose)
+            loop += seen.times_affine(N.transpose(), N_slope.transpose()).map(arb_mat.transpose)
+        return loop, errors
 
 
 def load_table(path: Path) -> GainTable:
@@ -92,7 +105,7 @@ def load_table(path: Path) -> GainTable:
     try:
         stored = readers[path.suffix.lower()](path)
         angles, gains = (np.array(stored[key], dtype=float) for key in ("dihedral_deg", "K"))
-        own = np.array(stored.get("M", ()), dtype=float)
+        memory = (np.array(stored.get(key, ()), dtype=float) for key in ("M", "N", "X"))
     except KeyError as error:
         raise BadInputError(
             f"{path}: there is no {error.args[0]}; a table holds dihedral_deg, K and, of a loop with memory, M"
@@ -100,7 +113,7 @@ def load_table(path: Path) -> GainTable:
     except Exception as error:  # a damaged file makes the readers raise nearly anything
         raise BadInputError(f"{path}: cannot be read as a table of gains ({str(error).splitlines()[0]})") from error
     try:
-        return GainTable(angles, gains, own)
+        return GainTable(angles, gains, *memory)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
 

@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import published_game
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
 from verification.proof.ball_function import Undecided
@@ -100,6 +102,8 @@ def prove_rate(
     P is the game's at some angles, linear between: V is continuous, and its derivative is the above where η is inside
     a piece. changes: of the published game that gives P.
     """
+    if table.K.shape[-1] != len(LINEAR_STATES):
+        raise BadInputError("a rate is proved for gains of the states alone, without memory")
     branch = TrimBranch(family)
     angles = _angles(table.segments(low, high))
     P = np.array([_game_P(family, angle, changes or {}) for angle in angles])

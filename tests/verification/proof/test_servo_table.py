@@ -1,0 +1,118 @@
+"""Loops with memory and actuators: the matrix of the table, and proofs about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proof_cases import exact_gain, family, model_at
+
+from controller.design.design import Actuator
+from controller.design.scheduled_controller import ScheduledController
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from verification.proof.balls import doubles
+from verification.proof.certificate_file import ScheduleCertificate
+from verification.proof.checker import check_certificate
+from verification.proof.gain_table import GainTable
+from verification.proof.rate_proof import prove_rate
+from verification.proof.schedule_proof import joined, prove_schedule
+from verification.proof.servo_table import servo_table
+from verification.proof.taylor import DihedralBox
+from verification.proof.trim_branch import TrimBranch
+
+ACCELERATION = "vertical_acceleration_short_period"
+SENSORS = (*LINEAR_STATES, ACCELERATION)
+
+
+def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> ScheduledController:
+    """u = -K x_f, x_f' = (y - x_f)/lag, and a filtered acceleration that moves nothing; K of the exact game."""
+    angles = np.radians([14.0, 15.0])
+    K = np.array([exact_gain(14.0), exact_gain(15.0)])
+    n, p, m = len(SENSORS), len(SENSORS), len(INPUTS)
+    D = np.zeros((2, m, p))
+    D[:, 0, -1] = direct
+    C = np.concatenate([-gain * K, np.zeros((2, m, 1))], axis=2)
+    eye = np.tile(np.eye(n) / lag, (2, 1, 1))
+    return ScheduledController(
+        name="filtered",
+        feedback="state",
+        dihedrals=angles,
+        A=-eye,
+        B=eye,
+        C=C,
+        D=D,
+        W=np.zeros((2, n, m)),
+        states=tuple(f"{name}_filtered" for name in SENSORS),
+        measurements=SENSORS,
+        commands=(),
+        inputs=INPUTS,
+        trim_states=np.zeros((2, 7)),
+        trim_inputs=np.zeros((2, 5)),
+        dynamics="published",
+        parameters="",
+    )
+
+
+def fast(order: int = 1) -> dict[str, Actuator]:
+    return {name: Actuator(order=order, bandwidth=300.0) for name in INPUTS}
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_loop_is_that_of_its_parts(order: int) -> None:
+    """Written out once more, block by block, at an angle of the table."""
+    controller, model = filtered(), model_at(14.0)
+    table, m, n = servo_table(controller, fast(order), 68.0), len(INPUTS), len(SENSORS)
+    zero = np.zeros
+    w, d = 300.0, 0.7
+    acceleration = zero((1, 6))
+    acceleration[0, 1] = 68.0 * model.A[1, 1]
+    y_x, y_a = np.vstack([np.eye(6), acceleration]), np.vstack([zero((6, m)), 68.0 * model.B[1:2]])
+    A, B, C = controller.A[0], controller.B[0], controller.C[0]
+    if order == 1:
+        rows = [
+            [model.A, model.B, zero((6, n))],
+            [zero((m, 6)), -w * np.eye(m), w * C],
+            [B @ y_x, B @ y_a, A],
+        ]
+    else:
+        rows = [
+            [model.A, model.B, zero((6, m)), zero((6, n))],
+            [zero((m, 6)), zero((m, m)), np.eye(m), zero((m, n))],
+            [zero((m, 6)), -w * w * np.eye(m), -2 * d * w * np.eye(m), w * w * C],
+            [B @ y_x, B @ y_a, zero((n, m)), A],
+        ]
+    low = 14.0
+    loop, _ = table.close(TrimBranch(family()).forms(DihedralBox(low, low + 2.0**-30)))
+    expected = np.block(rows)
+    np.testing.assert_allclose(doubles(loop.coefficients[0]), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
+    table, path = servo_table(filtered(), fast(), 68.0), tmp_path / "certificate.json"
+    assert table.K.shape == (2, 5, 18)
+    proof = prove_schedule(family(), table, 14.0, 15.0)
+    assert proof.proved
+    assert 0.2 < proof.rate < 0.4
+    ScheduleCertificate(family(), table, 14.0, 15.0, path).finish(proof)
+    found = check_certificate(path)
+    assert joined(found.covers["loop"]) == [(14.0, 15.0, 0)]
+    assert found.rate == proof.rate
+
+
+def test_a_lag_that_is_too_long_is_refuted() -> None:
+    proof = prove_schedule(family(), servo_table(filtered(lag=20.0), fast(), 68.0), 14.0, 14.25)
+    assert proof.refuted
+    assert not proof.proved
+
+
+def test_what_a_proof_does_not_take_is_said() -> None:
+    with pytest.raises(BadInputError, match="throttle has no actuator"):
+        servo_table(filtered(), {}, 68.0)
+    with pytest.raises(BadInputError, match="reaches the inputs at once"):
+        servo_table(filtered(direct=1.0), fast(), 68.0)
+    with pytest.raises(BadInputError, match="without memory"):
+        prove_rate(family(), servo_table(filtered(), fast(), 68.0), 14.0, 15.0)
+    with pytest.raises(BadInputError, match="M has shape"):
+        GainTable(np.array([1.0, 2.0]), np.zeros((2, 5, 6)), np.zeros((2, 3, 3)))
