@@ -10,6 +10,7 @@ from hfa_model.kinematics import Flow, airspeed, center_flow, center_height, out
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State, T
+from hfa_model.winds import Air, winds_of
 
 
 class PanelLoads(NamedTuple, Generic[T]):
@@ -79,7 +80,7 @@ def aircraft_loads(
     density: Quantity,
     p: Parameters[Quantity],
     variant: Variant,
-    updraft: Quantity = 0.0,
+    air: Air = 0.0,
 ) -> Loads[Quantity]:
     """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
 
@@ -89,12 +90,14 @@ def aircraft_loads(
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
     The lever l of the outer panels' forward force and the projection π of their section moment are the
-    variant's (`variants.py`). updraft: vertical velocity of the air, ft/s, positive up. Lift and drag stay the
-    forces across and along the path over ground. Source: Gibson et al. 2011, Eqs. 31-44.
+    variant's (`variants.py`). air: a uniform updraft, ft/s, positive up, or the wind at each panel, whose drag takes
+    the speed of the aircraft through the panel's own air. Lift and drag stay the forces across and along the path
+    over ground. Source: Gibson et al. 2011, Eqs. 31-44.
     """
-    speed = airspeed(x, updraft)
-    center = panel_loads(center_flow(x, p, updraft), speed, u.aileron_center, u.elevator_center, density, p)
-    outer = panel_loads(outer_flow(x, p, updraft), speed, u.aileron_outer, u.elevator_outer, density, p)
+    winds = winds_of(air)
+    speeds = [x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)]
+    center = panel_loads(center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p)
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward

@@ -9,10 +9,11 @@ from hfa_model.atmosphere import density
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State
+from hfa_model.winds import Air
 
 
 def rates(
-    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
+    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, air: Air = 0.0
 ) -> State[Quantity]:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
@@ -23,10 +24,11 @@ def rates(
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
 
-    `coupling` and d3 are the variant's (`variants.py`). V is over ground; an updraft (vertical velocity of the air,
-    ft/s, positive up) acts through the loads alone. Numbers or CasADi expressions in, the same out.
+    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air (a uniform updraft, ft/s,
+    positive up, or the wind at each panel) acts through the loads alone. Numbers or CasADi expressions in, the same
+    out.
     """
-    loads = aircraft_loads(x, u, density(x.altitude), p, variant, updraft)
+    loads = aircraft_loads(x, u, density(x.altitude), p, variant, air)
     return rates_from_loads(x, loads, p, variant)
 
 

@@ -5,8 +5,9 @@ point is its own center of mass, at mid-span on the quarter chord. Wings bend up
 panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
 The right and the left panel mirror each other, so one "outer" panel stands for both.
 
-An updraft w (ft/s, positive up, the same at every panel) moves the air by (0, 0, -w) in north, east, down. Relative
-to the air every panel then moves by w downward more, which in body axes is (-w sin θ, 0, w cos θ).
+Air that moves (`winds.py`) by (-h, ±o, -w) in north, east, down at a panel, headwind h, outward o, updraft w, in ft/s:
+relative to it the panel moves by h forward, o inward and w downward more, which in body axes is
+(h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
+from hfa_model.winds import Air, Wind, winds_of
 
 
 class Flow(NamedTuple):
@@ -37,37 +39,46 @@ def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
-def airspeed(x: State[Quantity], updraft: Quantity = 0.0) -> Quantity:
-    """V_a = sqrt(V² + w² - 2 V w sin γ): the speed of the center of mass relative to the air, ft/s; V in still air."""
-    if isinstance(updraft, float) and updraft == 0.0:
+def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
+    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²): the speed of the center of mass relative to air that
+    moves as at a panel, ft/s; V in still air."""
+    if _is_still(wind):
         return x.speed
-    return ca.sqrt(x.speed**2 + updraft**2 - 2 * x.speed * updraft * ca.sin(x.pitch - x.alpha))
+    w, h, gamma = wind.updraft, wind.headwind, x.pitch - x.alpha
+    rising = x.speed**2 + w**2 - 2 * x.speed * w * ca.sin(gamma)
+    return ca.sqrt(rising + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
 
 
-def angle_of_attack(x: State[Quantity], updraft: Quantity = 0.0) -> Quantity:
-    """α_a = atan2(V sin α + w cos θ, V cos α - w sin θ): of the center of mass through the air, rad; α in still air."""
-    if isinstance(updraft, float) and updraft == 0.0:
-        return x.alpha
-    return ca.atan2(x.speed * ca.sin(x.alpha) + updraft * ca.cos(x.pitch), _forward(x, updraft))
+def angle_of_attack(x: State[Quantity], air: Air = 0.0) -> Quantity:
+    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ): of the center of mass through the air at
+    the center panel, rad; α in still air."""
+    wind = winds_of(air).center
+    return x.alpha if _is_still(wind) else ca.atan2(_downward(x, wind), _forward(x, wind))
 
 
-def center_flow(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity = 0.0) -> Flow:
-    """u = V cos α + q z_c - w sin θ,  w_c = V sin α + (s/3) cos η η' + w cos θ  (Gibson et al. 2011, Eqs. 75-76)."""
-    forward = _forward(x, updraft) + x.pitch_rate * center_height(x.dihedral, p)
-    return flow_of(forward, 0.0, _hinge_descent(x, p, updraft))
+def center_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+    """u = V cos α + q z_c - w sin θ + h cos θ,  w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ
 
-
-def outer_flow(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity = 0.0) -> Flow:
-    """u = V cos α + q z_o - w sin θ,  v = w_h sin η,  w_o = w_h cos η - (s/2) η',
-    w_h = V sin α + (s/3) cos η η' + w cos θ.
-
-    w_h is the descent of the hinge through the air, split along and across the outer panel (Gibson et al. 2011,
-    Eqs. 69, 77-78).
+    (Gibson et al. 2011, Eqs. 75-76; w and h of the center panel).
     """
-    hinge = _hinge_descent(x, p, updraft)
-    forward = _forward(x, updraft) + x.pitch_rate * outer_height(x.dihedral, p)
-    normal = hinge * ca.cos(x.dihedral) - p.panel_span / 2 * x.dihedral_rate
-    return flow_of(forward, hinge * ca.sin(x.dihedral), normal)
+    wind = winds_of(air).center
+    forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
+    return flow_of(forward, 0.0, _hinge_descent(x, p, wind))
+
+
+def outer_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+    """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η - (s/2) η',
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+
+    w_h is the descent of the hinge through the air, split along and across the outer panel, o that toward the center
+    (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels).
+    """
+    wind = winds_of(air).outer
+    hinge = _hinge_descent(x, p, wind)
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
+    normal = hinge * cos_eta - wind.outward * sin_eta - p.panel_span / 2 * x.dihedral_rate
+    return flow_of(forward, hinge * sin_eta + wind.outward * cos_eta, normal)
 
 
 def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
@@ -76,10 +87,18 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
-def _forward(x: State[Quantity], updraft: Quantity) -> Quantity:
-    return x.speed * ca.cos(x.alpha) - updraft * ca.sin(x.pitch)
+def _is_still(wind: Wind) -> bool:
+    return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
-def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], updraft: Quantity) -> Quantity:
+def _forward(x: State[Quantity], wind: Wind) -> Quantity:
+    return x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
+
+
+def _downward(x: State[Quantity], wind: Wind) -> Quantity:
+    return x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
+
+
+def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
-    return descent + updraft * ca.cos(x.pitch)
+    return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -18,6 +18,7 @@ from hfa_model.kinematics import angle_of_attack, center_flow, center_height, ou
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import STATE_UNITS, STATES, Input, Quantity, State
+from hfa_model.winds import Air, Winds, winds_of
 
 
 class Moment(NamedTuple):
@@ -26,7 +27,7 @@ class Moment(NamedTuple):
     x: State[Quantity]
     u: Input[Quantity]
     p: Parameters[Quantity]
-    updraft: Quantity
+    air: Winds
     loads: Loads[Quantity]
     rates: State[Quantity]
 
@@ -40,11 +41,12 @@ class Output(NamedTuple):
 
 
 def moment_of(
-    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
+    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, air: Air = 0.0
 ) -> Moment:
-    """Loads and rates at (x, u) in air that rises by `updraft`, ft/s."""
-    loads = aircraft_loads(x, u, density(x.altitude), p, variant, updraft)
-    return Moment(x, u, p, updraft, loads, rates_from_loads(x, loads, p, variant))
+    """Loads and rates at (x, u) in air that rises, ft/s, or with the wind at each panel."""
+    winds = winds_of(air)
+    loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
+    return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
 def outputs_of(moment: Moment, names: tuple[str, ...]) -> tuple[Quantity, ...]:
@@ -106,13 +108,13 @@ OUTPUTS: dict[str, Output] = {
     "load_factor_center": Output("1", "accelerometer of the center panel, across it", _center_load_factor),
     "load_factor_outer": Output("1", "accelerometer of an outer panel, across it", _outer_load_factor),
     "angle_of_attack": Output(
-        "rad", "of the center of mass through the air", lambda m: angle_of_attack(m.x, m.updraft)
+        "rad", "of the center of mass through the air of the center panel", lambda m: angle_of_attack(m.x, m.air)
     ),
     "alpha_air_center": Output(
-        "rad", "angle of attack of the center panel through the air", lambda m: center_flow(m.x, m.p, m.updraft).alpha
+        "rad", "angle of attack of the center panel through the air", lambda m: center_flow(m.x, m.p, m.air).alpha
     ),
     "alpha_air_outer": Output(
-        "rad", "angle of attack of an outer panel through the air", lambda m: outer_flow(m.x, m.p, m.updraft).alpha
+        "rad", "angle of attack of an outer panel through the air", lambda m: outer_flow(m.x, m.p, m.air).alpha
     ),
     "gamma": Output("rad", "flight-path angle over ground", lambda m: m.x.pitch - m.x.alpha),
     "climb_rate": Output("ft/s", "rate of altitude", lambda m: m.rates.altitude),

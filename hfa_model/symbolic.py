@@ -8,16 +8,16 @@ from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, STATES, Input, Quantity, State
+from hfa_model.winds import Air
 
 
-def state_rates(
-    x: ca.SX, u: ca.SX, p: ca.SX | Parameters[Quantity], variant: Variant, updraft: Quantity = 0.0
-) -> ca.SX:
+def state_rates(x: ca.SX, u: ca.SX, p: ca.SX | Parameters[Quantity], variant: Variant, air: Air = 0.0) -> ca.SX:
     """dX/dt, a column (7,) in the order of `STATES`: `dynamics.rates` of columns.
 
-    x: (7,), u: (5,). p: (18,) in the order of `Parameters`, or a `Parameters`. updraft: ft/s, positive up.
+    x: (7,), u: (5,). p: (18,) in the order of `Parameters`, or a `Parameters`. air: a uniform updraft,
+    ft/s, positive up, or the wind at each panel.
     """
-    return ca.vertcat(*rates(*by_name(x, u, p), variant, updraft))
+    return ca.vertcat(*rates(*by_name(x, u, p), variant, air))
 
 
 def by_name(

@@ -10,7 +10,9 @@ from hfa_cli.output import show
 from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.winds import DISTURBANCES
 from trim.linear.bands import bands_known, entry_bands
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.linearize import linearize
@@ -27,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("outputs", (*STATES, *OUTPUTS), "the states, C = I"),
     ):
         add_value(parser, f"--{name}", some_of(*known), "a,b,...", f"{name} of the model, in order; default: {default}")
+    winds = "winds w of E and F, in order; default: updraft, in files and --json alone"
+    add_value(parser, "--disturbances", some_of(*DISTURBANCES), "a,b,...", winds)
+    parser.add_argument("--ground-drag", action="store_true", help="with these winds: drag of the speed over ground")
     options.add_aircraft(parser)
     options.add_output(parser)
 
@@ -35,18 +40,27 @@ def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize and report."""
     if arguments.states is not None:
         options.refuse(arguments, ("full",), "names the states too; leave it out, or --states")
+    if arguments.ground_drag and arguments.disturbances is None:
+        raise BadInputError("--ground-drag belongs to --disturbances: in still air both speeds are the same")
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     states = arguments.states or (STATES if arguments.full else LINEAR_STATES)
-    model = linearize(aircraft, point, full=True, outputs=arguments.outputs or states)
+    model = linearize(
+        aircraft,
+        point,
+        full=True,
+        outputs=arguments.outputs or states,
+        disturbances=arguments.disturbances,
+        ground_drag=arguments.ground_drag,
+    )
     model = model.select(states, arguments.inputs)
     # The bands and the print are of the six states and all inputs.
     whole = (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
     bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
     printed = printed_at(point) if whole else None
-    report = linear_model_report(model, bands, trust_in(bands))
+    report = linear_model_report(model, bands, trust_in(bands), windy=arguments.disturbances is not None)
     if printed is not None:
         report = beside_the_print(report, model, printed)
     show(report, arguments, target=arguments.output)

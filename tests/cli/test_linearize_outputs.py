@@ -60,6 +60,25 @@ def test_the_text_and_the_csv_show_C_and_D_when_outputs_were_asked_for() -> None
     assert len(rows) == 4 + 4 + 4 + 4 + 2 + 2
 
 
+def test_winds_are_columns_with_names() -> None:
+    winds = ("--disturbances", "updraft,headwind_outer")
+    data = answer("linearize", *AT_15, *CHOSEN, *winds)
+    assert (data["disturbances"], data["disturbance_units"]) == (["updraft", "headwind_outer"], ["ft/s"] * 2)
+    assert (np.shape(data["E"]), np.shape(data["F"])) == ((2, 2), (2, 2))
+    default = answer("linearize", *AT_15, *CHOSEN)
+    np.testing.assert_array_equal(np.array(data["E"])[:, :1], default["E"])
+    text = hfa("linearize", *AT_15, *winds, "-o", "model.csv").out
+    assert "x' = A x + B u + E w" in text
+    assert "E              updraft  headwind_outer" in text
+    assert "E  " not in hfa("linearize", *AT_15).out
+    assert "E,speed,headwind_outer" in Path("model.csv").read_text(encoding="utf-8")
+    over_ground = answer("linearize", *AT_15, *CHOSEN, *winds, "--ground-drag")
+    assert over_ground["F"][0][1] != data["F"][0][1]
+    hfa("linearize", *AT_15, *winds, "-o", "model.npz")
+    with np.load("model.npz") as stored:
+        assert (stored["E"].shape, stored["disturbances"].tolist()) == ((6, 2), ["updraft", "headwind_outer"])
+
+
 @pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
 def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game(suffix: str) -> None:
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", f"model.{suffix}").code == 0
@@ -73,6 +92,8 @@ def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game(suffix: str) -> N
         ("--outputs=", "--outputs names ''; choose from"),
         ("--outputs gamma,gamma", "--outputs names gamma twice; name it once"),
         ("--inputs flaps", "--inputs names 'flaps'; choose from throttle"),
+        ("--disturbances headwind_left", "--disturbances names 'headwind_left'; choose from updraft, updraft_center"),
+        ("--ground-drag", "--ground-drag belongs to --disturbances: in still air"),
         ("--states yaw", "--states names 'yaw'; choose from speed"),
         ("--states speed --full", "--full names the states too; leave it out, or --states"),
     ],

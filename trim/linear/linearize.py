@@ -12,7 +12,7 @@ from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
-from trim.linear.output_model import OutputModel, output_model
+from trim.linear.output_model import UPDRAFT, OutputModel, output_model
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(ByValue, Reported):
-    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9), and y - Y0 = C x + D u where outputs were asked for.
+    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9); y - Y0 = C x + D u + F w and x' = A x + B u + E w where
+    outputs or disturbances were asked for.
 
     A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0. output_part: None when the outputs are the states.
+    point: the operating point, whose values are the offsets X0, U0. output_part: None when
+    nothing else was asked for: the outputs are the states, and E and F have no columns.
     """
 
     A: np.ndarray
@@ -53,6 +55,26 @@ class LinearModel(ByValue, Reported):
     def D(self) -> np.ndarray:
         """(k, m), zero when the outputs are the states."""
         return np.zeros(self.B.shape) if self.output_part is None else self.output_part.D
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Name of each wind w, in order."""
+        return () if self.output_part is None else self.output_part.disturbances
+
+    @property
+    def disturbance_units(self) -> tuple[str, ...]:
+        """Unit of each wind, in order."""
+        return () if self.output_part is None else self.output_part.disturbance_units
+
+    @property
+    def E(self) -> np.ndarray:
+        """∂f/∂w, (n, l)."""
+        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.E
+
+    @property
+    def F(self) -> np.ndarray:
+        """∂y/∂w, (k, l)."""
+        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.F
 
     @property
     def state_units(self) -> tuple[str, ...]:
@@ -104,13 +126,22 @@ class LinearModel(ByValue, Reported):
 
 
 def linearize(
-    aircraft: Aircraft, point: OperatingPoint, *, full: bool = False, outputs: tuple[str, ...] | None = None
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    *,
+    full: bool = False,
+    outputs: tuple[str, ...] | None = None,
+    disturbances: tuple[str, ...] | None = None,
+    ground_drag: bool = False,
 ) -> LinearModel:
-    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U at (X0, U0), by algorithmic differentiation (exact to rounding).
+    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) in still air, by algorithmic
+    differentiation (exact to rounding).
 
     Returns the six states of the paper's model (Section 2.2), or all seven with altitude when `full`.
     outputs: names of `hfa_model.outputs` or of states; None for the states of the model.
-    BadInputError when the point belongs to other dynamics than the aircraft, or an output is unknown.
+    disturbances: winds w with names of `hfa_model.winds`, ft/s; None for the uniform updraft where outputs are asked
+    for. ground_drag: with these winds the drag takes the speed over ground, not that through the air.
+    BadInputError when the point belongs to other dynamics than the aircraft, or an output or a wind is unknown.
     """
     if point.dynamics != aircraft.variant.name:
         raise BadInputError(
@@ -118,7 +149,10 @@ def linearize(
             f"{aircraft.variant.name!r}; trim it again"
         )
     _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))
-    watched = None if outputs is None else output_model(aircraft, point, outputs, STATES)
+    watched = None
+    if outputs is not None or disturbances is not None:
+        seen = outputs or (STATES if full else LINEAR_STATES)
+        watched = output_model(aircraft, point, seen, STATES, disturbances or UPDRAFT, ground_drag=ground_drag)
     model = LinearModel(A, B, STATES, INPUTS, point, watched)
     return model if full else model.select(LINEAR_STATES)
 

@@ -6,31 +6,46 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS, entry_unit
+from hfa_model.vectors import INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
+from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
 from trim.linear.linearize import LinearModel
 from trim.linear.modes import Mode, modes_of
-from trim.linear.output_model import DISTURBANCE_UNITS, DISTURBANCES
 from trim.point.trim_report import warnings
 
 #: Why a model comes without bands.
 NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
+#: Matrix -> names of its rows, names of its columns, values.
+_Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 
 
-def linear_model_report(model: LinearModel, bands: Bands | None = None, trust: str = "") -> Report:
-    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for."""
-    point, watched = model.point, model.outputs != model.states
+def linear_model_report(
+    model: LinearModel, bands: Bands | None = None, trust: str = "", *, windy: bool = False
+) -> Report:
+    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for.
+
+    windy: E, and F where the outputs are not the states, stand in the text and in the records too.
+    """
+    point, shown = model.point, _shown(model, windy)
+    rate, output = (" + E w", " + F w") if windy else ("", "")
     return Report(
         title=f"Linear model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics "
-        f"(x' = A x + B u,{' y = C x + D u,' * watched} x = X - X0, u = U - U0)\n"
-        f"A{', B, C and D' if watched else ' and B'} in rad, ft, s; the offsets X0 and U0 in the units beside them",
-        parts=(*matrices(model), *filter(None, [trust]), _offsets(model), modes_table(modes_of(model.A, model.states))),
+        f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
+        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in rad, ft, s; the offsets X0 and U0 in the units beside them",
+        parts=(
+            *matrices(model, windy=windy),
+            *filter(None, [trust]),
+            _offsets(model),
+            modes_table(modes_of(model.A, model.states)),
+        ),
         notes=warnings(point),
         data=_data(model, bands),
-        records=_records(model, bands),
+        records=_records(model, bands, shown),
     )
 
 
@@ -51,19 +66,19 @@ def bands_report(bands: Bands) -> Report:
     return Report("Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables)
 
 
-def matrices(model: LinearModel) -> tuple[Table, ...]:
-    """A and B with their names, C and D where the outputs are not the states."""
-    found = (
-        matrix_table("A", model.states, model.states, model.A),
-        matrix_table("B", model.states, model.inputs, model.B),
-    )
-    if model.outputs == model.states:
-        return found
-    return (
-        *found,
-        matrix_table("C", model.outputs, model.states, model.C),
-        matrix_table("D", model.outputs, model.inputs, model.D),
-    )
+def matrices(model: LinearModel, *, windy: bool = False) -> tuple[Table, ...]:
+    """A and B with their names, C and D where the outputs are not the states; with winds E and F."""
+    shown = _shown(model, windy).items()
+    return tuple(matrix_table(name, rows, columns, values) for name, (rows, columns, values) in shown)
+
+
+def _shown(model: LinearModel, windy: bool) -> _Shown:
+    """The matrices of the text and of the records."""
+    columns = (("A", "C", model.states), ("B", "D", model.inputs), ("E", "F", model.disturbances))[: 3 if windy else 2]
+    found = {of_rates: (model.states, names, getattr(model, of_rates)) for of_rates, _, names in columns}
+    if model.outputs != model.states:
+        found |= {of_outputs: (model.outputs, names, getattr(model, of_outputs)) for _, of_outputs, names in columns}
+    return found
 
 
 def modes_table(modes: Iterable[Mode]) -> Table:
@@ -123,31 +138,29 @@ def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
         "warnings": warnings(point),
     }
     if (part := model.output_part) is not None:
-        data |= {"disturbances": list(DISTURBANCES), "disturbance_units": list(DISTURBANCE_UNITS)}
+        data |= {"disturbances": list(part.disturbances), "disturbance_units": list(part.disturbance_units)}
         data |= {"E": part.E.tolist(), "F": part.F.tolist(), "output_offsets": part.offsets.tolist()}
     if bands is not None:
         data["A_band"], data["B_band"] = bands.A.tolist(), bands.B.tolist()
     return data
 
 
-def _records(model: LinearModel, bands: Bands | None) -> Table:
-    """Header and rows (matrix, row, column, value, unit, band) of A and B, C and D as in the text, then the offsets."""
+def _records(
+    model: LinearModel,
+    bands: Bands | None,
+    shown: _Shown,
+) -> Table:
+    """Header and rows (matrix, row, column, value, unit, band) of the matrices in the text, then the offsets."""
+    widths = {} if bands is None else {"A": bands.A, "B": bands.B}
+    of_outputs = dict(zip(model.outputs, model.output_units, strict=True))
     rows: list[tuple[Any, ...]] = []
-    for name, column_names, values, band in (
-        ("A", model.states, model.A, None if bands is None else bands.A),
-        ("B", model.inputs, model.B, None if bands is None else bands.B),
-    ):
-        for i, row in enumerate(model.states):
+    for name, (row_names, column_names, values) in shown.items():
+        band, of_rates = widths.get(name), name in "ABE"
+        for i, row in enumerate(row_names):
+            unit = getattr(RATE_UNITS, row) if of_rates else of_outputs[row]
             for j, column in enumerate(column_names):
-                unit = entry_unit(row, column)
-                rows.append((name, row, column, values[i, j], unit, "" if band is None else band[i, j]))
-    if model.outputs != model.states:
-        for name, column_names, values in (("C", model.states, model.C), ("D", model.inputs, model.D)):
-            for i, (row, unit) in enumerate(zip(model.outputs, model.output_units, strict=True)):
-                rows += [
-                    (name, row, column, values[i, j], f"({unit})/({UNITS[column]})", "")
-                    for j, column in enumerate(column_names)
-                ]
+                per = f"({unit})/({UNITS.get(column, DISTURBANCE_UNIT)})"
+                rows.append((name, row, column, values[i, j], per, "" if band is None else band[i, j]))
     offsets = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
     rows += [("X0", name, "", value, unit, "") for name, value, unit in offsets]
     controls = zip(model.inputs, model.input_offsets.tolist(), model.input_units, strict=True)

@@ -20,6 +20,7 @@ from hfa_model.aerodynamics import PanelLoads, panel_loads
 from hfa_model.kinematics import Flow, flow_of
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Input, Quantity, State
+from hfa_model.winds import Air, Winds, winds_of
 
 
 class _Panel(NamedTuple):
@@ -30,11 +31,11 @@ class _Panel(NamedTuple):
     spin: ca.SX
 
 
-def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, updraft: Quantity = 0.0) -> State:
+def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: Air = 0.0) -> State:
     """dX/dt of the aircraft by the Euler-Lagrange equations; arguments as in `dynamics.rates`.
 
-    `density` (slug/ft^3) is given, so that 0 means flight without air. `updraft` is the velocity of the air along
-    -Z, ft/s: the flow at a panel is its inertial velocity less that of the air. CasADi expressions in and out.
+    `density` (slug/ft^3) is given, so that 0 means flight without air. The flow at a panel is its
+    inertial velocity less that of the air there. CasADi expressions in and out.
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
@@ -44,8 +45,7 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, updra
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
-    air = ca.vertcat(0, 0, -updraft)
-    force = _generalized_force(panels, r, v, u, density, p, air)
+    force = _generalized_force(panels, r, v, u, density, p, winds_of(air))
     # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR loses.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
@@ -96,14 +96,16 @@ def _potential_energy(panel: _Panel, p: Parameters) -> ca.SX:
 
 
 def _generalized_force(
-    panels: tuple[_Panel, _Panel, _Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, air: ca.SX
+    panels: tuple[_Panel, _Panel, _Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, winds: Winds
 ) -> ca.SX:
-    # The drag law takes the speed of the aircraft, that is of the common center of mass, through the air.
-    center_of_mass = sum(panel.position for panel in panels) / 3
-    speed = ca.norm_2(ca.jtimes(center_of_mass, r, v) - air)
+    # The drag law takes the speed of the aircraft, that is of the common center of mass, through a panel's air.
+    velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
     controls = ((u.aileron_center, u.elevator_center), *((u.aileron_outer, u.elevator_outer),) * 2)
-    for panel, (aileron, elevator) in zip(panels, controls, strict=True):
+    places = ((winds.center, 0), (winds.outer, 1), (winds.outer, -1))
+    for panel, (aileron, elevator), (wind, side) in zip(panels, controls, places, strict=True):
+        air = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
+        speed = ca.norm_2(velocity if winds.ground_drag else velocity - air)
         loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
         force += _virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force

@@ -64,14 +64,14 @@ def test_a_gust_from_the_wrong_side_is_seen(judge: ca.Function, parameters: Para
 def test_a_gust_that_is_not_turned_into_body_axes_is_seen(
     judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kinematics, "_forward", lambda x, updraft: x.speed * ca.cos(x.alpha))
+    monkeypatch.setattr(kinematics, "_forward", lambda x, wind: x.speed * ca.cos(x.alpha))
     assert disagreement(judge, parameters) > 1e-3
 
 
 def test_drag_at_the_speed_over_ground_is_seen(
     judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hfa_model.aerodynamics.airspeed", lambda x, updraft: x.speed)
+    monkeypatch.setattr("hfa_model.aerodynamics.airspeed", lambda x, wind: x.speed)
     assert disagreement(judge, parameters) > 1e-3
 
 

@@ -1,0 +1,123 @@
+"""Columns of the winds: beside differences of the equations, beside the released simulation, and by name."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controller.flight.plants import LinearizedAircraft
+from hfa_model import Aircraft, Input, State, named_parameters
+from hfa_model.atmosphere import density
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_model.winds import DISTURBANCES, winds_named
+from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from trim.linear.output_model import output_model
+
+NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
+#: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11 deg.
+PEER: dict[str, dict[str, float]] = {
+    "headwind_center": {"speed": 0.0, "alpha": -4.25540178e-03, "pitch_rate": -3.53879464e-03},
+    "updraft_center": {"speed": 2.11937536e-02, "alpha": -4.49771578e-02, "pitch_rate": -3.63933427e-01},
+    "headwind_outer": {"speed": 0.0, "alpha": -9.64155891e-03, "dihedral_rate": 5.30927866e-03},
+    "updraft_outer": {"speed": 4.01027033e-02, "pitch_rate": -1.55866503, "dihedral_rate": 4.77260822e-02},
+}
+#: Its density at 40000 ft, slug/ft^3; ours is 1.6e-5 of it more.
+PEER_DENSITY = 5.872675956988981e-4
+
+
+def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> OperatingPoint:
+    return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
+
+
+def differences(aircraft: Aircraft, point: OperatingPoint, *, ground_drag: bool) -> tuple[np.ndarray, np.ndarray]:
+    """E (7, l) and F (k, l) by central differences of fourth order; error near 1e-11 of the largest entry."""
+
+    def at(values: Any) -> np.ndarray:
+        winds = winds_named(NAMES, values.tolist(), ground_drag=ground_drag)
+        state, control = State(*map(float, point.states)), Input(*map(float, point.inputs))
+        moment = moment_of(state, control, aircraft.parameters, aircraft.variant, winds)
+        return np.array([*moment.rates, *outputs_of(moment, WATCHED)], dtype=float)
+
+    step = 0.05
+    columns = [
+        (8 * (at(step * axis) - at(-step * axis)) - (at(2 * step * axis) - at(-2 * step * axis))) / (12 * step)
+        for axis in np.eye(len(NAMES))
+    ]
+    both = np.column_stack(columns)
+    return both[: len(STATES)], both[len(STATES) :]
+
+
+@pytest.mark.parametrize("ground_drag", [False, True])
+def test_columns_equal_differences_of_the_equations(aircraft: Aircraft, ground_drag: bool) -> None:
+    point = point_of(aircraft)
+    model = linearize(aircraft, point, full=True, outputs=WATCHED, disturbances=NAMES, ground_drag=ground_drag)
+    E, F = differences(aircraft, point, ground_drag=ground_drag)
+    for exact, near in ((model.E, E), (model.F, F)):
+        error = np.abs(exact - near).max(axis=1) / np.maximum(np.abs(near).max(axis=1), 1e-6)
+        assert error.max() <= 1e-7
+    other = linearize(aircraft, point, full=True, disturbances=NAMES, ground_drag=not ground_drag)
+    assert np.abs(other.E - E).max() > 1e-2  # the difference would show a drag of the wrong speed
+    assert (model.disturbances, set(model.disturbance_units)) == (NAMES, {"ft/s"})
+
+
+def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
+    point = point_of(aircraft)
+    model = linearize(aircraft, point, full=True, disturbances=NAMES)
+    column = dict(zip(model.disturbances, model.E.T, strict=True))
+    for kind in ("updraft", "headwind"):
+        both = column[f"{kind}_center"] + column[f"{kind}_outer"]
+        np.testing.assert_allclose(both, column[kind], rtol=1e-12, atol=1e-15)
+    gust = LinearizedAircraft.at(aircraft, point).gust
+    np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
+    assert np.array_equal(output_model(aircraft, point, (), STATES).E[:, 0], column["updraft"])
+    assert np.abs(column["outward_outer"]).max() > 0.1  # raised panels meet it
+    flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
+    assert np.abs(flat.E).max() <= 1e-15  # level ones do not
+
+
+def peer_errors(*, ground_drag: bool) -> dict[str, float]:
+    """Column -> its largest relative error, with the parameters and the density of the released simulation."""
+    aircraft, height = Aircraft(named_parameters("gibson-2011-simulation").values), 40_000.0
+    for _ in range(3):
+        height += 20_800.0 * math.log(float(density(height)) / PEER_DENSITY)
+    point = point_of(aircraft, altitude=height)
+    model = linearize(aircraft, point, disturbances=tuple(PEER), ground_drag=ground_drag)
+    found = {}
+    for name, column in zip(model.disturbances, model.E.T, strict=True):
+        errors = [abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()]
+        found[name] = max(errors) / max(map(abs, PEER[name].values()))
+    return found
+
+
+def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:
+    same, through_the_air = peer_errors(ground_drag=True), peer_errors(ground_drag=False)
+    assert max(same.values()) <= 2e-8
+    assert same["updraft_outer"] <= 1e-9
+    assert through_the_air["headwind_center"] > 1.0
+    assert through_the_air["headwind_outer"] > 1.0
+    assert through_the_air["updraft_outer"] < 1e-9  # to first order a wind from below changes no speed in level flight
+
+
+def test_a_model_without_winds_has_no_columns(published_aircraft: Aircraft) -> None:
+    point = point_of(published_aircraft)
+    model = linearize(published_aircraft, point)
+    assert (model.disturbances, model.disturbance_units, model.E.shape, model.F.shape) == ((), (), (6, 0), (6, 0))
+    named = linearize(published_aircraft, point, disturbances=("headwind",)).select(("speed", "pitch"), ("throttle",))
+    assert (named.E.shape, named.F.shape, named.D.shape) == ((2, 1), (6, 1), (6, 1))
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (("updraft_left",), "unknown disturbance 'updraft_left'; choose from updraft, updraft_center"),
+        (("headwind", "headwind"), "disturbance headwind is named twice; name it once"),
+    ],
+)
+def test_an_unknown_wind_is_refused(published_aircraft: Aircraft, names: tuple[str, ...], message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
+        linearize(published_aircraft, point_of(published_aircraft), disturbances=names)
