@@ -74,6 +74,8 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
         np.testing.assert_allclose(both, column[kind], rtol=1e-12, atol=1e-15)
     gust = LinearizedAircraft.at(aircraft, point).gust
     np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
+    # In level trim all forces balance, so that a wind from ahead does what more speed over ground does.
+    np.testing.assert_allclose(column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12)
     assert np.array_equal(output_model(aircraft, point, (), STATES).E[:, 0], column["updraft"])
     assert np.abs(column["outward_outer"]).max() > 0.1  # raised panels meet it
     flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
@@ -97,10 +99,10 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
 def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:
     same, through_the_air = peer_errors(ground_drag=True), peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
-    assert same["updraft_outer"] <= 1e-9
+    assert same["updraft_outer"] <= 4e-9  # half a unit of the last digit here
     assert through_the_air["headwind_center"] > 1.0
     assert through_the_air["headwind_outer"] > 1.0
-    assert through_the_air["updraft_outer"] < 1e-9  # to first order a wind from below changes no speed in level flight
+    assert through_the_air["updraft_outer"] <= 4e-9  # to first order a wind from below changes no speed in level flight
 
 
 def test_a_model_without_winds_has_no_columns(published_aircraft: Aircraft) -> None:
