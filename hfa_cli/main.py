@@ -122,17 +122,22 @@ def _ended_by_signals() -> Iterator[None]:
     """In the block SIGTERM raises `_Terminated`, once, so that temporary files and workers go.
 
     An exception that ends the run may be raised where Python only prints it (in a callback of the garbage collector or
-    of an import); the signal is then given again, or the run would go on as if nobody had asked.
+    of an import); the signal is then given again, or the run would go on as if nobody had asked. Compiled code makes
+    another exception of it, which is taken for what it was.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    ours = signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    defaults = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
+    ours = {number: handler for number, handler in defaults.items() if signal.getsignal(number) == handler}
     print_it = sys.unraisablehook
+    came: list[type[KeyboardInterrupt]] = []
 
-    def end(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise _Terminated
+    def end(number: int, _: object) -> None:
+        if number == signal.SIGTERM:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        came.append(_Terminated if number == signal.SIGTERM else KeyboardInterrupt)
+        raise came[-1]
 
     def again(ignored: sys.UnraisableHookArgs) -> None:
         if not isinstance(ignored.exc_value, KeyboardInterrupt):
@@ -145,15 +150,19 @@ def _ended_by_signals() -> Iterator[None]:
         timer.daemon = True
         timer.start()
 
-    if ours:
-        signal.signal(signal.SIGTERM, end)
+    for number in ours:
+        signal.signal(number, end)
     sys.unraisablehook = again
     try:
         yield
+    except Exception:
+        if came:
+            raise came[-1] from None
+        raise
     finally:
         sys.unraisablehook = print_it
-        if ours:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, handler in ours.items():
+            signal.signal(number, handler)
 
 
 def _give(number: signal.Signals) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from hfa_model.provenance import Provenance
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.files import written_whole
 from hfa_model.support.jsonable import json_text
+from hfa_model.support.temporary import temporary_folder
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_SCALES, STATE_UNITS, STATES
 
 #: Of the library in the FMU.
@@ -156,8 +156,7 @@ def _real(each: Variable) -> dict[str, str]:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+    with temporary_folder(None, "hfa-fmu-") as folder:
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
         words = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", SOURCE, WRAPPER, "-o", "library", "-lm"]

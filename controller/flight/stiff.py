@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.flight.integrator import Trajectory
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.interrupts import held_back
 
 #: Relative and absolute tolerance of each step.
 RELATIVE, ABSOLUTE = 1e-7, 1e-10
@@ -38,7 +39,8 @@ def integrate_stiff(
         if count not in made:
             made[count] = _integrator(rate, step, steps_per_tick * count)
         try:
-            found = made[count](x0=y, p=np.append(p, tick * steps_per_tick * step))
+            with held_back():  # CVODES takes an exception of a signal for a failure of f, says so, and tries again
+                found = made[count](x0=y, p=np.append(p, tick * steps_per_tick * step))
         except RuntimeError:
             return None
         rows = np.array(found["xf"]).T

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.flight.critic_policy import CriticPolicy
@@ -43,6 +41,7 @@ from hfa_cli.parser import add_named, add_value
 from hfa_cli.servo_options import add_controller, controlled
 from hfa_cli.stored_law import add_stored, check_stored
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.temporary import temporary_folder
 from trim.linear.linearize import LinearModel, linearize
 
 if TYPE_CHECKING:
@@ -100,10 +99,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     options.one_place(arguments)
     plan = _plan(arguments)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder(None, "hfa-members-") as folder:
         store = stream_monte_carlo(
             plan,
-            Path(folder) / "members.zarr" if target is None else target,
+            folder / "members.zarr" if target is None else target,
             count=arguments.workers or 1,
             scheduler=arguments.scheduler,
             resume=arguments.resume,

@@ -13,13 +13,14 @@ import shutil
 import stat
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
+
+from hfa_model.support.temporary import temporary_folder
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
@@ -101,11 +102,11 @@ def _named(folder: Path, symbol: str, content: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    with tempfile.TemporaryDirectory(dir=folder) as temporary:
-        source, made = Path(temporary) / "generated.c", Path(temporary) / "generated.so"
+    with temporary_folder(folder, "unfinished-") as temporary:
+        source, made = temporary / "generated.c", temporary / "generated.so"
         source.write_text(text, encoding="utf-8")
-        words, place = [*compiler, str(source), "-o", str(made), "-lm"], {**os.environ, "TMPDIR": temporary}
-        subprocess.run(words, env=place, check=True, capture_output=True)
+        words = [*compiler, str(source), "-o", str(made), "-lm"]
+        subprocess.run(words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True)
         made.chmod(0o700)
         library = _named(folder, symbol, made)
         os.replace(made, library)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.temporary import temporary_file
 
 
 @contextmanager
@@ -24,19 +24,17 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
-    try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    except OSError as error:
-        raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
-    try:
-        with os.fdopen(handle, "wb") as stream:
+    with ExitStack() as around:
+        try:
+            temporary = around.enter_context(temporary_file(target.parent, f".{target.name}.", ".part"))
+        except OSError as error:
+            raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+        with temporary.open("wb") as stream:
             yield stream
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)  # mkstemp makes private files; a result is an ordinary one
-        os.replace(temporary, target)
-    finally:
-        Path(temporary).unlink(missing_ok=True)  # gone already where it became the target
+        temporary.chmod(0o666 & ~umask)  # temporary files are private; a result is an ordinary one
+        temporary.replace(target)
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -110,6 +110,25 @@ def test_warnings_of_libraries_are_notes_of_a_result(tmp_path: Path, monkeypatch
     assert hfa("solve", "--quiet", "--model", str(tmp_path / "plant.json")).err == ""
 
 
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [(signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"), (signal.SIGTERM, TERMINATED, "hfa: terminated\n")],
+)
+def test_a_signal_that_compiled_code_makes_another_error_of_ends_the_run_as_what_it_was(
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, said: str
+) -> None:
+    def run(_: object) -> int:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            raise SystemError("a function returned a result with an exception set") from None
+        return 0
+
+    monkeypatch.setattr("hfa_cli.commands.trim.run", run)
+    found = hfa("trim", "--dihedral", "5")
+    assert (found.code, found.out, found.err) == (code, "", said)
+
+
 class _SignalledWhenCollected:
     """Python prints what is raised in a destructor and goes on."""
 

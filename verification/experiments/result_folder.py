@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from hfa_model.support.figure import save
 from hfa_model.support.files import save_npz, write_text
 from hfa_model.support.finished import finished, stamp
 from hfa_model.support.jsonable import jsonable, records_text
+from hfa_model.support.temporary import temporary_folder
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import PaperFigure, draw
@@ -67,19 +67,17 @@ def write_outcome(outcome: Outcome, folder: Path) -> dict[str, Any]:
     """
     pictures = outcome.experiment.pictures(outcome.setting, outcome.flown)
     section, result = outcome.experiment.section, result_of(outcome, pictures)
-    try:
-        unfinished = Path(tempfile.mkdtemp(dir=folder, prefix=f".{section}."))
-    except OSError as error:
-        raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
-    try:
+    with ExitStack() as around:
+        try:
+            unfinished = around.enter_context(temporary_folder(folder, f".{section}."))
+        except OSError as error:
+            raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
         for picture in pictures:
             save_npz(unfinished / f"{_name(picture)}.npz", picture.arrays)
             save(draw(picture), unfinished / f"{_name(picture)}.png")
         write_text(unfinished / _RESULT, json_text(result))
         unfinished.chmod(0o755)
         _replace(unfinished, folder / section)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
     return result
 
 
@@ -105,9 +103,8 @@ def json_text(data: Mapping[str, Any]) -> str:
 def _replace(unfinished: Path, target: Path) -> None:
     """Put a finished folder in the place of an older one."""
     if target.exists():
-        old = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.old."))
-        target.replace(old / target.name)
-        unfinished.replace(target)
-        shutil.rmtree(old, ignore_errors=True)
+        with temporary_folder(target.parent, f".{target.name}.old.") as old:
+            target.replace(old / target.name)
+            unfinished.replace(target)
     else:
         unfinished.replace(target)
