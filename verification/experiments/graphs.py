@@ -12,6 +12,8 @@ from verification.experiments.panels import COMMAND, LOST, Line, Panel
 
 #: Below this a logarithmic axis shows nothing: rounding.
 FLOOR = 1e-16
+#: Weights of a critic that a picture names.
+_NAMED = 4
 _SYMBOLS = {"speed": "V", "alpha": "α", "pitch": "θ", "pitch_rate": "q", "dihedral": "η", "dihedral_rate": "η'"}
 
 
@@ -72,17 +74,33 @@ def input_panels(
 
 
 def weights_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
-    """All weights of the critic, in the units of the model (cost, ft/s, rad)."""
-    assert record.critic is not None
-    line = Line("weights", record.times, record.critic.weights)
-    return Panel(title, "weights W", (line,), "asinh", _mark(T_w))
+    """The weights of the critic, in the units of the model (cost, ft/s, rad): the largest by name."""
+    return Panel(title, "weights W", _named_lines(record, record.times, _weights(record)), "asinh", _mark(T_w))
 
 
 def increments_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
-    """All increments W(t + tick) - W(t)."""
+    """Increments W(t + tick) - W(t), of the weights that `weights_panel` names too."""
+    lines = _named_lines(record, record.times[:-1], np.diff(_weights(record), axis=0))
+    return Panel(title, "increments of W in a tick", lines, "asinh", _mark(T_w))
+
+
+def _weights(record: FlightRecord) -> np.ndarray:
     assert record.critic is not None
-    line = Line("increments", record.times[:-1], np.diff(record.critic.weights, axis=0))
-    return Panel(title, "increments of W in a tick", (line,), "asinh", _mark(T_w))
+    return record.critic.weights
+
+
+def _named_lines(record: FlightRecord, times: np.ndarray, values: np.ndarray) -> tuple[Line, ...]:
+    """The columns of the weights that end largest by their monomials, and all others as one bundle below them."""
+    assert record.critic is not None
+    order = np.argsort(-np.abs(_weights(record)[-1]), kind="stable")
+    others = Line(f"the other {len(order) - _NAMED}", times, values[:, np.sort(order[_NAMED:])])
+    exponents = record.critic.basis.exponents
+    return others, *(Line(_monomial(exponents[m]), times, values[:, m]) for m in order[:_NAMED])
+
+
+def _monomial(exponents: np.ndarray) -> str:
+    """z1 z2, z4^2: the states of a weight, numbered as the errors are."""
+    return " ".join(f"z{i + 1}" + (f"^{power}" if power > 1 else "") for i, power in enumerate(exponents) if power)
 
 
 def residual_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:

@@ -44,8 +44,8 @@ _CYCLE: tuple[dict[str, Any], ...] = (
     {"color": "C1", "linestyle": "-.", "linewidth": 1.6},
     {"color": "0.55", "linestyle": ":", "linewidth": 2.4},
 )
-#: For the lines of a bundle, which only differ from one another.
-_BUNDLE = ("black", "C0", "C1", "0.6")
+#: For the lines of a bundle, which need not be told apart.
+_BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,8 @@ def draw(picture: PaperFigure) -> Figure:
     labels: dict[str, Any] = {}
     for axes, panel in zip(grid.ravel(), picture.panels, strict=False):
         _draw_panel(axes, panel)
-        handles, names = axes.get_legend_handles_labels()
+        own = axes.get_legend() is not None
+        handles, names = ([], []) if own else axes.get_legend_handles_labels()
         labels |= {name: handle for name, handle in zip(names, handles, strict=True) if name not in labels}
     for axes in grid.ravel()[len(picture.panels) :]:
         axes.set_axis_off()
@@ -126,10 +127,12 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         bundle = line.y.ndim == 2
         style = _STYLES.get(line.label.partition(LOST)[0], _CYCLE[index % len(_CYCLE)])
         if bundle:
-            for column, values in enumerate(line.y.T):
-                axes.plot(line.x, values, color=_BUNDLE[column % len(_BUNDLE)], linewidth=0.9)
+            axes.plot(line.x, line.y[:, :1], label=line.label, **_BUNDLE)
+            axes.plot(line.x, line.y[:, 1:], **_BUNDLE)
         else:
             axes.plot(line.x, line.y, label=line.label, **style)
+    if any(line.y.ndim == 2 for line in panel.lines):  # named lines of one panel are not those of the next
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
     for time, _ in panel.marked:
         axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
     if panel.title and panel.marked:  # panels without a title stand below one that has the names already

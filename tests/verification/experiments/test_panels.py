@@ -100,3 +100,15 @@ def test_processes_share_the_flights(noise: Outcome) -> None:
     assert [claim.to_dict() for claim in again.claims] == [claim.to_dict() for claim in noise.claims]
     for one, other in zip(again.flown.values(), noise.flown.values(), strict=True):
         np.testing.assert_array_equal(one.states, other.states)
+
+
+def test_a_bundle_is_pale_and_its_panel_names_the_lines_beside_it() -> None:
+    lines = (Line("the other 3", TIMES, np.ones((201, 3))), Line("z1 z2", TIMES, TIMES), Line("z4^2", TIMES, -TIMES))
+    figure = draw(picture_of(Panel("left", "weights W", lines, "asinh"), Panel("right", "speed, ft/s", LINES)))
+    left, right = figure.axes[:2]
+    assert [text.get_text() for text in left.get_legend().get_texts()] == ["the other 3", "z1 z2", "z4^2"]
+    assert right.get_legend() is None
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {line.label for line in LINES}
+    named = [line.get_color() for line in left.get_lines() if line.get_label() in ("z1 z2", "z4^2")]
+    assert len(set(named)) == 2
+    assert "0.8" not in named
