@@ -21,7 +21,7 @@ def test_the_memory_keeps_parts_starts_and_rates_in_order() -> None:
 
 
 def test_a_filter_has_the_response_of_its_transfer_functions() -> None:
-    """Driven by sin ωt, low and high settle to α2 / Π and (α2 s + α1) / Π at s = iω, their derivatives to s times that."""
+    """Driven by sin ωt, low and high settle to α2 / Π and (α2 s + α1) / Π at s = iω, derivatives to s times that."""
     w, y, t = 1.3, ca.SX.sym("y", 2), ca.SX.sym("t")
     memory = Memory(y)
     driven = Filter(memory, 1).drive(ca.sin(w * t))
