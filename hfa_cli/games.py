@@ -79,6 +79,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     changes = weights_of(arguments)
     if arguments.model is not None:
         of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
+        of_the_aircraft += ("units",) * hasattr(arguments, "units")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
         game, notes, names, provenance = stored_game(arguments.model, **changes)

@@ -14,6 +14,7 @@ from hfa_model.support.data_files import SUFFIXES as SUFFIXES
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.report import Report
 from hfa_model.support.text import Style
+from hfa_model.units_of_data import in_units_in_force
 
 #: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.
 FORMATS: dict[str, Callable[[Report], str]] = {
@@ -48,7 +49,7 @@ def check_folder(path: str) -> Path:
 
 def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) -> None:
     """Print the report as --format says or, with --json, its data; write the file, if one was asked for, first."""
-    report = signed(report)
+    report = signed(in_units_in_force(report) if hasattr(arguments, "units") else report)
     if target is not None:
         report.save(target)
     form = arguments.format or "text"

@@ -9,29 +9,36 @@ import argparse
 from dataclasses import replace
 
 from hfa_cli import options
-from hfa_cli.games import add_game, game_of
+from hfa_cli.games import NamedGame, add_game, game_of
 from hfa_cli.output import say_notes, show
 from verification.meaning.output_report import output_report
-from verification.meaning.solution_report import analyse_game, solution_report
+from verification.meaning.solution_report import AnalysedGame, analyse_game, solution_report
 from verification.riccati.output_feedback import OutputGame
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa solve`."""
     add_game(parser)
+    options.add_units(parser)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
-    report = solution_report(analyse_game(named.game), named.states, named.inputs, named.origin)
-    report = report.with_data(**named.labels())
+    found = analyse_game(named.game)
+    with options.units_of(arguments):
+        _show(found, named, arguments)
+    say_notes(named.warnings)
+    return 0
+
+
+def _show(found: AnalysedGame, named: NamedGame, arguments: argparse.Namespace) -> None:
+    units = named.state_units, named.input_units
+    report = solution_report(found, named.states, named.inputs, named.origin, *units).with_data(**named.labels())
     built = named.built
     if built is not None and built.sensors:
         problem = OutputGame(named.game, built.C, built.D, built.V)
         measured = output_report(problem, built.sensors, built.sensor_units)
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
     show(report, arguments, target=arguments.output)
-    say_notes(named.warnings)
-    return 0

@@ -50,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
+    options.add_units(parser)
     options.add_output(parser, STORE)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
     add_named(store, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
@@ -89,11 +90,14 @@ def run(arguments: argparse.Namespace) -> int:
         from trim.sweeps.root_locus import root_locus
 
         root_locus(result, arguments.picture, provenance().text())
+    games = None
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games
 
-        report = with_games(report, result, sweep_games(result, Progress("games"), **weights_of(arguments)))
-    _show(report, arguments, arguments.output)
+        games = sweep_games(result, Progress("games"), **weights_of(arguments))
+    with options.units_of(arguments):
+        report = sweep_report(result)
+        _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
 
@@ -117,7 +121,9 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
     from trim.sweeps.sweep_plan import SweepPlan
 
     options.refuse(
-        arguments, ("full", "picture"), "does not go with a store, which holds all seven states and no picture"
+        arguments,
+        ("full", "picture", "units"),
+        "does not go with a store, which holds all seven states, in feet, and no picture",
     )
     options.refuse(arguments, ("game", *OF_A_GAME), "does not go with a store, which holds no games")
     if arguments.seed is not None and arguments.samples is None:

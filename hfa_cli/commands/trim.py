@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     options.add_picture(parser, "the aircraft from the front with its loads")
+    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -22,11 +23,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report."""
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    report = trim_report(aircraft, options.condition_of(arguments), point)
     if arguments.picture is not None:
         from hfa_model.support.figure import save
         from trim.point.trim_figure import trim_figure
 
         save(trim_figure(aircraft, point), arguments.picture, provenance().text())
-    show(report, arguments, target=arguments.output)
+    with options.units_of(arguments):
+        report = trim_report(aircraft, options.condition_of(arguments), point)
+        show(report, arguments, target=arguments.output)
     return 0

@@ -11,6 +11,7 @@ from hfa_cli.output import show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa validate`."""
     options.add_aircraft(parser)
+    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -19,5 +20,6 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.validation.comparison import validate
 
     found = validate(options.aircraft_of(arguments))
-    show(found.report(), arguments, target=arguments.output)
+    with options.units_of(arguments):
+        show(found.report(), arguments, target=arguments.output)
     return 0 if found.ok else 1

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from hfa_model.support.units import entries_in_force, in_force, unit_in_force
+
 #: Characters of a bar.
 _BAR = 10
 #: Numbers smaller than this are rounding and shown as 0.
@@ -82,8 +84,15 @@ class RowsMade(Sequence[tuple[Any, ...]]):
         return self._row(index)
 
 
-def matrix_table(name: str, rows: tuple[str, ...], column_names: tuple[str, ...], matrix: Any) -> Table:
-    """A matrix with its row and column names, four decimals like the paper's."""
+def matrix_table(
+    name: str,
+    rows: tuple[str, ...],
+    column_names: tuple[str, ...],
+    matrix: Any,
+    *axes: tuple[tuple[str, ...], int],
+) -> Table:
+    """A matrix with its row and column names, four decimals like the paper's; axes: as of `entries_in_force`."""
+    matrix = entries_in_force(matrix, *axes)
     body = [(row, *(four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
 
@@ -99,13 +108,13 @@ def in_degrees(angle: float) -> float:
 
 
 def shown_unit(unit: str) -> str:
-    """The unit that a person reads: deg in place of rad."""
-    return unit.replace("rad", "deg") if unit.startswith("rad") else unit
+    """The unit that a person reads: deg in place of rad, and what `shown_in` says in place of ft."""
+    return unit.replace("rad", "deg") if unit.startswith("rad") else unit_in_force(unit)
 
 
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
     """A value in its `shown_unit`: radians become degrees."""
-    return format(math.degrees(value) if unit.startswith("rad") else value, form)
+    return format(math.degrees(value) if unit.startswith("rad") else in_force(value, unit), form)
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
@@ -120,7 +129,7 @@ def angle_text(angle: float) -> str:
 
 def short_number(value: float, unit: str) -> str:
     """A value in its `shown_unit` with four digits or more; what is only rounding is 0."""
-    shown = math.degrees(value) if unit.startswith("rad") else float(value)
+    shown = math.degrees(value) if unit.startswith("rad") else float(in_force(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
+from hfa_model.support.units import unit_in_force
 from hfa_model.vectors import INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
@@ -36,7 +37,8 @@ def linear_model_report(
     return Report(
         title=f"Linear model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics "
         f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
-        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in rad, ft, s; the offsets X0 and U0 in the units beside them",
+        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in rad, {unit_in_force('ft')}, s; "
+        "the offsets X0 and U0 in the units beside them",
         parts=(
             *matrices(model, windy=windy),
             *filter(None, [trust]),
@@ -53,7 +55,8 @@ def trust_in(bands: Bands | None) -> str:
     """The sentence on the bands."""
     if bands is None:
         return NO_BANDS
-    size = max(float(bands.A.max()), float(bands.B.max()))
+    A, B = ((_UNITS, 1), (_UNITS, -1)), ((_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    size = max(float(entries_in_force(band, *axes).max()) for band, axes in ((bands.A, A), (bands.B, B)))
     return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"
 
 
@@ -68,8 +71,13 @@ def bands_report(bands: Bands) -> Report:
 
 def matrices(model: LinearModel, *, windy: bool = False) -> tuple[Table, ...]:
     """A and B with their names, C and D where the outputs are not the states; with winds E and F."""
-    shown = _shown(model, windy).items()
-    return tuple(matrix_table(name, rows, columns, values) for name, (rows, columns, values) in shown)
+    columns = dict.fromkeys("AC", model.state_units) | dict.fromkeys("BD", model.input_units)
+    columns |= dict.fromkeys("EF", model.disturbance_units)
+    rows = dict.fromkeys("ABE", model.state_units) | dict.fromkeys("CDF", model.output_units)
+    return tuple(
+        matrix_table(name, row_names, column_names, values, (rows[name], 1), (columns[name], -1))
+        for name, (row_names, column_names, values) in _shown(model, windy).items()
+    )
 
 
 def _shown(model: LinearModel, windy: bool) -> _Shown:

@@ -15,6 +15,7 @@ from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import json_text
 from hfa_model.support.report import Report, Reported
+from hfa_model.support.units import english
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
 
 if TYPE_CHECKING:
@@ -106,7 +107,10 @@ def load_operating_point(path: Path) -> OperatingPoint:
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
     try:
-        states = State(**{name: float(data["states"][name]) for name in STATES})
+        stated = {**STATE_UNITS._asdict(), **data.get("state_units", {})}
+        states = State(
+            **{name: english(float(data["states"][name]), stated[name], getattr(STATE_UNITS, name)) for name in STATES}
+        )
         inputs = Input(**{name: float(data["inputs"][name]) for name in INPUTS})
         residuals = {name: float(value) for name, value in data["residuals"].items()}
         dynamics, status = str(data["dynamics"]), str(data["status"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
@@ -22,6 +22,7 @@ from hfa_model.support.text import (
     shown_unit,
     shown_value,
 )
+from hfa_model.support.units import in_force, unit_in_force
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint
@@ -118,9 +119,9 @@ def _equations(point: OperatingPoint) -> Table:
     rows = [
         (
             f"rate of {name}",
-            f"{value:.2e}",
-            f"{_tolerance(name):.2e}",
-            getattr(RATE_UNITS, name),
+            f"{in_force(value, getattr(RATE_UNITS, name)):.2e}",
+            f"{in_force(_tolerance(name), getattr(RATE_UNITS, name)):.2e}",
+            unit_in_force(getattr(RATE_UNITS, name)),
             f"{point.scaled_residuals[name]:.2e}",
             Toned("PASS", "good") if _balances(name, point) else Toned("FAIL", "bad"),
         )
@@ -144,17 +145,22 @@ def _loads(loads: Loads, numbers: Performance) -> Table:
     weights, coefficients = [numbers.weight, panel_weight, panel_weight], [numbers.lift_coefficient]
     coefficients += [panel.lift / panel_pressure_area for panel in (loads.center, loads.outer)]
     rows = [
-        ("weight", *map(four_decimals, weights), "lbf"),
-        ("lift", *map(four_decimals, (loads.lift, loads.center.lift, loads.outer.lift)), "lbf"),
-        ("drag", *map(four_decimals, (loads.drag, loads.center.drag, loads.outer.drag)), "lbf"),
-        ("thrust", four_decimals(loads.thrust), "", "", "lbf"),
+        ("weight", *_row(weights, "lbf")),
+        ("lift", *_row((loads.lift, loads.center.lift, loads.outer.lift), "lbf")),
+        ("drag", *_row((loads.drag, loads.center.drag, loads.outer.drag), "lbf")),
+        ("thrust", *_row((loads.thrust, None, None), "lbf")),
         ("lift/drag", f"{numbers.lift_over_drag:.3f}", "", "", "1"),
-        ("lift coefficient", *map(four_decimals, coefficients), "1"),
-        ("pitching moment", four_decimals(loads.pitching_moment), "", "", "ft lbf"),
-        ("hinge moment", "", "", four_decimals(loads.hinge_moment), "ft lbf"),
-        ("with hinge spring", "", "", four_decimals(numbers.hinge_moment_total), "ft lbf"),
+        ("lift coefficient", *_row(coefficients, "1")),
+        ("pitching moment", *_row((loads.pitching_moment, None, None), "ft lbf")),
+        ("hinge moment", *_row((None, None, loads.hinge_moment), "ft lbf")),
+        ("with hinge spring", *_row((None, None, numbers.hinge_moment_total), "ft lbf")),
     ]
     return Table(("load", "aircraft", "center panel", "outer panel", "unit"), rows)
+
+
+def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
+    """Loads and their unit; nothing where there is none."""
+    return *("" if value is None else four_decimals(in_force(value, unit)) for value in values), unit_in_force(unit)
 
 
 _SHOWN_PERFORMANCE = {

@@ -12,7 +12,7 @@ from controller.game.zero_sum import published_game
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.support.text import Table, shown_unit, shown_value
 from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep import Sweep
 from verification.meaning.margins import disk_margin
@@ -86,7 +86,8 @@ def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     )
     records = report.records
     if records is not None:
-        entries = [f"K({row}, {column})" for row in INPUTS for column in found.model_states]
+        pairs = [(row, column) for row in INPUTS for column in found.model_states]
+        entries = [f"K({row}, {column}) [({UNITS[row]})/({UNITS[column]})]" for row, column in pairs]
         header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
         numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
         rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]
@@ -109,10 +110,9 @@ def _refusals(found: Sweep, games: GameSweep) -> str:
 
 
 def _variables(found: Sweep) -> list[str]:
-    return [f"{name} {UNITS[name].replace('rad', 'deg')}" for name in found.variables]
+    return [f"{name} {shown_unit(unit)}" for name, unit in zip(found.variables, found.units, strict=True)]
 
 
 def _points(found: Sweep) -> list[tuple[str, ...]]:
     """The varied values of each point, angles in degrees."""
-    scale = [180.0 / np.pi if UNITS[name] == "rad" else 1.0 for name in found.variables]
-    return [tuple(f"{value:.6g}" for value in row) for row in found.values * scale]
+    return [tuple(map(shown_value, row, found.units)) for row in found.values]

@@ -51,8 +51,16 @@ def analyse_game(game: Game) -> AnalysedGame:
     return AnalysedGame(solution, smallest, meaning, loop_margins(game, solution.K), disk_margin(game, solution.K))
 
 
-def solution_report(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...], origin: str) -> Report:
-    """P, K, certificate, meaning and margins; origin: what the plant is called."""
+def solution_report(
+    found: AnalysedGame,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    origin: str,
+    state_units: tuple[str, ...] = (),
+    input_units: tuple[str, ...] = (),
+) -> Report:
+    """P, K, certificate, meaning and margins; origin: what the plant is called; units: "" where they are not known."""
+    units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
     solution, disk = found.solution, found.disk
     loops = [
         (name, f"{loop.gain_low:.3g} to {loop.gain_high:.3g}", f"{loop.phase:.4g}", f"{loop.disk:.4g}")
@@ -62,8 +70,8 @@ def solution_report(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[
     return Report(
         title=f"Exact game solution for {origin}\n{_standing(solution.delta, found.delta_min)}",
         parts=(
-            matrix_table("P", states, states, solution.P),
-            matrix_table("K", inputs, states, solution.K),
+            matrix_table("P", states, states, solution.P, (units[0], -1), (units[0], -1)),
+            matrix_table("K", inputs, states, solution.K, (units[1], 1), (units[0], -1)),
             f"closed loop A - B K, 1/s: {eigenvalues}",
             checks_block(solution.certificate.checks),
             checks_block(found.meaning),
@@ -72,7 +80,7 @@ def solution_report(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[
             f"at {disk.frequency:.4g} rad/s",
         ),
         data=_data(found, states, inputs),
-        records=_records(solution, states, inputs),
+        records=_records(solution, states, inputs, *units),
     )
 
 
@@ -100,10 +108,21 @@ def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...])
     }
 
 
-def _records(solution: GameSolution, states: tuple[str, ...], inputs: tuple[str, ...]) -> Table:
-    """Rows (matrix, row, column, value) of P and K."""
+def _records(
+    solution: GameSolution,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    state_units: tuple[str, ...],
+    input_units: tuple[str, ...],
+) -> Table:
+    """Rows (matrix, row, column, value, unit) of P and K."""
     rows: list[tuple[Any, ...]] = []
-    for name, row_names, matrix in (("P", states, solution.P), ("K", inputs, solution.K)):
-        for i, row in enumerate(row_names):
-            rows += [(name, row, column, matrix[i, j]) for j, column in enumerate(states)]
-    return Table(("matrix", "row", "column", "value"), rows)
+    for i, row in enumerate(states):
+        for j, column in enumerate(states):
+            unit = f"1/(({state_units[i]}) ({state_units[j]}))" if state_units[i] else ""
+            rows.append(("P", row, column, solution.P[i, j], unit))
+    for i, row in enumerate(inputs):
+        for j, column in enumerate(states):
+            unit = f"({input_units[i]})/({state_units[j]})" if input_units[i] else ""
+            rows.append(("K", row, column, solution.K[i, j], unit))
+    return Table(("matrix", "row", "column", "value", "unit"), rows)

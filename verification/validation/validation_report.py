@@ -7,7 +7,7 @@ from typing import Any
 
 from hfa_model.support.checks import checks_block
 from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.support.text import Table, shown_unit, shown_value
 from verification.validation.comparison import Validation
 from verification.validation.outside import outside_data
 
@@ -42,7 +42,7 @@ def validation_report(found: Validation) -> Report:
 def _trims(found: Validation) -> Table:
     rows = [
         (
-            f"{each.released.speed:g}",
+            shown_value(each.released.speed, "ft/s"),
             f"{math.degrees(each.released.dihedral):g}",
             f"{math.degrees(each.released.alpha):.3f}",
             f"{each.deflection:.1e}",
@@ -51,7 +51,14 @@ def _trims(found: Validation) -> Table:
         )
         for each in found.trims
     ]
-    header = ("speed ft/s", "dihedral deg", "alpha deg", "deflection, rad", "thrust, relative", "eigenvalue, 1/s")
+    header = (
+        f"speed {shown_unit('ft/s')}",
+        "dihedral deg",
+        "alpha deg",
+        "deflection, rad",
+        "thrust, relative",
+        "eigenvalue, 1/s",
+    )
     return Table(header, rows)
 
 
@@ -70,6 +77,8 @@ def _data(found: Validation) -> dict[str, Any]:
         "dynamics": found.dynamics,
         "ok": found.ok,
         "checks": [check.to_dict() for check in found.checks],
+        "trim_units": {"speed": "ft/s", "dihedral": "rad", "alpha": "rad", "deflection_difference": "rad"}
+        | {"thrust_difference": "1", "eigenvalue_difference": "1/s"},
         "trims": [
             {
                 "speed": each.released.speed,

@@ -1,0 +1,169 @@
+"""`--units si`: physics holds in the numbers that are written, dimensionless results stay, units stand beside them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from scipy.io import loadmat
+
+from hfa_model.support import units
+
+FOOT = 0.3048
+COMMANDS = {
+    "trim": ("trim", "--dihedral", "12"),
+    "linearize": ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha"),
+    "solve": ("solve", "--dihedral", "12"),
+    "sweep": ("sweep", "--dihedral", "10", "--speed", "60,68", "--game"),
+    "validate": ("validate",),
+}
+ENGLISH = ("ft", "lbf", "slug")
+ENGLISH_UNIT = re.compile(rf"\b({'|'.join(ENGLISH)})\b")
+
+
+def answer(*words: str) -> dict[str, Any]:
+    result = hfa(*words, "--json")
+    assert result.code == 0, result.err
+    return json.loads(result.out)
+
+
+def physics(data: dict[str, Any]) -> dict[str, float]:
+    """What must be 1, of a trim: laws of physics between its own numbers."""
+    about, loads, states = data["performance"], data["loads"], data["operating_point"]["states"]
+    pressure = 0.5 * about["density"] * states["speed"] ** 2
+    force = pressure * about["wing_area"]
+    return {
+        "dynamic pressure": about["dynamic_pressure"] / pressure,
+        "lift coefficient": loads["lift"] / (force * about["lift_coefficient"]),
+        "Mach number": states["speed"] / (about["speed_of_sound"] * about["mach"]),
+        # T = 288.15 K - 6.5 K/km h up to 11 km, isothermal above: the speed of sound of the standard atmosphere, m/s.
+        "speed of sound": about["speed_of_sound"] / 295.07,
+        "gravity": about["weight"] / (3 * 9.326 * 14.5939029 * 32.2 * FOOT),
+    }
+
+
+def test_the_laws_of_physics_hold_in_si() -> None:
+    for name, value in physics(answer(*COMMANDS["trim"], "--units", "si")).items():
+        assert value == pytest.approx(1.0, abs=1e-4), name
+
+
+@pytest.mark.parametrize("unit", ENGLISH)
+def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
+    name, factor = units._SI[unit]
+    monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
+    wrong = [each for each in physics(answer(*COMMANDS["trim"], "--units", "si")).values() if abs(each - 1) > 1e-4]
+    assert wrong
+
+
+def test_matrices_are_similar() -> None:
+    """A_si = T A T⁻¹, and so for all others, with T from the units that stand beside them."""
+    before, after = answer(*COMMANDS["linearize"]), answer(*COMMANDS["linearize"], "--units", "si")
+    T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
+    Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])
+    inverse = np.linalg.inv(T)
+    for name, left, right in (
+        ("A", T, inverse),
+        ("A_band", T, inverse),
+        ("B", T, np.eye(5)),
+        ("C", Y, inverse),
+        ("D", Y, np.eye(5)),
+        ("E", T, np.eye(1) / FOOT),
+        ("F", Y, np.eye(1) / FOOT),
+    ):
+        np.testing.assert_allclose(after[name], left @ np.array(before[name]) @ right, rtol=1e-14, err_msg=name)
+    assert (after["state_units"][0], after["output_units"], after["disturbance_units"]) == (
+        "m/s",
+        ["m/s^2", "rad"],
+        ["m/s"],
+    )
+    assert after["state_offsets"][0] == pytest.approx(68 * FOOT, rel=1e-15)
+    np.testing.assert_allclose(
+        np.sort_complex(np.linalg.eigvals(after["A"])), np.sort_complex(np.linalg.eigvals(before["A"])), rtol=1e-11
+    )
+    assert after["modes"] == before["modes"]
+
+
+def test_the_solution_is_that_of_the_game_in_si() -> None:
+    """u = -K x is the same input and x'Px the same cost; what has no unit stays."""
+    before, after = answer(*COMMANDS["solve"]), answer(*COMMANDS["solve"], "--units", "si")
+    x = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    x_si = x * [FOOT, 1, 1, 1, 1, 1]
+    np.testing.assert_allclose(np.array(after["K"]) @ x_si, np.array(before["K"]) @ x, rtol=1e-12)
+    assert x_si @ np.array(after["P"]) @ x_si == pytest.approx(x @ np.array(before["P"]) @ x, rel=1e-12)
+    for name in ("delta", "delta_min", "certificate", "loop_margins", "closed_loop_eigenvalues"):
+        assert after[name] == before[name]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_unit_is_si_in_text_and_files(name: str, tmp_path: Path) -> None:
+    words = (*COMMANDS[name], "--units", "si")
+    targets = {suffix: tmp_path / f"out.{suffix}" for suffix in ("json", "npz", "mat", "csv")}
+    for target in targets.values():
+        result = hfa(*words, "-o", str(target))
+        assert result.code == 0
+    body = result.out.split("\nhfa 0.")[0]
+    if name != "validate":  # which names its sources by their speed in ft/s
+        assert not ENGLISH_UNIT.search(body)
+    data = json.loads(targets["json"].read_text("utf-8"))
+    assert data["units"] == "si"
+    stated = json.dumps([value for key, value in data.items() if key.endswith(("unit", "units"))])
+    assert not ENGLISH_UNIT.search(stated)
+    with np.load(targets["npz"]) as arrays:
+        assert str(arrays["units"]) == "si"
+        if "A" in data:
+            np.testing.assert_array_equal(arrays["A"], data["A"])
+    loaded = loadmat(targets["mat"], simplify_cells=True)
+    assert loaded["units"] == "si"
+    with targets["csv"].open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    named = " ".join([*(name for name in rows[0] if "[" in name), *(row.get("unit") or "" for row in rows)])
+    assert not ENGLISH_UNIT.search(named)
+    if name in ("linearize", "solve"):
+        first = next(row for row in rows if row["matrix"] in ("A", "P"))
+        matrix = data[first["matrix"]]
+        assert float(first["value"]) == pytest.approx(matrix[0][0], rel=1e-14)
+        assert first["unit"] in ("(m/s^2)/(m/s)", "1/((m/s) (m/s))")
+
+
+def test_a_sweep_is_its_points(tmp_path: Path) -> None:
+    data = answer(*COMMANDS["sweep"], "--units", "si")
+    single = answer("linearize", "--dihedral", "10", "--speed", "60", "--units", "si")
+    np.testing.assert_allclose(data["A"][0], single["A"], rtol=1e-9, atol=1e-9)
+    assert data["values"][0] == [np.radians(10.0), 60 * FOOT]
+    assert data["grid"]["speed"] == {"values": [60 * FOOT, 68 * FOOT], "unit": "m/s"}
+    assert data["operating_states"][0][2] == pytest.approx(40_000 * FOOT)
+    gain = answer("solve", "--dihedral", "10", "--speed", "60", "--units", "si")["K"]
+    np.testing.assert_allclose(data["game"]["K"][0], gain, rtol=1e-6, atol=1e-9)
+
+
+def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
+    for suffix in ("json", "npz", "mat"):
+        plant = str(tmp_path / f"plant.{suffix}")
+        assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0
+        found = answer("solve", "--model", plant)
+        assert (found["states"][0], found["state_units"][:2]) == ("speed", ["m/s", "rad"])
+    point = str(tmp_path / "plant.json")
+    started = answer("trim", "--dihedral", "12", "--start", point)["operating_point"]["states"]
+    assert started["speed"] == 68.0
+    data = json.loads(Path(point).read_text("utf-8"))
+    data["operating_point"]["state_units"]["speed"] = "km/h"
+    Path(point).write_text(json.dumps(data), encoding="utf-8")
+    assert_refused(hfa("trim", "--dihedral", "12", "--start", point), 2, "is in km/h, not in ft/s or m/s")
+
+
+def test_what_it_does_not_go_with(tmp_path: Path) -> None:
+    plant = str(tmp_path / "plant.json")
+    assert hfa("linearize", "--dihedral", "12", "-o", plant).code == 0
+    assert_refused(hfa("solve", "--model", plant, "--units", "si"), 2, "--units belongs to the aircraft")
+    store = str(tmp_path / "a.zarr")
+    assert_refused(
+        hfa("sweep", "--dihedral", "5,10", "--units", "si", "-o", store), 2, "--units does not go with a store"
+    )
+    assert_refused(hfa("trim", "--dihedral", "12", "--units", "metric"), 2, "use one of english, si")
+    assert answer("trim", "--dihedral", "12")["units"] == "english"
