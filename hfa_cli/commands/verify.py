@@ -25,6 +25,7 @@ from hfa_model.support.errors import BadInputError
 from verification.critic.candidate import from_stored, from_weights
 from verification.critic.check_report import check_report
 from verification.critic.critic_check import LIMIT, CriticCheck, check_critic, check_history
+from verification.critic.ordinary_box import ordinary_box
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     options_of_all = {
         "limit": arguments.limit_error,
+        "box": ordinary_box(named.game, named.states, named.inputs, named.state_units),
         "at_dihedral": None if arguments.dihedral is None else at_dihedral,
     }
     result, time = None, None

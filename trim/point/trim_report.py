@@ -54,7 +54,7 @@ def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPo
             _variables("state", [every[name] for name in (*STATES, "gamma")]),
             _variables("input", [every[name] for name in INPUTS]),
             _nearest(nearest_limits(condition, point)),
-            _equations(point),
+            _equations(point, condition.rates),
             _loads(loads, numbers),
             _performance(numbers),
         ),
@@ -113,12 +113,14 @@ def _nearest(nearest: list[Margin]) -> Table:
     return Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), rows)
 
 
-def _equations(point: OperatingPoint) -> Table:
-    """One row an equation, those that do not balance first."""
+def _equations(point: OperatingPoint, imposed: Mapping[str, float] | None = None) -> Table:
+    """One row an equation, those that do not balance first. Of steady flight without the imposed rates, all zero."""
+    rates = imposed if imposed and any(imposed.values()) else {}
     failing_first = sorted(point.residuals.items(), key=lambda item: _balances(item[0], point))
     rows = [
         (
             f"rate of {name}",
+            *((f"{in_force(rates[name], getattr(RATE_UNITS, name)):.6g}",) if rates else ()),
             f"{in_force(value, getattr(RATE_UNITS, name)):.2e}",
             f"{in_force(_tolerance(name), getattr(RATE_UNITS, name)):.2e}",
             unit_in_force(getattr(RATE_UNITS, name)),
@@ -127,7 +129,8 @@ def _equations(point: OperatingPoint) -> Table:
         )
         for name, value in failing_first
     ]
-    return Table(("equation", "residual", "tolerance", "unit", "scaled", "verdict"), rows)
+    header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
+    return Table(header, rows)
 
 
 def _tolerance(equation: str) -> float:

@@ -43,6 +43,7 @@ def check_report(
         parts=(
             *said,
             checks_block(check.checks),
+            f"Box of states: {check.box.about}",
             _margins(check),
             _cost(check),
             *(() if check.history is None else (check.history.block(),)),

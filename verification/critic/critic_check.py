@@ -21,6 +21,7 @@ from verification.critic.critic_errors import critic_errors
 from verification.critic.critic_history import HistoryErrors, history_errors
 from verification.critic.diagnosis import diagnose
 from verification.critic.flight_cost import SIGNLESS, FlightCost, flight_cost
+from verification.critic.ordinary_box import Box, ordinary_box
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
 from verification.meaning.margins import DiskMargin, disk_margin
 from verification.meaning.saddle import CHANGE, saddle_checks
@@ -40,9 +41,10 @@ SCHEMA = "hfa.critic-check/1"
 class CriticCheck(Reported):
     """The verdict on one critic.
 
-    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
-    gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
-    "". history: the errors over time, of a history.
+    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both gains,
+    None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or "".
+    box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of a
+    history.
     """
 
     exact: GameSolution
@@ -52,6 +54,7 @@ class CriticCheck(Reported):
     exact_margin: DiskMargin
     flight: FlightCost
     diagnosis: str
+    box: Box
     history: HistoryErrors | None = None
 
     @property
@@ -92,6 +95,7 @@ class CriticCheck(Reported):
             "disk_margin": None if self.learned_margin is None else self.learned_margin.disk,
             "disk_margin_exact": self.exact_margin.disk,
             "graded": self.flight.to_dict(),
+            "box": self.box.to_dict(),
             **({} if self.history is None else {"history": self.history.to_dict()}),
         }
 
@@ -104,7 +108,7 @@ def check_critic(
     candidate: Candidate,
     *,
     limit: float = LIMIT,
-    box: np.ndarray | None = None,
+    box: Box | None = None,
     run: LearningResult | None = None,
     predefined_time: float | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
@@ -114,12 +118,12 @@ def check_critic(
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of states, stability
     of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below delta; for a run also the rank of its
-    data, which is taken from it, and its `settling_time` against T_w. limit: of the errors and the residual. box: (n,),
-    half widths, default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle.
+    data, which is taken from it, and its `settling_time` against T_w. limit: of the errors and the residual. box:
+    default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle.
     With a limit above `SADDLE_LIMIT` there are no saddle checks: they would refuse what the limit allows.
     Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
-    exact = solve_game(game)
+    exact, box = solve_game(game), box or ordinary_box(game)
     flight = flight_cost(game, exact, candidate.K)
     gain, too_large = flight.gain, f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
     K, P, finite = candidate.K, candidate.P, candidate.finite
@@ -144,6 +148,7 @@ def check_critic(
         exact_margin=disk_margin(game, exact.K),
         flight=flight,
         diagnosis=diagnosis,
+        box=box,
     )
 
 
@@ -152,6 +157,7 @@ def check_history(
     history: History,
     *,
     limit: float = LIMIT,
+    box: Box | None = None,
     predefined_time: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
@@ -160,10 +166,9 @@ def check_history(
 
     predefined_time: T_w, s, by which every error must be within the limit for good; None: no such check.
     """
-    check = check_critic(
-        game, from_stored(game, history.last, basis(history.basis, len(game.A))), limit=limit, at_dihedral=at_dihedral
-    )
-    errors = history_errors(game, check.exact, history, limit, predefined_time, progress)
+    last = from_stored(game, history.last, basis(history.basis, len(game.A)))
+    check = check_critic(game, last, limit=limit, box=box, at_dihedral=at_dihedral)
+    errors = history_errors(game, check.exact, history, limit, predefined_time, progress, check.box)
     return replace(check, checks=(*check.checks, *errors.checks()), history=errors)
 
 

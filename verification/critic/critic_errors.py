@@ -15,22 +15,13 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.support.checks import Check, at_most
 from verification.critic.candidate import Candidate
+from verification.critic.ordinary_box import Box, ordinary_box
 from verification.riccati.gare import GameSolution
 from verification.riccati.units import balanced_units
 
-#: Half widths of the box of ordinary deviations of the aircraft, chosen here and not by the learner: ft/s, rad and
-#: rad/s, in the order of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
-ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
-#: States and inputs of the aircraft's linear model.
-AIRCRAFT_SHAPE = (6, 5)
 REACH = 10.0
 #: An entry below this part of the largest is compared with that part.
 SMALL = 1e-5
-
-
-def ordinary_box(game: Game) -> np.ndarray:
-    """(n,): `ORDINARY_DEVIATIONS` for a plant of the aircraft's six states and five inputs, else balanced units."""
-    return np.array(ORDINARY_DEVIATIONS) if game.B.shape == AIRCRAFT_SHAPE else balanced_units(game)
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
@@ -60,12 +51,12 @@ def input_weights(game: Game) -> np.ndarray:
 
 
 def critic_errors(
-    game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: np.ndarray | None = None
+    game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
     """Every error of a critic: of K, over the box (default `ordinary_box`), and of P where it has one."""
     return (
         *gain_errors(game, candidate.K, exact.K, limit),
-        *box_errors(game, candidate, exact, ordinary_box(game) if box is None else box, limit),
+        *box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit),
         *(value_errors(game, candidate.P, exact.P, limit) if candidate.P is not None else ()),
     )
 

@@ -18,6 +18,7 @@ from hfa_model.support.report import Block
 from hfa_model.support.text import Table
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import critic_errors
+from verification.critic.ordinary_box import Box
 from verification.critic.run_checks import settled_at
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution
@@ -109,17 +110,18 @@ def history_errors(
     limit: float,
     predefined_time: float | None = None,
     progress: Callable[[int, int], None] | None = None,
+    box: Box | None = None,
 ) -> HistoryErrors:
     """Every row of a history held against the exact solution, as the verdict holds one critic.
 
-    progress: rows done, rows. BadInputError when a row does not fit the game.
+    progress: rows done, rows. box: default `ordinary_box`. BadInputError when a row does not fit the game.
     """
     functions, units = basis(history.basis, len(game.A)), balanced_units(game)
     balanced, squared = in_units(game, units), np.outer(units, units)
     rows = []
     for index in range(len(history.times)):
         candidate = from_stored(game, history.row(index), functions)
-        errors = {check.name: check.value for check in critic_errors(game, candidate, exact, limit)}
+        errors = {check.name: check.value for check in critic_errors(game, candidate, exact, limit, box)}
         residual = math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
         rows.append((errors.get("P_rel_error", math.nan), errors["K_rel_error"], residual, max(errors.values())))
         if progress is not None:

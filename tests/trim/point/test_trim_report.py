@@ -129,3 +129,15 @@ def test_a_point_alone_shows_its_verdicts(published_aircraft: Aircraft) -> None:
     assert repr(point).count("PASS") == len(BALANCED)
     moved = replace(point, states=State(*(np.array(point.states) + 1e-3).tolist()), residuals={"speed": 1.0})
     assert repr(moved).count("FAIL") == 1
+
+
+def test_imposed_rates_are_said_where_they_are_not_zero(published_aircraft: Aircraft) -> None:
+    steady = level_flight(0.2)
+    speeding = replace(steady, rates=dict(steady.rates) | {"speed": 1.5})
+    for condition in (steady, speeding):
+        point = find_operating_point(published_aircraft, condition)
+        lines = trim_report(published_aircraft, condition, point).text().splitlines()
+        row = next(line.split() for line in lines if line.startswith("rate of speed"))
+        header = next(line.split() for line in lines if line.startswith("equation"))
+        assert ("imposed" in header) == (condition is speeding)
+        assert (row[3] == "1.5") == (condition is speeding)
