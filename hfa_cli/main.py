@@ -176,16 +176,23 @@ def _give(number: signal.Signals) -> None:
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
     chosen = words[0] if words else "--help"
     if chosen not in COMMANDS:
-        _overview().parse_words([chosen])
+        overview().parse_words([chosen])
         raise BadInputError(unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa"))
-    module = importlib.import_module(f"hfa_cli.commands.{chosen.replace('-', '_')}")
-    command = Parser(prog=f"hfa {chosen}", description=(module.__doc__ or "").strip())
-    command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
-    module.add_arguments(command)
+    command = Parser(prog=f"hfa {chosen}")
+    module = filled(command, chosen)
     return module, command.parse_words(words[1:])
 
 
-def _overview() -> Parser:
+def filled(command: Parser, name: str) -> Any:
+    """Give a parser the options of a command; its module."""
+    module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
+    command.description = (module.__doc__ or "").strip()
+    command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
+    module.add_arguments(command)
+    return module
+
+
+def overview(with_command: bool = True) -> Parser:
     """`hfa` without a command: --help and --version."""
     parser = Parser(
         prog="hfa",
@@ -194,7 +201,8 @@ def _overview() -> Parser:
         epilog="commands:\n" + "\n".join(f"  {name:<12}{text}" for name, text in COMMANDS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", nargs="?", help="one of the commands below")
+    if with_command:
+        parser.add_argument("command", nargs="?", help="one of the commands below")
     parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     return parser
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hfa_model.support.checks import Check as Check
     from hfa_model.support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
     from hfa_model.support.report import Report as Report
-    from hfa_model.support.units import shown_in as shown_in
+    from hfa_model.support.unit_system import shown_in as shown_in
     from hfa_model.variants import VARIANTS as VARIANTS, Newton as Newton, Published as Published
     from hfa_model.vectors import (
         DEGREE as DEGREE,

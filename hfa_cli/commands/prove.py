@@ -43,7 +43,7 @@ _STEP = 2.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa prove`."""
-    parser.add_argument("statement", nargs="?", choices=STATEMENTS, help="what to prove")
+    parser.add_argument("statement", nargs="?", choices=tuple(STATEMENTS), help="what to prove")
     about = f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})"
     parser.add_argument("file", nargs="?", metavar="FILE", type=input_file(*MATRIX_FILES), help=about)
     add_value(parser, "--basis", str, "NAME", "of the W of `critic`; default quadratic")

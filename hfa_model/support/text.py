@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from hfa_model.support.units import entries_in_force, in_force, unit_in_force
+from hfa_model.support.unit_system import entries_in_force, in_force, unit_in_force
 
 #: Characters of a bar.
 _BAR = 10

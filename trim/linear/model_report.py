@@ -10,8 +10,8 @@ import numpy as np
 
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.support.units import unit_in_force
-from hfa_model.vectors import INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
+from hfa_model.support.unit_system import entries_in_force, unit_in_force
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
 from trim.linear.linearize import LinearModel
@@ -22,6 +22,7 @@ from trim.point.trim_report import warnings
 NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
 #: Matrix -> names of its rows, names of its columns, values.
 _Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
+_UNITS = tuple(UNITS[name] for name in LINEAR_STATES)
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 
 

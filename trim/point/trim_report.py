@@ -22,7 +22,7 @@ from hfa_model.support.text import (
     shown_unit,
     shown_value,
 )
-from hfa_model.support.units import in_force, unit_in_force
+from hfa_model.support.unit_system import in_force, unit_in_force
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint
