@@ -13,6 +13,7 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.report import Report
 from hfa_model.support.text import Table, shown_unit, shown_value
+from hfa_model.support.unit_system import system_in_force
 from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep import Sweep
 from verification.meaning.margins import disk_margin
@@ -87,7 +88,10 @@ def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     records = report.records
     if records is not None:
         pairs = [(row, column) for row in INPUTS for column in found.model_states]
-        entries = [f"K({row}, {column}) [({UNITS[row]})/({UNITS[column]})]" for row, column in pairs]
+        pairs = [(row, column) for row in INPUTS for column in found.model_states]
+        # The unit stands beside the name where it is not that of the model.
+        units = [f" [({UNITS[row]})/({UNITS[column]})]" * (system_in_force() == "si") for row, column in pairs]
+        entries = [f"K({row}, {column}){unit}" for (row, column), unit in zip(pairs, units, strict=True)]
         header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
         numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
         rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]
