@@ -22,7 +22,7 @@ def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
     """--dihedral in degrees, as it is written; what a trim imposes and leaves free; the aircraft."""
     about = "degrees; what is proved holds at every angle between"
     add_value(parser, "--dihedral", degrees, form, about)
-    options.add_settings(parser)
+    options.add_flight(parser)
     options.add_aircraft(parser)
 
 
@@ -44,7 +44,7 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
     """
     from verification.proof.steady_flights import Family
 
-    flights = options.flights_of(arguments)
+    flights = options.flight_of(arguments)
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     if not errors:

@@ -46,10 +46,10 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
     """What every trim can be told: --dihedral and its like, --condition, --free, --hold, --limit, --start."""
     add_value(parser, "--dihedral", angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
-    add_settings(parser)
+    add_flight(parser)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
+def add_flight(parser: argparse.ArgumentParser) -> None:
     """What a trim imposes and leaves free, the dihedral angle apart."""
     add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
     add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
@@ -143,13 +143,13 @@ def one_place(arguments: argparse.Namespace) -> None:
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """The flight that the options name: a named condition, changed by --speed and its like, --hold and --free."""
-    return flights_of(arguments).at(arguments.dihedral)
+    return flight_of(arguments).at(arguments.dihedral)
 
 
-def flights_of(arguments: argparse.Namespace) -> NamedCondition:
+def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> NamedCondition:
     """The flights that the options name but for the dihedral."""
     values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
-    return changed_condition(arguments, values | (arguments.hold or {}))
+    return changed_condition(arguments, values | (arguments.hold or {}), dihedral_is_free=dihedral_is_free)
 
 
 def changed_condition(

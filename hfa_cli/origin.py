@@ -66,6 +66,10 @@ def _condition(arguments: argparse.Namespace) -> dict[str, object]:
     """
     from hfa_cli.options import condition_of
 
+    if hasattr(arguments, "sweep") and hasattr(arguments, "start"):
+        from hfa_cli.options import flight_of
+
+        return flight_of(arguments).to_dict()
     if hasattr(arguments, "vary"):
         from hfa_cli.options import swept_condition_of
 

@@ -25,6 +25,7 @@ from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.report import Report
 from hfa_model.vectors import STATES
+from trim.point.named_condition import NamedCondition
 from verification.page.claims_section import load_claims
 from verification.page.job_report import main_report
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--outputs", some_of(*STATES, *OUTPUTS), "a,b,...", "C and D of these outputs too")
     about = "claims of the paper to show: the folder that `hfa reproduce` wrote, or its claims.json"
     add_value(parser, "--claims", parsed(lambda text: load_claims(Path(text))), "FILE", about)
+    options.add_flight(parser)
     options.add_aircraft(parser)
     about = "write the page, one self-contained .html file"
     parser.add_argument("-o", "--output", type=output_file(".html"), metavar="FILE", help=about)
@@ -62,6 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         swept=_angles("--sweep", arguments.sweep, SWEEP, MOST_SWEPT),
         outputs=arguments.outputs,
         claims=arguments.claims,
+        flight=_flight_of(arguments),
+        start=arguments.start,
         progress=Progress("report").say,
     )
     report = signed(main_report(job))
@@ -70,6 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
     print(report.json() if arguments.json else "\n".join(lines))
     return 0 if job.ok else 1
+
+
+def _flight_of(arguments: argparse.Namespace) -> NamedCondition:
+    """What is trimmed at every angle of the page; the angle itself is the page's."""
+    if "dihedral" in (*(arguments.free or ()), *(arguments.hold or {})):
+        raise BadInputError("the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral")
+    return options.flight_of(arguments, dihedral_is_free=False)
 
 
 def _angles(option: str, given: Range | None, default: np.ndarray, most: int) -> np.ndarray:

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli import assert_refused, hfa
 from import_graph import ROOT
@@ -112,3 +113,27 @@ def test_without_plotly_the_page_is_refused_before_anything_is_computed(
     assert_refused(hfa("report", "-o", str(tmp_path / "page.html")), 2, "Plotly", "pip install .[page]")
     assert hfa("report", "--json", *QUICK).code == FAILED
     plotly_script.cache_clear()
+
+
+def test_every_angle_is_trimmed_as_asked() -> None:
+    """The printed pairs alone stay at the paper's condition."""
+    words = ("--free", "alpha", "--hold", "aileron_outer=0", "--gamma", "1", "--speed", "70")
+    result = hfa("report", "--dihedral", "12", "--sweep", "10,12", *words, "--json")
+    assert result.code == DONE, result.err
+    data = json.loads(result.out)
+    single = json.loads(hfa("linearize", "--dihedral", "12", *words, "--json").out)
+    assert data["angles"][0]["model"]["A"] == single["A"]
+    np.testing.assert_allclose(data["sweep"]["A"][1], single["A"], rtol=1e-9, atol=1e-9)
+    assert data["regeneration"]["ok"]
+    swept = json.loads(hfa("sweep", "--dihedral", "10,12", *words, "--json").out)
+    condition = data["provenance"]["condition"]
+    assert condition.get("free", []) == swept["provenance"]["condition"].get("free", [])
+    assert data["sweep"]["condition"] == condition
+
+
+def test_the_angles_are_those_of_the_page(tmp_path: Path) -> None:
+    for words in (("--free", "dihedral"), ("--hold", "dihedral=3")):
+        refused = hfa("report", "-o", str(tmp_path / "a.html"), *words)
+        assert_refused(refused, 2, "the angles of a report are given by --dihedral and --sweep")
+    refused = hfa("report", "-o", str(tmp_path / "a.html"), "--condition", "simvfa-64", "--sweep", "0:30:10")
+    assert_refused(refused, 2, "30 deg lies outside")

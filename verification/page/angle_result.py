@@ -11,7 +11,9 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.text import in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linearize import LinearModel, linearize
-from trim.point.condition import TrimCondition, level_flight
+from trim.point.condition import TrimCondition
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.meaning.solution_report import AnalysedGame, analyse_game
 from verification.published.judged_critic import JudgedCritic, judged_critic
@@ -51,19 +53,31 @@ class AngleResult:
         return self.critic is not None and self.critic.check.ok
 
 
-def trimmed_angle(aircraft: Aircraft, dihedral: float, outputs: tuple[str, ...] | None = None) -> TrimmedAngle:
-    """Trim and linearize the paper's level flight; an angle without a trim keeps the reason."""
-    condition = level_flight(dihedral)
+def trimmed_angle(
+    aircraft: Aircraft,
+    dihedral: float,
+    outputs: tuple[str, ...] | None = None,
+    flight: NamedCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
+) -> TrimmedAngle:
+    """Trim and linearize a flight at a dihedral angle; an angle without a trim keeps the reason."""
+    condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
-        point = find_operating_point(aircraft, condition)
+        point = find_operating_point(aircraft, condition, start)
     except NoSolutionError as error:
         return TrimmedAngle(dihedral, condition, reason=str(error))
     return TrimmedAngle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
 
 
-def angle_result(aircraft: Aircraft, dihedral: float, outputs: tuple[str, ...] | None = None) -> AngleResult:
+def angle_result(
+    aircraft: Aircraft,
+    dihedral: float,
+    outputs: tuple[str, ...] | None = None,
+    flight: NamedCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
+) -> AngleResult:
     """The same with the game solved, and a critic learned and compared with the solution."""
-    trimmed = trimmed_angle(aircraft, dihedral, outputs)
+    trimmed = trimmed_angle(aircraft, dihedral, outputs, flight, start)
     model = trimmed.model
     if model is None:
         return AngleResult(trimmed, reason=trimmed.reason)

@@ -14,6 +14,8 @@ from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
 from hfa_model.support.text import angle_text
 from hfa_model.variants import variant_named
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep, sweep
 from verification.page.angle_result import AngleResult, TrimmedAngle, angle_result, trimmed_angle
 from verification.published.regeneration import Regeneration, regenerate_all
@@ -71,18 +73,23 @@ def main_job(
     swept: np.ndarray = SWEEP,
     outputs: tuple[str, ...] | None = None,
     claims: StoredClaims | None = None,
+    flight: NamedCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
     progress: Progress = lambda fraction, what: None,
 ) -> MainJob:
-    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad)."""
+    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
+
+    flight, start: what is trimmed, as of `sweep`; the printed pairs are at the paper's condition.
+    """
     aircraft = Aircraft(parameters.values, variant_named(dynamics))
     progress(0.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
     progress(0.05, "sweep")
-    over = sweep(aircraft, {"dihedral": swept})
-    points = tuple(trimmed_angle(aircraft, float(angle)) for angle in swept)
+    over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
+    points = tuple(trimmed_angle(aircraft, float(angle), None, flight, start) for angle in swept)
     found = []
     for count, angle in enumerate(asked):
         progress(0.1 + 0.9 * count / len(asked), f"dihedral {angle_text(angle)}")
-        found.append(angle_result(aircraft, angle, outputs))
+        found.append(angle_result(aircraft, angle, outputs, flight, start))
     progress(1.0, "")
     return MainJob(aircraft, parameters, regeneration, over, points, tuple(found), claims)
