@@ -146,7 +146,7 @@ def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> t
     notes = []
     unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
     if unused and not "".join(np.ravel(stored.get("schema", ""))[:1].astype(str)).startswith("hfa."):
-        named = shortened(", ".join(unused), 200)
+        named = shortened(", ".join(name if name.isprintable() else repr(name) for name in unused), 200)
         notes.append(f"{path}: {named} not used; a model file holds {', '.join(MODEL_KEYS)}")
     missing = [key for key in MODEL_KEYS if key not in given]
     if missing:
