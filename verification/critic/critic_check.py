@@ -41,10 +41,10 @@ SCHEMA = "hfa.critic-check/1"
 class CriticCheck(Reported):
     """The verdict on one critic.
 
-    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both gains,
-    None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or "".
-    box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of a
-    history.
+    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
+    gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
+    "". box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of
+    a history.
     """
 
     exact: GameSolution
