@@ -83,9 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
         full=arguments.full,
         progress=Progress("sweep"),
     )
-    report = sweep_report(result)
+    notes = []
     if arguments.picture is not None and not result.trimmed.any():
-        report = replace(report, notes=[*report.notes, f"nothing to draw: {arguments.picture} is not written"])
+        notes = [f"nothing to draw: {arguments.picture} is not written"]
     elif arguments.picture is not None:
         from trim.sweeps.root_locus import root_locus
 
@@ -97,6 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
         games = sweep_games(result, Progress("games"), **weights_of(arguments))
     with options.units_of(arguments):
         report = sweep_report(result)
+        report = replace(report, notes=[*report.notes, *notes])
         _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
