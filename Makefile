@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all lint bench notebooks lock clean
+.PHONY: report test test-all fuzz lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -19,6 +19,13 @@ test: .venv/ready
 
 test-all: .venv/ready
 	$(BIN)/python -m pytest
+
+# Hostile inputs by every way in, continued where the last run was left; atheris guides them where it installs.
+FUZZ_INPUTS ?= 100000
+FUZZ_SECONDS ?= 3600
+fuzz: .venv/ready
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
+	$(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
 
 lint: .venv/ready
 	$(BIN)/ruff check .

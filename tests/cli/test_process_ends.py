@@ -6,11 +6,11 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
+from endings import stat, until, workers
 from game_files import small
 
 from hfa_cli.main import INTERRUPTED, TERMINATED
@@ -20,28 +20,6 @@ LONG = {
     "monte-carlo": ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "100000", "--workers", "2"),
 }
 proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
-
-
-def _stat(process: int) -> list[str]:
-    """State, parent, ... of a process; "X" for one that is gone."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return ["X", "0"]
-
-
-def _workers(parent: int) -> list[int]:
-    """Worker processes of a run; the one that looks after semaphores is none."""
-    found = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
-    children = [each for each in found if int(_stat(each)[1]) == parent]
-    return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
-
-
-def _until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
-    end = time.monotonic() + seconds
-    while not holds() and time.monotonic() < end:
-        time.sleep(0.05)
-    return holds()
 
 
 @proc
@@ -67,14 +45,14 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
         text=True,
     )
     try:
-        assert _until(lambda: len(_workers(run.pid)) == 2)
-        workers = _workers(run.pid)
+        assert until(lambda: len(workers(run.pid)) == 2)
+        seen = workers(run.pid)
         time.sleep(1.0)
         run.send_signal(number)
         out, err = run.communicate(timeout=30)
     finally:
         run.kill()
-    assert _until(lambda: all(_stat(worker)[0] in "XZ" for worker in workers), 10.0)
+    assert until(lambda: all(stat(worker)[0] in "XZ" for worker in seen), 10.0)
     assert (run.returncode, out) == (code, "")
     if said is not None:
         assert err == said

@@ -1,0 +1,166 @@
+"""Long commands that are ended from outside at some moment, and continued: what is left, and what comes out."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cli import SCRIPT
+
+#: Command -> its words.
+LONG: dict[str, tuple[str, ...]] = {
+    "sweep": (
+        "sweep",
+        "--dihedral",
+        "0:14:0.02",
+        "--vary",
+        "panel_mass=1:1.02:0.001",
+        "--workers",
+        "2",
+        "-o",
+        "a.zarr",
+    ),
+    "monte-carlo": (
+        *("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "1500", "--duration", "1"),
+        *("--workers", "2", "-o", "a.zarr"),
+    ),
+    "reproduce": ("reproduce", "5.4", "-o", "folder"),
+    "study": ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "folder"),
+    "servo": ("servo", "order-1", "-o", "folder", "--duration", "3"),
+    "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),
+}
+SIGNALS = {signal.SIGKILL: None, signal.SIGTERM: "hfa: terminated\n", signal.SIGINT: "hfa: interrupted\n"}
+
+
+class Ended(NamedTuple):
+    """A run: exit code, standard error, seconds, the worker processes that were seen."""
+
+    code: int
+    err: str
+    seconds: float
+    workers: set[int]
+
+
+def stat(process: int) -> list[str]:
+    """State, parent, ... of a process; "X" for one that is gone."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ["X", "0"]
+
+
+def workers(parent: int) -> list[int]:
+    """Worker processes of a run; the one that looks after semaphores is none."""
+    found = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
+    children = [each for each in found if int(stat(each)[1]) == parent]
+    return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
+    """Wait for it; whether it came."""
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.05)
+    return holds()
+
+
+def run(folder: Path, *words: str, number: signal.Signals | None = None, after: float = 0.0) -> Ended:
+    """A command in a folder, with temporary files in folder/temporary; the signal comes `after` seconds."""
+    (folder / "temporary").mkdir(exist_ok=True)
+    place = {**os.environ, "TMPDIR": str(folder / "temporary")}
+    begun, seen = time.monotonic(), set[int]()
+    process = subprocess.Popen(
+        [SCRIPT, *words], cwd=folder, env=place, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        if number is not None:
+            until(lambda: process.poll() is not None or time.monotonic() - begun > after, after + 1.0)
+            seen = set(workers(process.pid))
+            process.send_signal(number)
+        err = process.communicate(timeout=600)[1]
+    finally:
+        process.kill()
+    return Ended(process.returncode, err, time.monotonic() - begun, seen)
+
+
+def ended_wrongly(
+    folder: Path, name: str, moment: random.Random, expected: dict[str, Any], longest: float
+) -> list[str]:
+    """What is wrong with a command that is ended at a random moment by each signal in turn, and then continued."""
+    words, faults = LONG[name], list[str]()
+    again: tuple[str, ...] = ()
+    for number, said in SIGNALS.items():
+        ended = run(folder, *words, *again, number=number, after=moment.uniform(0.0, longest))
+        what = f"{name}, {number.name} after {ended.seconds:.2f} s"
+        if not until(lambda left=ended.workers: all(stat(each)[0] in "XZ" for each in left), 10.0):
+            faults.append(f"{what}: workers are left")
+        if ended.code in (0, 1) and number != signal.SIGKILL:
+            pass  # finished before
+        elif said is not None and not _said(ended, said):
+            faults.append(f"{what}: exit code {ended.code}, {ended.err[-400:]!r}")
+        elif said is not None and _temporary(folder):
+            faults.append(f"{what}: left {_temporary(folder)}")
+        again = _again(folder)
+    last = run(folder, *words, *again)
+    if last.code not in (0, 1) or result_of(folder) != expected:
+        faults.append(f"{name}: continued to exit code {last.code}, {last.err[-400:]!r}, and another result")
+    if _temporary(folder):
+        faults.append(f"{name}: at last there is {_temporary(folder)}")
+    return faults
+
+
+def _again(folder: Path) -> tuple[str, ...]:
+    """--resume where there is something to continue; a store that was killed as it was made is nothing."""
+    store = folder / "a.zarr"
+    if store.exists() and not json.loads(_text(store / "zarr.json")).get("attributes"):
+        shutil.rmtree(store)
+    return ("--resume",) if any((folder / each).exists() for each in ("a.zarr", "a.json", "folder")) else ()
+
+
+def _text(path: Path) -> str:
+    return path.read_text() if path.exists() else "{}"
+
+
+def _said(ended: Ended, said: str) -> bool:
+    """One line; nothing at all where the command had not begun to listen."""
+    lines = [line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")]
+    return lines == [said] or (ended.seconds < 1.0 and ended.code < 0)
+
+
+def _temporary(folder: Path) -> list[str]:
+    inside = [str(path.relative_to(folder)) for path in (folder / "temporary").iterdir()]
+    return inside + [str(path.relative_to(folder)) for path in folder.rglob(".*") if path.name != "."]
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    """File -> what is in it, without when and by which words it was made."""
+    found: dict[str, Any] = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if not path.is_file() or name.startswith("temporary"):
+            continue
+        if path.suffix == ".json":
+            found[name] = _plain(json.loads(path.read_bytes()))
+        elif path.suffix == ".npz":
+            with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+                found[name] = {each: archive.read(each) for each in archive.namelist()}
+        elif path.suffix != ".png":
+            found[name] = path.read_bytes()
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        left = ("provenance", "digest", "checksum", "session")
+        return {key: _plain(each) for key, each in value.items() if key not in left}
+    return [_plain(each) for each in value] if isinstance(value, list) else value

@@ -1,0 +1,179 @@
+"""Every way in to `hfa`: a command with a file that it takes, and how a string of bytes makes that file hostile."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from cli import hfa
+from game_files import small
+from hostile import Choices, hostile_bytes, hostile_mat, hostile_npz, hostile_text, hostile_words
+
+from hfa_cli.main import COMMANDS
+from hfa_model.support.data_files import SUFFIXES
+
+Change = Callable[[bytes, Choices], bytes]
+_CHANGES: dict[str, Change] = {".npz": hostile_npz, ".mat": hostile_mat}
+_AT = ("--dihedral", "15")
+_FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
+_MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
+_SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
+_CONDITION = b"""description = "slow"
+free = ["speed"]
+[impose]
+alpha_deg = [[0, 5.0], [20, 6.0]]
+altitude = 1000.0
+[limits]
+elevator_center_deg = [-30, 30]
+"""
+
+
+class Case(NamedTuple):
+    """A command line, and the files that are there before."""
+
+    words: list[str]
+    files: dict[str, bytes]
+
+
+class Way(NamedTuple):
+    """words: a command; "{}" in it is the file that becomes hostile. file: its name among those of `seeds`.
+
+    beside: other files that the command needs. A file whose name ends in .zarr is a store, with one file of it hostile.
+    """
+
+    words: tuple[str, ...]
+    file: str = ""
+    beside: tuple[str, ...] = ()
+
+    def case(self, content: bytes) -> Case:
+        """What the bytes make of this way in."""
+        choices = Choices(content)
+        if not self.file:
+            command, *rest = choices.of(COMMAND_LINES).split()
+            return Case([command, *hostile_words(rest, options(command), choices)], {})
+        known = seeds()
+        result = {name: known[name] for name in self.beside}
+        names = [name for name in known if name == self.file or name.startswith(f"{self.file}/")]
+        result |= {name: known[name] for name in names}
+        changed = choices.of(names)
+        if changed == self.file or choices.below(4):
+            result[changed] = _change(changed)(known[changed], choices)
+        else:
+            del result[changed]
+        return Case(list(self.words), result)
+
+
+def _change(name: str) -> Change:
+    if ".zarr" in name and not name.endswith(".json"):
+        return hostile_bytes
+    return _CHANGES.get(Path(name).suffix, hostile_text)
+
+
+#: Command lines that are short to run; what they are changed to may be long and is then announced.
+COMMAND_LINES = (
+    "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
+    "linearize --dihedral 5 --states alpha,pitch --outputs speed --json",
+    "sweep --dihedral 0:20:10 --alpha 1:2:0.5 --format markdown -o a.csv",
+    "sweep --dihedral 0:20 --vary panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
+    "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
+    "solve --dihedral 15 --design simvfa-1 -o a.mat",
+    "verify --dihedral 15 --law irl --seed 3 --limit-error 0.1 --limit-cost 5",
+    "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
+    "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1:1:3",
+    "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --engine 1:0.1 --fault 0.5:1:0 --error panel_mass=1.1",
+    "map --dihedral 15 --speeds -1:1:1 --dihedrals 0 --commands 0,1 --envelope alpha=-5:15",
+    "monte-carlo --dihedral 15 --members 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
+    "schedule --dihedral 15 --to 15.1 --over 0.1 --points 2 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
+    "prove solution --dihedral 15",
+    "prove --check a.json",
+    "export --formats a.json",
+    "export --dihedral 15 --c folder",
+    "regenerate --dynamics newton --parameters identified --json",
+    "study --only nothing",
+    "servo nothing -o folder",
+    "reproduce 5.9 -o folder --matrices printed",
+    "report --dihedral 5 --claims nothing",
+)
+WAYS = {
+    "command line": Way(()),
+    "parameters.toml": Way(("trim", *_AT, "--parameters", "{}"), "parameters.toml"),
+    "condition.toml": Way(("trim", *_AT, "--condition", "{}"), "condition.toml"),
+    "condition.toml of a sweep": Way(("sweep", "--dihedral", "10,15", "--condition", "{}"), "condition.toml"),
+    "design.toml": Way(("solve", *_AT, "--design", "{}", "--json"), "design.toml"),
+    "point.json": Way(("trim", *_AT, "--start", "{}"), "point.json"),
+    **{f"plant{each}": Way(("solve", "--model", "{}"), f"plant{each}") for each in (".json", ".npz", ".mat")},
+    "A.csv": Way(("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"), "A.csv", ("B.csv",)),
+    **{
+        f"{what}{each}": Way(("verify", "--model", "plant.json", "--weights", "{}"), f"{what}{each}", ("plant.json",))
+        for what in ("critic", "history")
+        for each in SUFFIXES
+    },
+    **{f"gain{each}": Way(("fly", *_FLOWN, "--gain", "{}"), f"gain{each}") for each in SUFFIXES},
+    "controller.npz": Way(("fly", *_FLOWN, "--controller", "{}", "--actuators", "0.5:60"), "controller.npz"),
+    "table.json": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.json"),
+    "table.npz": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.npz"),
+    "certificate.json": Way(("prove", "--check", "{}"), "certificate.json"),
+    "certificate.json to resume": Way(
+        ("prove", "schedule", "--dihedral", "15:15.001", "--resume", "-o", "{}"), "certificate.json"
+    ),
+    "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr"),
+    "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr"),
+}
+
+
+@cache
+def options(command: str) -> tuple[str, ...]:
+    """The options of a command, without those that start processes or look for machines."""
+    if command not in COMMANDS:
+        return ("--help",)
+    parser = argparse.ArgumentParser(add_help=False)
+    importlib.import_module(f"hfa_cli.commands.{command.replace('-', '_')}").add_arguments(parser)
+    return tuple(name for name in parser._option_string_actions if name not in ("--workers", "--scheduler"))
+
+
+@cache
+def seeds() -> Mapping[str, bytes]:
+    """Files as the commands write them, name -> content; those of a store by their path."""
+    from controllers import small_controller
+    from proof_cases import exact_table
+
+    from controller import save_controller
+    from hfa_model.aircraft import Aircraft
+    from hfa_model.parameters import default_parameters, save_parameters
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        save_parameters(default_parameters(), folder / "parameters.toml", "a copy")
+        (folder / "condition.toml").write_bytes(_CONDITION)
+        (folder / "design.toml").write_bytes(files("controller.designs").joinpath("simvfa_1.toml").read_bytes())
+        save_controller(folder / "controller.npz", small_controller(Aircraft(default_parameters().values, "published")))
+        table = exact_table(14.9, 15.1)
+        np.savez(folder / "table.npz", dihedral_deg=table.dihedral_deg, K=table.K)
+        content = {"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}
+        (folder / "table.json").write_text(json.dumps(content))
+        for suffix in (".json", ".npz", ".mat"):
+            small(folder / f"plant{suffix}")
+        (folder / "A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n")
+        (folder / "B.csv").write_text("u\n0.0\n1.0\n")
+        _run(folder, ("trim", *_AT, "-o", "{}"), "point.json")
+        _run(folder, (*_SWEPT[:-1], "{}"), "points.zarr")
+        _run(folder, (*_MEMBERS[:-1], "{}"), "members.zarr")
+        _run(folder, ("prove", "schedule", "--dihedral", "15:15.001", "-o", "{}"), "certificate.json")
+        for suffix in SUFFIXES:
+            _run(folder, ("solve", *_AT, "-o", "{}"), f"gain{suffix}")
+            _run(folder, ("solve", "--model", str(folder / "plant.json"), "-o", "{}"), f"critic{suffix}")
+            _run(folder, ("learn", "--model", str(folder / "plant.json"), "-o", "{}"), f"history{suffix}")
+        return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _run(folder: Path, words: tuple[str, ...], name: str) -> None:
+    result = hfa(*(str(folder / name) if word == "{}" else word for word in words))
+    assert result.code == 0, (words, result.err)
