@@ -26,7 +26,8 @@ class DesignModel:
 
     z: the states of the linear model, then actuator positions and rates, sensors with a lag, integrals (`states`).
     A: (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity. C: (p, n),
-    D: (p, m) of the sensors. Units: those of the linear model; an integral has its output's times s.
+    D: (p, m) of the sensors. gust: (n, 1), the column of an updraft of 1 ft/s, whether E has it or not. Units: those
+    of the linear model; an integral has its output's times s.
     """
 
     design: Design
@@ -36,6 +37,7 @@ class DesignModel:
     E: np.ndarray
     C: np.ndarray
     D: np.ndarray
+    gust: np.ndarray
     state_units: tuple[str, ...]
     input_units: tuple[str, ...]
 
@@ -134,7 +136,7 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
     E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
     units = dict(zip(model.inputs, model.input_units, strict=True))
     of_inputs = tuple(units[name] for name in design.inputs)
-    return DesignModel(design, model, A, B, E, C[k:], D[k:], _units(design, model), of_inputs)
+    return DesignModel(design, model, A, B, E, C[k:], D[k:], gust, _units(design, model), of_inputs)
 
 
 def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], name: str, design: Design) -> None:

@@ -8,12 +8,15 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+import numpy as np
+
 from hfa_cli import options
 from hfa_cli.games import NamedGame, add_game, game_of
 from hfa_cli.output import say_notes, show
 from verification.meaning.output_report import output_report
 from verification.meaning.solution_report import AnalysedGame, analyse_game, solution_report
 from verification.riccati.output_feedback import OutputGame
+from verification.servo.gust_cost import estimated_gust_cost, gust_cost
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +40,14 @@ def _show(found: AnalysedGame, named: NamedGame, arguments: argparse.Namespace) 
     units = named.state_units, named.input_units
     report = solution_report(found, named.states, named.inputs, named.origin, *units).with_data(**named.labels())
     built = named.built
+    if built is not None:
+        gust = gust_cost(built, named.game, found.solution.K)
+        report = replace(report, parts=(*report.parts, gust.text())).with_data(worst_updraft=gust._asdict())
     if built is not None and built.sensors:
         problem = OutputGame(named.game, built.C, built.D, built.V)
         measured = output_report(problem, built.sensors, built.sensor_units)
+        Ak, Bk, Ck = (np.array(measured.data[name]) for name in ("Ak", "Bk", "Ck"))
+        gust = estimated_gust_cost(built, named.game, (Ak, Bk, Ck))
+        measured = replace(measured, parts=(*measured.parts, gust.text())).with_data(worst_updraft=gust._asdict())
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
     show(report, arguments, target=arguments.output)

@@ -159,7 +159,7 @@ def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[i
         cost,
         bounds,
         init=np.clip(members_at, lows, highs),
-        maxiter=max(1, tuning.evaluations // members - 1),
+        maxiter=max(0, (tuning.evaluations - 1) // members - 1),
         rng=chance,
         tol=0.0,
         polish=False,
