@@ -107,5 +107,5 @@ def test_a_case_is_flown_with_a_controller_beside(folder: Path) -> None:
     assert (folder / "out" / "order-1.png").is_file()
     data = json.loads(hfa(*words, "--resume", "--json").out)
     laws = [flight["law"] for flight in data["cases"][0]["flights"]]
-    assert laws == ["simvfa-1", "simvfa-1 adaptive", "servo.npz", "paper"]
+    assert laws == ["simvfa-1", "simvfa-1 adaptive", "servo", "servo.npz", "paper"]
     assert_refused(hfa("servo", "order-3", "-o", "out"), 2, "choose from order-1, order-1-fault")

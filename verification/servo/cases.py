@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.design.design_file import load_design
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.commands import CommandedStates, CommandSteps
@@ -24,11 +25,14 @@ from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law
+from verification.servo.controllers import design_controller
 from verification.servo.reference_model import REGULATED, reference_servo
 
 #: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.
 TRIM_DEG = 11.0
 ANGLES = np.radians(np.arange(21.0))
+#: Of the table of our servo: what the commands pass, with room.
+OWN_ANGLES = np.radians(np.arange(8.0, 15.0))
 #: s: a step each, the first after `_FIRST`; the flight ends with the last.
 _EACH, _FIRST = 70.0, 1.0
 _DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
@@ -102,6 +106,12 @@ def _adaptive(order: int) -> Callable[[Flown], FlownLaw]:
     return lambda on: adaptive_law(kind, order, on.aircraft, on.point, on.commands, ANGLES)
 
 
+def _servo(on: Flown) -> FlownLaw:
+    """Ours: the packaged design `servo`, from the same three measurements; one design for both orders."""
+    controller = design_controller(on.aircraft, load_design("servo"), OWN_ANGLES)
+    return servo_law(controller, on.commands, on.aircraft, on.point)
+
+
 def _own(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
     return lambda on: servo_law(controller, on.commands, on.aircraft, on.point)
 
@@ -116,5 +126,6 @@ def laws_of(order: int, controllers: Mapping[str, ScheduledController]) -> dict[
     """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for."""
     found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
     found[f"simvfa-{order} adaptive"] = _adaptive(order)
+    found["servo"] = _servo
     found |= {name: _own(controller) for name, controller in controllers.items()}
     return found | {"paper": _paper}

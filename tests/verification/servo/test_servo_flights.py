@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from controller.flight.envelope import flight_envelope
+from controller.flight.gusts import Dryden
+from controller.flight.plants import NonlinearPlant
+from controller.flight.simulate import fly_law
 from hfa_model.aircraft import Aircraft
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
 from verification.servo import servo_flights
-from verification.servo.cases import ANGLES, CASES, DURATION, REGULATED, simvfa_commands
+from verification.servo.cases import (
+    ANGLES,
+    CASES,
+    DURATION,
+    REGULATED,
+    Flown,
+    laws_of,
+    scenario_of,
+    simvfa_commands,
+)
 from verification.servo.reference_model import reference_servo
 from verification.servo.servo_flights import ServoFlight, fly_case, run_case
 from verification.servo.servo_report import servo_report
@@ -33,11 +49,13 @@ def test_the_commands_are_sixteen_steps_of_seventy_seconds() -> None:
 
 def test_two_steps_with_a_fault(published_aircraft: Aircraft) -> None:
     """The first 120 s of the case: the adaptive law misses less than the LQR, and the paper's policy is lost."""
-    lqr, adaptive, paper = fly_case(published_aircraft, "order-1-fault", {}, 120.0)
-    assert [each.law for each in (lqr, adaptive, paper)] == ["simvfa-1", "simvfa-1 adaptive", "paper"]
+    lqr, adaptive, ours, paper = fly_case(published_aircraft, "order-1-fault", {}, 120.0)
+    assert [each.law for each in (lqr, adaptive, ours, paper)] == ["simvfa-1", "simvfa-1 adaptive", "servo", "paper"]
     assert lqr.lost_at is None
     assert adaptive.lost_at is None
     assert errors(adaptive)[0] < 0.95 * errors(lqr)[0]
+    assert ours.lost_at is None
+    assert errors(ours)[0] < 0.8 * errors(adaptive)[0]
     assert paper.lost_at is not None
     assert paper.left == "pitch_rate"
     assert paper.times[-1] == pytest.approx(paper.lost_at, abs=0.05)
@@ -63,6 +81,10 @@ def test_the_numbers_of_simvfa_come_out_again(published_aircraft: Aircraft, case
         if where == case:
             assert flights[law].lost_at is None
             np.testing.assert_allclose(errors(flights[law]), theirs, atol=1e-3)
+    ours = flights["servo"]
+    assert ours.lost_at is None
+    assert errors(ours)[0] < (0.25 if "fault" in case else 0.20)
+    assert np.degrees(ours.fastest) < 1.0
     if case == "order-2-fault":
         lost = flights["simvfa-2"].lost_at
         assert lost is not None
@@ -77,9 +99,9 @@ def test_a_finished_case_is_kept_and_known_again(
     first = run_case(
         published_aircraft, "order-2", own, tmp_path / "out", duration=4.0, progress=lambda *done: told.append(done)
     )
-    assert told[-1] == ("order-2", 4, 4)
+    assert told[-1] == ("order-2", 5, 5)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["order-2.json", "order-2.png"]
-    assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "simvfa-2 adaptive", "ours", "paper"]
+    assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "simvfa-2 adaptive", "servo", "ours", "paper"]
     flown = []
     monkeypatch.setattr(servo_flights, "fly_case", lambda *given: flown.append(given) or ())
     monkeypatch.setattr("verification.servo.servo_figure.servo_figure", lambda *_: pytest.fail("drawn again"))
@@ -91,3 +113,18 @@ def test_a_finished_case_is_kept_and_known_again(
     text = servo_report([first]).text()
     assert "case order-2, published dynamics, 4 s" in text
     assert "simvfa-2" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("intensity", "held"), [(0.3, True), (1.0, False)])
+def test_turbulence_ends_our_servo_between_a_third_and_one_foot_per_second(
+    published_aircraft: Aircraft, intensity: float, held: bool
+) -> None:
+    """A_z is made of alpha over ground: its integral fights the air that rises."""
+    commands, point = simvfa_commands(), find_operating_point(published_aircraft, level_flight(float(np.radians(11.0))))
+    law = laws_of(1, {})["servo"](Flown(published_aircraft, point, commands))
+    air = Dryden(intensity, 1750.0, point.states.speed, 0.05, 2000, 0, 20.0)
+    scenario = replace(scenario_of(CASES["order-1"], commands, 100.0), step=0.001, tick=0.05, gust=air)
+    envelope = flight_envelope(published_aircraft.parameters, point)
+    result = fly_law(NonlinearPlant(published_aircraft, point), law, scenario, envelope)
+    assert (result.departure is None) == held
