@@ -1,7 +1,8 @@
 """Linear models on the coarsest grid of dihedrals whose interpolation error is proved below a tolerance.
 
-The error of A, B and the trimmed inputs is bounded at every angle between the nodes, in ball arithmetic. -o FILE.c
-writes a C function of the interpolation, .npz and .mat the matrices. Needs python-flint (`pip install .[proof]`).
+The error of A, B, the trimmed inputs and the exact game's gain K is bounded at every angle between the nodes, in ball
+arithmetic. -o FILE.c writes a C function of the interpolation, .npz and .mat the matrices. Needs python-flint
+(`pip install .[proof]`).
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli import options
-from hfa_cli.argument_types import positive
+from hfa_cli.argument_types import output_file, positive
 from hfa_cli.flight_family import add_flights, family_of, interval_of
 from hfa_cli.output import Progress, show
 from hfa_cli.parser import add_value
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa lpv`."""
     add_flights(parser, "LOW:HIGH")
     add_value(parser, "--tolerance", positive, "X", "largest error, relative; default 1e-3", default=1e-3)
+    add_value(parser, "--certificate", output_file(".json"), "FILE", "also write what `hfa prove --check` verifies")
     options.add_output(parser, ".c")
 
 
@@ -26,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Bound, choose the nodes, report."""
     from hfa_model.support.files import write_text
     from verification.proof.balls import flint_or_refusal
-    from verification.proof.lpv_grid import coarsest_grid
+    from verification.proof.lpv_grid import certify, coarsest_grid
     from verification.proof.lpv_report import c_source, lpv_report
 
     flint_or_refusal()
@@ -34,6 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     family = family_of(arguments)
     low, high = interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))
+    if arguments.certificate is not None:
+        certify(grid, family, arguments.tolerance, arguments.certificate)
     target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid))

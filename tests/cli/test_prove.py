@@ -41,6 +41,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", str(solved), "--dihedral", "15", "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "-o"),
+        "lpv": ("lpv", "--dihedral", "14:14.125", "--certificate"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
     for kind, each in words.items():
@@ -49,7 +50,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return {"schedule": certificate} | found
 
 
-KINDS = ("schedule", "errors", "solution", "critic")
+KINDS = ("schedule", "errors", "solution", "critic", "lpv")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -200,6 +201,7 @@ def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
     with np.load(tmp_path / "lpv.npz") as stored:
         assert stored["A"].shape[1:] == (6, 6)
         assert stored["error.A"] <= 2e-3
+        assert stored["K"].shape[1:] == (5, 6)
     assert "int hfa_lpv(" in (tmp_path / "lpv.c").read_text()
     assert_refused(hfa("lpv", "--dihedral", "14:14.5", "--tolerance", "0"), 2, "positive")
     assert_refused(hfa("lpv", "--dihedral", "14"), 2, "LOW:HIGH")

@@ -108,7 +108,9 @@ def norm(entries: Iterable[arb]) -> arb:
     """sqrt(Σ entry²): of a matrix the Frobenius norm."""
     from flint import arb
 
-    return sum((entry**2 for entry in entries), arb(0)).nonnegative_part().sqrt()
+    known = list(entries)
+    low, high = (sum((end(entry) ** 2 for entry in known), arb(0)) for end in (arb.abs_lower, arb.abs_upper))
+    return low.sqrt().union(high.sqrt())
 
 
 def pivots(values: arb_mat) -> list[arb] | None:

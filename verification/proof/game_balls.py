@@ -175,6 +175,19 @@ def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
     n = P.nrows()
     loop = game.A - S * P
     residual = game.A.transpose() * P + P * game.A + game.Q() - P * S * P
+    try:
+        inverse = lyapunov_operator(loop).inv()
+    except ZeroDivisionError as error:
+        raise NoSolutionError("the Riccati equation has a multiple root: A - S P is singular") from error
+    flat = inverse * arb_mat([[entry] for entry in residual.entries()])
+    return arb_mat(n, n, [row[0] for row in flat.tolist()]), norm(inverse.entries())
+
+
+def lyapunov_operator(loop: arb_mat) -> arb_mat:
+    """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row."""
+    from flint import arb_mat
+
+    n = loop.nrows()
     rows = loop.tolist()
     entries = [[exact(0.0)] * (n * n) for _ in range(n * n)]
     for i in range(n):
@@ -182,12 +195,7 @@ def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
             for k in range(n):  # (A_c'E + E A_c)_ij = Σ_k A_c,ki E_kj + E_ik A_c,kj
                 entries[n * i + j][n * k + j] += rows[k][i]
                 entries[n * i + j][n * i + k] += rows[k][j]
-    try:
-        inverse = arb_mat(entries).inv()
-    except ZeroDivisionError as error:
-        raise NoSolutionError("the Riccati equation has a multiple root: A - S P is singular") from error
-    flat = inverse * arb_mat([[entry] for entry in residual.entries()])
-    return arb_mat(n, n, [row[0] for row in flat.tolist()]), norm(inverse.entries())
+    return arb_mat(entries)
 
 
 def _graded(values: arb_mat) -> arb_mat:

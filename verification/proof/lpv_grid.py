@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.zero_sum import published_game
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
 from verification.proof.ball_function import Undecided
 from verification.proof.balls import symmetric
+from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
+from verification.proof.gain_forms import GainForm, gain_form
+from verification.proof.stated_model import stated
 from verification.proof.steady_flights import Family
 from verification.proof.taylor import DihedralBox, TaylorForm
 from verification.proof.trim_branch import ModelForms, TrimBranch
@@ -23,24 +28,28 @@ if TYPE_CHECKING:
 _CELL = 2.0**-4
 #: Narrower cells are not tried.
 _NARROWEST = 2.0**-8
+#: Bounds in a certificate over those proved: the checker encloses in another way.
+_STATED = 1.1
 #: What rounding of a node's entries to doubles may add to the error, relative.
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class LpvGrid:
-    """A(η), B(η) and U0(η) at the nodes; between two nodes they are interpolated linearly.
+    """A(η), B(η), U0(η) and the exact game's K(η) at the nodes; between two nodes they are interpolated linearly.
 
-    dihedral_deg: (G,). A: (G, 6, 6), B: (G, 6, 5), inputs: (G, 5). error: proved bounds, at every angle between the
-    first and the last node, of |A - Â| / |A| and |B - B̂| / |B| (Frobenius) and of |U0 - Û0| in units of the inputs
-    (`INPUT_SCALES`, Euclidean).
+    dihedral_deg: (G,). A: (G, 6, 6), B: (G, 6, 5), inputs: (G, 5), K: (G, 5, 6). error: proved bounds, at every angle
+    between the first and the last node, of |A - Â| / |A|, |B - B̂| / |B|, |K - K̂| / |K| (Frobenius) and of |U0 - Û0| in
+    units of the inputs (`INPUT_SCALES`, Euclidean). cells: what a certificate says of each.
     """
 
     dihedral_deg: np.ndarray
     A: np.ndarray
     B: np.ndarray
     inputs: np.ndarray
+    K: np.ndarray
     error: dict[str, float]
+    cells: tuple[dict[str, Any], ...]
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,8 @@ class _Cell:
     high: float
     curvature: dict[str, float]
     size: dict[str, float]
+    gain: GainForm
+    entry: dict[str, Any]
 
 
 def coarsest_grid(
@@ -59,8 +70,8 @@ def coarsest_grid(
     """As few nodes as the bound allows: from `low` on, every step is the longest whose bound stays below the tolerance.
 
     Between nodes a distance h apart F - F̂ is the integral of F'' against Peano's kernel, whose own integral is at most
-    h²/8; so |F - F̂| <= h² max |F''| / 8 in any norm. Nodes are ends of cells of 1/16 deg. NoSolutionError when no step
-    is fine enough.
+    h²/8; so |F - F̂| <= h² max |F''| / 8 in any norm. K is compared with its polynomial on each cell. Nodes are ends of
+    cells of 1/16 deg. NoSolutionError when no step is fine enough.
     """
     branch = TrimBranch(family)
     cells: list[_Cell] = []
@@ -84,26 +95,37 @@ def coarsest_grid(
         nodes.append(cells[last].high)
         errors.append(error)
         first = last + 1
-    return _grid(branch, nodes, {name: max(error[name] for error in errors) for name in errors[0]})
-
-
-def _grid(branch: TrimBranch, nodes: list[float], error: dict[str, float]) -> LpvGrid:
+    bounds = {name: max(error[name] for error in errors) for name in errors[0]}
+    ends = {cell.low: _gain_at(cell, -1.0) for cell in cells} | {cells[-1].high: _gain_at(cells[-1], 1.0)}
+    K = np.array([ends[node] for node in nodes])
     points = [branch.model_at(node) for node in nodes]
     A, B, inputs = (np.array([_doubles(point[part]) for point in points]) for part in range(3))
-    return LpvGrid(np.array(nodes), A, B, inputs[..., 0], error)
+    return LpvGrid(np.array(nodes), A, B, inputs[..., 0], K, bounds, tuple(cell.entry for cell in cells))
+
+
+def certify(grid: LpvGrid, family: Family, tolerance: float, path: Path) -> None:
+    """Write the certificate of a grid: all errors are within the tolerance, or the largest bound a little wider."""
+    game = published_game(grid.A[0], grid.B[0])
+    nodes = {name: getattr(grid, name) for name in ("dihedral_deg", "A", "B", "K")} | {"inputs": grid.inputs[..., None]}
+    claim = flights_claim(family, float(grid.dihedral_deg[0]), float(grid.dihedral_deg[-1])) | {
+        "game": {name: getattr(game, name) for name in ("Q", "R", "E", "delta")},
+        "nodes": nodes,
+        "error": dict.fromkeys(grid.error, max(tolerance, _STATED * max(grid.error.values()))),
+    }
+    write_certificate(path, "lpv", claim, {"cells": list(grid.cells)})
 
 
 def _cells(branch: TrimBranch, box: DihedralBox) -> list[_Cell]:
     """The bounds of a box, or of its parts when it is too wide for them."""
     try:
-        return [_cell(branch.forms(box))]
+        return [_cell(branch.forms(box), branch)]
     except Undecided:
         if box.high - box.low <= _NARROWEST:
             raise NoSolutionError(f"the models from {box.low:g} to {box.high:g} deg could not be enclosed") from None
         return [cell for half in box.halves() for cell in _cells(branch, half)]
 
 
-def _cell(forms: ModelForms) -> _Cell:
+def _cell(forms: ModelForms, branch: TrimBranch) -> _Cell:
     scales = [[1 / scale] for scale in INPUT_SCALES]
     curvature, size = {}, {}
     for name, form in (("A", forms.A), ("B", forms.B), ("inputs", forms.inputs)):
@@ -112,7 +134,36 @@ def _cell(forms: ModelForms) -> _Cell:
         curvature[name] = _frobenius([[float(2 * abs(entry).upper()) for entry in row] for row in bend], weights)
         least = [[max(0.0, float(abs(entry).lower())) for entry in row] for row in value]
         size[name] = 1.0 if name == "inputs" else _frobenius(least, weights)
-    return _Cell(forms.box.low, forms.box.high, curvature, size)
+    gain = gain_form(forms)
+    K, rises = np.abs(gain.coefficients[0]), np.abs(gain.coefficients[1:]) * _powers(forms.box)
+    size["K"] = float(np.linalg.norm(np.maximum(0.0, K - rises.sum(axis=0) - gain.rest)))
+    entry = box_entry(forms.box, stated(forms, branch.free), branch.family.decimals, **gain.proof)
+    return _Cell(forms.box.low, forms.box.high, curvature, size, gain, entry)
+
+
+def _powers(box: DihedralBox) -> np.ndarray:
+    return np.array([float(box.radius), float(box.radius) ** 2])[:, None, None]
+
+
+def _gain_at(cell: _Cell, s: float) -> np.ndarray:
+    """The polynomial of K at an end of the cell, s = -1 or 1."""
+    r = s * (cell.high - cell.low) / 2
+    return np.asarray(cell.gain.coefficients[0] + r * cell.gain.coefficients[1] + r * r * cell.gain.coefficients[2])
+
+
+def _gain_error(cells: list[_Cell]) -> float:
+    """|K - K̂| / |K| with K̂ linear over all of the cells: on each by the control points of the difference."""
+    low, high = cells[0].low, cells[-1].high
+    first, last = _gain_at(cells[0], -1.0), _gain_at(cells[-1], 1.0)
+    worst = 0.0
+    for cell in cells:
+        middle, r = (cell.low + cell.high) / 2, (cell.high - cell.low) / 2
+        slope = (last - first) / (high - low)
+        c0 = cell.gain.coefficients[0] - first - slope * (middle - low)
+        c1, c2 = (cell.gain.coefficients[1] - slope) * r, cell.gain.coefficients[2] * r * r
+        most = np.abs([c0 - c1 + c2, c0 - c2, c0 + c1 + c2]).max(axis=0) + cell.gain.rest
+        worst = max(worst, float(np.linalg.norm(most)))
+    return _wider(worst / min(cell.size["K"] for cell in cells))
 
 
 def _bend(form: TaylorForm) -> arb_mat:
@@ -127,12 +178,13 @@ def _frobenius(values: list[list[float]], weights: list[list[float]]) -> float:
 def _bound(cells: list[_Cell]) -> dict[str, float]:
     """h² max |F''| / (8 min |F|); the sums of doubles are widened by more than their rounding."""
     width = cells[-1].high - cells[0].low
-    return {
+    bounds = {
         name: _wider(
             width**2 / 8 * max(cell.curvature[name] for cell in cells) / min(cell.size[name] for cell in cells)
         )
         for name in cells[0].curvature
     }
+    return bounds | {"K": _gain_error(cells)}
 
 
 def _wider(value: float) -> float:

@@ -18,7 +18,12 @@ def lpv_report(grid: LpvGrid, tolerance: float, dynamics: str) -> Report:
     """The proved bounds and where the nodes are; the matrices are data."""
     steps = np.diff(grid.dihedral_deg)
     low, high = grid.dihedral_deg[0], grid.dihedral_deg[-1]
-    what = {"A": "|A - Â| / |A|", "B": "|B - B̂| / |B|", "inputs": "|U0 - Û0|, in units of the inputs"}
+    what = {
+        "A": "|A - Â| / |A|",
+        "B": "|B - B̂| / |B|",
+        "inputs": "|U0 - Û0|, in units of the inputs",
+        "K": "|K - K̂| / |K|",
+    }
     rows = [(what[name], f"{value:.3g}") for name, value in grid.error.items()]
     data: dict[str, Any] = {
         "schema": SCHEMA,
@@ -29,6 +34,7 @@ def lpv_report(grid: LpvGrid, tolerance: float, dynamics: str) -> Report:
         "A": grid.A,
         "B": grid.B,
         "inputs_offset": grid.inputs,
+        "K": grid.K,
         "states": list(LINEAR_STATES),
         "inputs": list(INPUTS),
         "state_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
@@ -52,7 +58,7 @@ def c_source(grid: LpvGrid) -> str:
     bounds = ", ".join(f"{name} {value:.3g}" for name, value in grid.error.items())
     tables = "\n".join(
         f"static const double {name}_at[{count}][{values[0].size}] = {{\n{_rows(values)}}};"
-        for name, values in (("A", grid.A), ("B", grid.B), ("U0", grid.inputs))
+        for name, values in (("A", grid.A), ("B", grid.B), ("U0", grid.inputs), ("K", grid.K))
     )
     return f"""/* Linear models of the aircraft over the dihedral, linear between the nodes; proved errors: {bounds}.
    States: {", ".join(LINEAR_STATES)}. Inputs: {", ".join(INPUTS)}. English units and radians; dihedral in degrees. */
@@ -63,8 +69,9 @@ static void between(const double *first, const double *last, double share, size_
 {{
     for (size_t i = 0; i < size; i++) out[i] = first[i] + share * (last[i] - first[i]);
 }}
-/* A[36], B[30], U0[5], matrices row by row; returns 0, or 1 and nothing when the dihedral is outside the nodes. */
-int hfa_lpv(double dihedral_deg, double *A, double *B, double *U0)
+/* A[36], B[30], U0[5] and the exact game's gain K[30], u = -K x; matrices row by row. Returns 0, or 1 and nothing when
+   the dihedral is outside the nodes. */
+int hfa_lpv(double dihedral_deg, double *A, double *B, double *U0, double *K)
 {{
     size_t k = 0;
     if (!(dihedral_deg >= node_deg[0] && dihedral_deg <= node_deg[{count - 1}])) return 1;
@@ -73,6 +80,7 @@ int hfa_lpv(double dihedral_deg, double *A, double *B, double *U0)
     between(A_at[k], A_at[k + 1], share, 36, A);
     between(B_at[k], B_at[k + 1], share, 30, B);
     between(U0_at[k], U0_at[k + 1], share, 5, U0);
+    between(K_at[k], K_at[k + 1], share, 30, K);
     return 0;
 }}
 """
@@ -89,10 +97,14 @@ def _numbers(values: np.ndarray) -> str:
 def _records(grid: LpvGrid) -> Table:
     rows = []
     for k, angle in enumerate(grid.dihedral_deg.tolist()):
-        for name, matrix, columns in (("A", grid.A[k], LINEAR_STATES), ("B", grid.B[k], INPUTS)):
+        for name, matrix, names, columns in (
+            ("A", grid.A[k], LINEAR_STATES, LINEAR_STATES),
+            ("B", grid.B[k], LINEAR_STATES, INPUTS),
+            ("K", grid.K[k], INPUTS, LINEAR_STATES),
+        ):
             rows += [
                 (angle, name, row, column, matrix[i, j])
-                for i, row in enumerate(LINEAR_STATES)
+                for i, row in enumerate(names)
                 for j, column in enumerate(columns)
             ]
         rows += [(angle, "U0", name, "", value) for name, value in zip(INPUTS, grid.inputs[k].tolist(), strict=True)]

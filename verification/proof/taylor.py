@@ -12,6 +12,9 @@ from verification.proof.balls import exact, interval, symmetric
 if TYPE_CHECKING:
     from flint import arb, arb_mat, arb_series
 
+#: Corners are those of a box this much wider, because whoever checks them may enclose its remainder a little worse; not
+#: of boxes of a radius, deg, at which the remainder hardly counts.
+_WIDER, _NARROW = 1.1, 2.0**-8
 #: Coefficients of the polynomial: 1, τ, τ². The remainder is of third order.
 ORDER = 3
 
@@ -105,7 +108,8 @@ class TaylorForm:
         on the box when it holds at these four.
         """
         constant, slope, bend = self.coefficients
-        square = self.radius**2
-        rest = (symmetric(self.radius) * square) * self.last
+        radius = _WIDER * self.radius if self.radius > _NARROW else self.radius
+        square = radius**2
+        rest = (symmetric(radius) * square) * self.last
         for tau, curve in ((1, 1), (0.5, 0), (-0.5, 0), (-1, 1)):
-            yield constant + (tau * self.radius) * slope + (curve * square) * bend + rest
+            yield constant + (tau * radius) * slope + (curve * square) * bend + rest

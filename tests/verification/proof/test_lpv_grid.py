@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import family, model_at
+from proof_cases import exact_gain, family, model_at
 
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.lpv_grid import LpvGrid, coarsest_grid
+from verification.proof.certificate_file import digest
+from verification.proof.checked_report import checked_report
+from verification.proof.checker import check_certificate
+from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
 from verification.proof.lpv_report import c_source, lpv_report
+from verification.proof.taylor_model import Rejected
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +27,23 @@ def grid() -> LpvGrid:
     return coarsest_grid(family(), 14.0, 15.0, 2e-3)
 
 
-def between(grid: LpvGrid, degrees: float) -> tuple[np.ndarray, np.ndarray]:
+def between(grid: LpvGrid, degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     k = int(np.clip(np.searchsorted(grid.dihedral_deg, degrees, side="right") - 1, 0, len(grid.A) - 2))
     share = (degrees - grid.dihedral_deg[k]) / (grid.dihedral_deg[k + 1] - grid.dihedral_deg[k])
-    return tuple(each[k] + share * (each[k + 1] - each[k]) for each in (grid.A, grid.B))  # type: ignore[return-value]
+    return tuple(each[k] + share * (each[k + 1] - each[k]) for each in (grid.A, grid.B, grid.K))  # type: ignore[return-value]
 
 
 def test_the_error_stays_below_its_bound_and_not_far(grid: LpvGrid) -> None:
     assert max(grid.error.values()) <= 2e-3
-    errors = []
+    errors, gains = [], []
     for angle in np.linspace(14.0, 15.0, 17):
-        model, (A, B) = model_at(float(angle)), between(grid, float(angle))
+        model, (A, B, K) = model_at(float(angle)), between(grid, float(angle))
+        gain = exact_gain(float(angle))
+        gains.append(np.linalg.norm(K - gain) / np.linalg.norm(gain))
         errors.append(np.linalg.norm(A - model.A) / np.linalg.norm(model.A))
         assert np.linalg.norm(B - model.B) / np.linalg.norm(model.B) <= grid.error["B"]
     assert 0.5 * grid.error["A"] < max(errors) <= grid.error["A"]
+    assert 0.5 * grid.error["K"] < max(gains) <= grid.error["K"]
 
 
 def test_half_the_step_has_a_quarter_of_the_error(grid: LpvGrid) -> None:
@@ -52,22 +61,51 @@ def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
     assert report.title.startswith(f"Proved: {len(grid.A)} models from 14 to 15 deg")
     assert np.array_equal(report.data["A"], grid.A)
     assert report.records is not None
-    assert len(report.records.rows) == len(grid.A) * (36 + 30 + 5)
+    assert len(report.records.rows) == len(grid.A) * (36 + 30 + 5 + 30)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_the_c_function_interpolates(grid: LpvGrid, tmp_path: Path) -> None:
     source, library = tmp_path / "lpv.c", tmp_path / "lpv.so"
     source.write_text(c_source(grid))
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    subprocess.run(["cc", *flags, str(source), "-o", str(library)], check=True)
+    subprocess.run(["gcc", *flags, str(source), "-o", str(library)], check=True)
     function = ctypes.CDLL(str(library)).hfa_lpv
-    A, B, U0 = (np.zeros(size) for size in (36, 30, 5))
-    pointers = [each.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for each in (A, B, U0)]
+    A, B, U0, K = (np.zeros(size) for size in (36, 30, 5, 30))
+    pointers = [each.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for each in (A, B, U0, K)]
     for angle in (14.0, 14.3, 14.999, 15.0):
         assert function(ctypes.c_double(angle), *pointers) == 0
-        expected_A, expected_B = between(grid, angle)
+        expected_A, expected_B, expected_K = between(grid, angle)
+        np.testing.assert_allclose(K.reshape(5, 6), expected_K, rtol=1e-13, atol=1e-13)
         np.testing.assert_allclose(A.reshape(6, 6), expected_A, rtol=1e-13, atol=1e-13)
         np.testing.assert_allclose(B.reshape(6, 5), expected_B, rtol=1e-13, atol=1e-13)
     for angle in (13.999, 15.001, np.nan):
         assert function(ctypes.c_double(angle), *pointers) == 1
+
+
+def test_a_grid_is_verified_and_a_better_one_is_not(grid: LpvGrid, tmp_path: Path) -> None:
+    path = tmp_path / "certificate.json"
+    certify(grid, family(), 2e-3, path)
+    data = checked_report(check_certificate(path)).data
+    assert data["nodes"] == len(grid.A)
+    assert max(data["error"].values()) <= 1.1 * 2e-3
+    content = json.loads(path.read_text())
+    for change in (_smaller_error, _other_gain, _missing_cell):
+        forged = json.loads(path.read_text())
+        change(forged)
+        path.write_text(json.dumps(forged | {"digest": digest(forged)}))
+        with pytest.raises(Rejected):
+            check_certificate(path)
+        path.write_text(json.dumps(content))
+
+
+def _smaller_error(content: dict[str, Any]) -> None:
+    content["statement"]["error"]["A"] /= 4.0
+
+
+def _other_gain(content: dict[str, Any]) -> None:
+    content["statement"]["nodes"]["K"][0] = (1.2 * np.array(content["statement"]["nodes"]["K"][0])).tolist()
+
+
+def _missing_cell(content: dict[str, Any]) -> None:
+    content["boxes"]["cells"].pop(3)

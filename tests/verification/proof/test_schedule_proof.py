@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from proof_cases import exact_table, family, model_at, unstable_between
 
+from hfa_model.parameters import default_parameters
 from hfa_model.support.errors import BadInputError
+from verification.proof.certificate_file import ScheduleCertificate
+from verification.proof.checker import check_certificate
 from verification.proof.gain_table import GainTable
-from verification.proof.schedule_proof import Cover, ScheduleProof, prove_schedule
+from verification.proof.schedule_proof import Cover, ScheduleProof, joined, prove_schedule
 from verification.riccati.spectrum import spectrum
 
 
@@ -89,6 +95,20 @@ def test_a_table_that_does_not_reach_is_refused() -> None:
 def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
     with pytest.raises(BadInputError):
         GainTable(np.array(angles), np.zeros(shape))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_whole_range_is_proved_within_one_standard_error(dynamics: str, tmp_path: Path) -> None:
+    known, angles = default_parameters(), np.linspace(0.0, 20.0, 11).tolist()
+    spread = tuple(known.standard_errors.get(name, 0.0) for name in known.values._fields)
+    flights, table = replace(family(dynamics), spread=spread), exact_table(*angles, dynamics=dynamics)
+    proof = prove_schedule(flights, table, 0.0, 20.0)
+    assert proof.proved
+    assert proof.rate > 0.29
+    path = tmp_path / "certificate.json"
+    ScheduleCertificate(flights, table, 0.0, 20.0, path).finish(proof)
+    assert joined(check_certificate(path).covers["loop"]) == [(0.0, 20.0, 0)]
 
 
 @pytest.mark.slow
