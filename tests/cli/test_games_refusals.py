@@ -204,7 +204,7 @@ def test_bad_requests_with_weights(words: str, named: str) -> None:
 
 
 def test_a_basis_belongs_to_weights() -> None:
-    assert_command_refuses("verify", (*AT_15, "--basis", "quadratic"), BAD_INPUT, "use --set basis=NAME")
+    assert_command_refuses("verify", (*AT_15, "--basis", "quadratic"), BAD_INPUT, "use --set basis=")
 
 
 @pytest.mark.parametrize(

@@ -172,7 +172,6 @@ def test_bad_parameters_files(
         ("--dihedral a:b:c", "dihedral start is 'a'"),
         ("--dihedral 0:nan:1", "dihedral stop is nan"),
         ("--dihedral 0:20:0.01 --speed 50:80:0.01", "points"),
-        ("--gamma 0:1:1", "--gamma"),
         ("--dihedral 0:20:5 --dynamics aristotle", "'aristotle'"),
         ("--dihedral 0:20:5 --picture locus.jpg", "'.jpg'"),
         ("--dihedral 0:20:5 --picture folder.png", "it is a folder"),
