@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from controller.flight.servo_policy import servo_law as servo_law
     from controller.flight.signals import Harmonic as Harmonic, Signal as Signal
     from controller.flight.simulate import Scenario as Scenario, fly as fly
+    from controller.flight.spanwise import side_by_side as side_by_side, spanwise_dryden as spanwise_dryden
     from controller.flight.uncertain import Uncertainty as Uncertainty
     from controller.game.basis import Basis as Basis, basis as basis
     from controller.game.history import History as History

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +15,9 @@ from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulate import NonlinearFlight, Scenario
+from controller.flight.spanwise import side_by_side, spanwise_dryden
 from controller.game.zero_sum import Game, published_game
-from hfa_cli import games
+from hfa_cli import games, options
 from hfa_cli.actuator_options import actuators_of, add_actuators
 from hfa_cli.argument_types import number, numbers, quantity, span, whole
 from hfa_cli.learning import add_settings, law_settings, show_learning
@@ -40,6 +42,7 @@ LAWS = ("exact", "certified", "irl")
 #: In place of NAME=...: what the paper simulates in Section 5, as `verification/experiments/section5.toml` reads it.
 PAPER = "paper"
 #: How help shows colon-separated numbers.
+_OUTER = "PEAK[:DELAY]"
 _GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
 _TICK = 0.01
 
@@ -54,6 +57,10 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
     add_actuators(parser)
     add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
+    add_value(parser, "--outer-gust", numbers(_OUTER, 1, 2), _OUTER, "other peak at the outer panels, ft/s; s later")
+    parser.add_argument(
+        "--spanwise", action="store_true", help="turbulence that differs between center and outer panels"
+    )
     add_value(
         parser, "--turbulence", numbers(TURBULENCE, 2, 3), TURBULENCE, "Dryden turbulence, ft/s, ft and s, from --seed"
     )
@@ -184,7 +191,7 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
         noise=signal_of("noise", arguments.noise),
         errors=arguments.error or {},
         actuators=actuators_of(arguments),
-        gust=_gust(arguments, point.states.speed, duration),
+        gust=_gust(arguments, point, duration),
     )
 
 
@@ -246,15 +253,34 @@ def _check_state(name: str, names: tuple[str, ...]) -> None:
         raise argparse.ArgumentTypeError(f"is not among the states {', '.join(names)}")
 
 
-def _gust(arguments: argparse.Namespace, speed: float, duration: float) -> Gust | None:
+def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float) -> Gust | None:
+    for option, needed in (("outer_gust", "gust"), ("spanwise", "turbulence")):
+        if getattr(arguments, option) and getattr(arguments, needed) is None:
+            raise BadInputError(f"--{option.replace('_', '-')} belongs to --{needed}; give that too, or leave it out")
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
+    speed = point.states.speed
     if arguments.gust is not None:
         length, peak, *begin = arguments.gust
-        if begin and not 0 <= begin[0] < duration:
-            raise BadInputError(f"--gust begins at {begin[0]:g} s; the flight lasts from 0 to {duration:g} s")
-        return OneMinusCosine(length, peak, speed, *begin)
+        gust = _one_minus_cosine("gust", duration, length, peak, speed, *begin)
+        if arguments.outer_gust is None:
+            return gust
+        outer_peak, *delay = arguments.outer_gust
+        later = gust.begin + (delay[0] if delay else 0.0)
+        return side_by_side(gust, _one_minus_cosine("outer-gust", duration, length, outer_peak, speed, later))
     if arguments.turbulence is not None:
         intensity, scale, *fade = arguments.turbulence
-        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
+        turbulence = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
+        if not arguments.spanwise:
+            return turbulence
+        panel = options.aircraft_of(arguments).parameters.panel_span
+        return spanwise_dryden(turbulence, panel / 2 * (1 + math.cos(point.states.dihedral)))
     return None
+
+
+def _one_minus_cosine(
+    option: str, duration: float, length: float, peak: float, speed: float, begin: float = 0.0
+) -> OneMinusCosine:
+    if not 0 <= begin < duration:
+        raise BadInputError(f"--{option} begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
+    return OneMinusCosine(length, peak, speed, begin)

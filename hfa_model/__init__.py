@@ -33,5 +33,6 @@ if TYPE_CHECKING:
         Input as Input,
         State as State,
     )
+    from hfa_model.winds import Wind as Wind, Winds as Winds
 
 __getattr__, __dir__, __all__ = open_door(__name__)

@@ -102,7 +102,7 @@ class ClosedLoop:
         return Expressions(ca.vertcat(rate_of_plant, *rates), error, u, d, ca.SX(updraft))
 
     def updraft(self, t: Any, y: Any, p: Any) -> Any:
-        """w, ft/s; the number 0.0 in still air."""
+        """w, ft/s, a scalar or (2,) at center and outer panels; the number 0.0 in still air."""
         if self.gust is None:
             return 0.0
         return self.gust.updraft(t, y[sum(self._y_sizes[:-1]) :], p[sum(self._p_sizes[:-1]) :])
@@ -159,7 +159,8 @@ class Flight:
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.
-    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s.
+    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s,
+    or (N, 2) at the center panel and at the outer panels.
     """
 
     times: np.ndarray
@@ -208,13 +209,13 @@ class CompiledLoop:
         table = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
         errors, inputs, disturbances, updrafts = self._watched(path.times, path.states, table)
         states, own = self.loop.parts(path.states)
-        return Flight(path.times, states, errors, inputs, disturbances, own, updrafts.ravel())
+        return Flight(path.times, states, errors, inputs, disturbances, own, _by_panel(updrafts))
 
     def updrafts(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-        """w at times (N,) and rows y (N, n) under the constants p of one tick, (N,), ft/s; None in still air."""
+        """w at times (N,) and rows y (N, n) under the constants p of one tick, as in `Flight`; None in still air."""
         if self.loop.gust is None:
             return None
-        return np.array(self._updraft.map(len(times))(times[None], y.T, np.tile(p[:, None], len(times)))).ravel()
+        return _by_panel(np.array(self._updraft.map(len(times))(times[None], y.T, np.tile(p[:, None], len(times)))).T)
 
     def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:
         """Errors, inputs, disturbances and updrafts, a row a step, in blocks: one map of all steps takes a gigabyte."""
@@ -224,3 +225,8 @@ class CompiledLoop:
             many = self._seen.map(len(times[rows]))
             blocks.append([np.array(part).T for part in many(times[None, rows], states[rows].T, constants[rows].T)])
         return tuple(np.vstack(parts) for parts in zip(*blocks, strict=True))
+
+
+def _by_panel(updrafts: np.ndarray) -> np.ndarray:
+    """(N,) of one column, (N, 2) of two."""
+    return updrafts.ravel() if updrafts.shape[1] == 1 else updrafts

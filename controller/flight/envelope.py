@@ -43,18 +43,23 @@ def limited_names(moving_air: bool) -> tuple[str, ...]:
 
 
 def angles_of_attack(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
-    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air."""
-    columns = State(*states.T)
+    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air.
+
+    In updrafts (N, 2), at the center and the outer panels, the larger of both angles.
+    """
     if updrafts is None:
-        return columns.alpha
-    return np.array(angle_of_attack(State(*map(ca.DM, columns)), ca.DM(updrafts))).ravel()
+        return np.asarray(states[:, STATES.index("alpha")])
+    columns, places = State(*map(ca.DM, states.T)), updrafts.reshape(len(states), -1).T
+    found = [np.array(angle_of_attack(columns, ca.DM(each))).ravel() for each in places]
+    return found[0] if len(found) == 1 else np.where(np.abs(found[1]) > np.abs(found[0]), found[1], found[0])
 
 
 @dataclass(frozen=True)
 class Envelope:
     """lowest, highest: absolute limits of every state, in the units of `STATES`; of alpha: through the air.
 
-    updrafts: in which the states are, (N,), ft/s; None: still air, where alpha over ground is alpha through the air.
+    updrafts: in which the states are, ft/s, as `angles_of_attack` takes them; None: still air, where alpha over ground
+    is alpha through the air.
     """
 
     lowest: State
@@ -71,7 +76,7 @@ class Envelope:
         return np.asarray(((limited >= np.array(self.lowest)) & (limited <= np.array(self.highest))).all(axis=-1))
 
     def refuse_start(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> None:
-        """BadInputError when a flight from these absolute states, (7,), in an updraft, (1,), begins outside."""
+        """BadInputError when a flight from these absolute states, (7,), in updrafts of one row, begins outside."""
         found = self.departure(np.zeros(1), states[None], updrafts)
         if found is not None:
             (value, unit), (limit, _) = (degrees(x, UNITS[found.state]) for x in (found.value, found.limit))

@@ -157,7 +157,9 @@ def _records(result: NonlinearFlight) -> Table:
     """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
     every = slice(None, None, result.scenario.steps_per_tick)
     parts = [result.flight.times[every, None], result.states[every], result.inputs[every]]
-    rows: Any = np.hstack([*parts, result.flight.updrafts[every, None], result.angles_of_attack[every, None]])
-    air = {"updraft": "ft/s", ANGLE_OF_ATTACK: STATE_UNITS.alpha}
+    updrafts = result.flight.updrafts[every].reshape(len(parts[0]), -1)
+    rows: Any = np.hstack([*parts, updrafts, result.angles_of_attack[every, None]])
+    names = ("updraft",) if updrafts.shape[1] == 1 else ("updraft_center", "updraft_outer")
+    air = dict.fromkeys(names, "ft/s") | {ANGLE_OF_ATTACK: STATE_UNITS.alpha}
     units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air
     return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

@@ -20,6 +20,8 @@ SHORTEST, LONGEST = 1.0, 1e6
 class Gust(Protocol):
     """w(t): vertical velocity of the air, ft/s, positive up; with states of its own where it has a filter.
 
+    The same at every panel, or (2,): at the center panel and at both outer panels (`spanwise.py`).
+
     p: what is handed to it anew at every tick (a sample of white noise, say).
     """
 
@@ -32,7 +34,7 @@ class Gust(Protocol):
         """Length of p."""
 
     def updraft(self, t: Any, memory: Any, p: Any) -> Any:
-        """w(t), a scalar."""
+        """w(t), a scalar or (2,)."""
 
     def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
         """d(memory)/dt, (memory_size,)."""

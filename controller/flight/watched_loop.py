@@ -118,7 +118,12 @@ def _watched_step(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: 
 
     def limited(t: Any, y: Any) -> State:
         X = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
-        return X._replace(alpha=angle_of_attack(X, loop.updraft(t, y, p)))
+        updraft = loop.updraft(t, y, p)
+        if not isinstance(updraft, ca.SX):
+            return X._replace(alpha=angle_of_attack(X, updraft))
+        first, *rest = (angle_of_attack(X, each) for each in ca.vertsplit(updraft))
+        larger = [ca.if_else(ca.fabs(each) > ca.fabs(first), each, first) for each in rest]
+        return X._replace(alpha=(*larger, first)[0])
 
     deviation = ca.fabs(limited(t, y).alpha - trim[STATES.index("alpha")])
     sums = (

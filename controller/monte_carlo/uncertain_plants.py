@@ -74,7 +74,9 @@ class UncertainLinearization(SevenStates):
         return np.array(flat).ravel(order="F")
 
     def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
-        """[f0, A, B, b] [1; x; u; w], disturbed."""
+        """[f0, A, B, b] [1; x; u; w], disturbed. BadInputError for a gust that differs along the span."""
+        if isinstance(updraft, ca.SX) and updraft.numel() != 1:
+            raise BadInputError("the linear members meet one updraft at every panel; simulate the nonlinear ones")
         known = ca.mtimes(ca.reshape(p, _N, _COLUMNS), ca.vertcat(1.0, x, u, updraft))
         return known + ca.mtimes(ca.DM(spread()), d)
 

@@ -69,7 +69,10 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):
-        air.plot(times, result.flight.updrafts, color="C2")
+        drawn = air.plot(times, result.flight.updrafts)
+        drawn[0].set_color("C2")
+        if len(drawn) > 1:
+            air.legend(drawn, ("center", "outer"), fontsize=6)
         _finish(air, "updraft, ft/s")
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
     else:  # the legend takes the place of the updraft
