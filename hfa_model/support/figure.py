@@ -7,12 +7,17 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hfa_model.support.files import written_whole
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
+#: s; and how many times what follows the first second must be smaller for it to be enlarged.
+_FIRST, _TRANSIENT = 1.0, 2.0
 #: What matplotlib would write into a file and would be another one the next day; where a file says what it is about.
 _VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
 _ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
@@ -63,3 +68,24 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def enlarge_first_second(axes: Axes) -> None:
+    """The first second enlarged, where it is over before the rest begins: away from where the curves settle."""
+    lines = [line for line in axes.lines if len(np.asarray(line.get_xdata())) > 2]  # a limit has two points
+    curves = [np.asarray(line.get_xydata()).T for line in lines]
+    if max((float(times[-1]) for times, _ in curves), default=0.0) < 5 * _FIRST:
+        return
+    early = np.concatenate([values[times <= _FIRST] for times, values in curves])
+    late = np.concatenate([values[times > _FIRST] for times, values in curves])
+    if not np.nanmax(early) - np.nanmin(early) >= _TRANSIENT * (np.nanmax(late) - np.nanmin(late)):
+        return
+    above = np.nanmean(late) < np.mean(axes.get_ylim())
+    inset = axes.inset_axes((0.3, 0.52 if above else 0.12, 0.6, 0.4))
+    for line in lines:
+        inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=0.8)
+    inset.set_xlim(0.0, _FIRST)
+    inset.set_title("first second, s", fontsize=6, pad=2)
+    inset.tick_params(labelsize=6)
+    inset.ticklabel_format(useOffset=False)
+    inset.grid(alpha=0.3)

@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK
 from controller.flight.simulate import NonlinearFlight
-from hfa_model.support.figure import new_figure
+from hfa_model.support.figure import enlarge_first_second, new_figure
 from hfa_model.support.text import shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.point.condition import CONTROL_LIMITS
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 #: One color a state, the same in every map.
 COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
 _PALE = 0.3
-#: s; and how many times what follows the first second must be smaller for it to be enlarged.
-_FIRST, _TRANSIENT = 1.0, 3.0
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
@@ -55,7 +53,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         limits = result.envelope.lowest[index], result.envelope.highest[index]
         _limit_lines(axes, limited, limits, unit)
         axes.set_title(_limits_text("envelope", *limits, unit), **_SMALL)
-        _inset(axes)
+        enlarge_first_second(axes)
         _finish(axes, f"{what}, {shown_unit(unit)}")
     throttle, surfaces, air = panels[len(STATES) :]
     for index, name in enumerate(INPUTS):
@@ -65,7 +63,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         _limit_lines(axes, result.inputs[:, index], limits, unit)
     for axes, label in ((throttle, "throttle"), (surfaces, "deflections, deg")):
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-        _inset(axes)
+        enlarge_first_second(axes)
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):
@@ -89,26 +87,6 @@ def _limits_text(what: str, lowest: float, highest: float, unit: str) -> str:
     if np.isinf([lowest, highest]).all():
         return f"{what}: none"
     return f"{what}: {float(_shown(lowest, unit)):.5g} to {float(_shown(highest, unit)):.5g}"
-
-
-def _inset(axes: Axes) -> None:
-    """The first second enlarged, where it is over before the rest begins: away from where the curves settle."""
-    drawn = [np.asarray(line.get_xydata()).T for line in axes.lines]
-    curves = [(times, values) for times, values in drawn if len(times) > 2]  # a limit has two points
-    ends = max(float(times[-1]) for times, _ in curves)
-    early = np.concatenate([values[times <= _FIRST] for times, values in curves])
-    late = np.concatenate([values[times > _FIRST] for times, values in curves])
-    if ends < 5 * _FIRST or np.ptp(early) < _TRANSIENT * np.ptp(late):
-        return
-    above = np.mean(late) < np.mean(axes.get_ylim())
-    inset = axes.inset_axes((0.3, 0.52 if above else 0.12, 0.6, 0.4))
-    for line in axes.lines:
-        inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=0.8)
-    inset.set_xlim(0.0, _FIRST)
-    inset.set_title("first second, s", fontsize=6, pad=2)
-    inset.tick_params(labelsize=6)
-    inset.ticklabel_format(useOffset=False)
-    inset.grid(alpha=0.3)
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
