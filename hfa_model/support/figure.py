@@ -80,8 +80,8 @@ def enlarge_first_second(axes: Axes) -> None:
     late = np.concatenate([values[times > _FIRST] for times, values in curves])
     if not np.nanmax(early) - np.nanmin(early) >= _TRANSIENT * (np.nanmax(late) - np.nanmin(late)):
         return
-    above = np.nanmean(late) < np.mean(axes.get_ylim())
-    inset = axes.inset_axes((0.3, 0.52 if above else 0.12, 0.6, 0.4))
+    above = _room_beside(axes, float(np.nanmin(late)), float(np.nanmax(late)))
+    inset = axes.inset_axes((0.3, 0.54 if above else 0.12, 0.6, 0.36))
     for line in lines:
         inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=0.8)
     inset.set_xlim(0.0, _FIRST)
@@ -89,3 +89,12 @@ def enlarge_first_second(axes: Axes) -> None:
     inset.tick_params(labelsize=6)
     inset.ticklabel_format(useOffset=False)
     inset.grid(alpha=0.3)
+
+
+def _room_beside(axes: Axes, lowest: float, highest: float) -> bool:
+    """Make the half above or below what lies between these values free, by longer axes if need be; whether above."""
+    low, high = axes.get_ylim()
+    above = high - highest > lowest - low
+    lacking = max(0.52 * (high - low) - (high - highest if above else lowest - low), 0.0) / 0.48
+    axes.set_ylim(low - (0.0 if above else lacking), high + (lacking if above else 0.0))
+    return above

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.support.figure import enlarge_first_second, new_figure
+from hfa_model.support.figure import new_figure
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, INTEGRAL, MODIFIED, PRINTED
 
 if TYPE_CHECKING:
@@ -148,8 +148,6 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     if len(drawn):  # of all values, also those that a logarithmic axis leaves out
         margin = 0.02 * float(np.ptp(drawn)) or 1.0
         axes.set_xlim(float(drawn.min()) - margin, float(drawn.max()) + margin)
-    if panel.scale == "linear":
-        enlarge_first_second(axes)
 
 
 def _scale_by_asinh(axes: Axes, panel: Panel) -> None:
