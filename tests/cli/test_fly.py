@@ -38,6 +38,11 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
     for suffix in ("npz", "mat", "csv"):
         assert hfa(*words, "-o", f"flight.{suffix}").code == 0
+    for apart in (("--gust", "50:2", "--outer-gust", "1:0.1"), ("--turbulence", "1:500", "--spanwise")):
+        data = json.loads(hfa(*FLY, "--duration", "0.5", *apart, "-o", "apart.json", "--json").out)
+        assert data["scenario"]["gust"]["kind"] == "SpanwiseGust"
+        updrafts = json.loads(Path("apart.json").read_text(encoding="utf-8"))["history"]["updrafts"]
+        assert np.shape(updrafts) == (51, 2)
     with np.load("flight.npz") as stored:
         np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
     lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()

@@ -70,7 +70,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         drawn = air.plot(times, result.flight.updrafts)
         drawn[0].set_color("C2")
         if len(drawn) > 1:
-            air.legend(drawn, ("center", "outer"), fontsize=6)
+            air.legend(drawn, ("center", "outer"), loc="lower left", fontsize=6, ncols=2, **_ABOVE)
         _finish(air, "updraft, ft/s")
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
     else:  # the legend takes the place of the updraft

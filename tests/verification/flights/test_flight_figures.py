@@ -56,3 +56,10 @@ def test_a_transient_of_the_first_second_has_its_inset_and_a_slow_change_none(fl
     figure = flight_figure(flight, "a flight")
     assert figure.axes[-1].get_legend().get_title().get_text() == "still air"  # in the place of the updraft
     assert figure.legends == []
+
+
+def test_updrafts_of_center_and_outer_panels_are_told_apart(flight: NonlinearFlight) -> None:
+    both = np.column_stack([np.full(len(flight.flight.times), size) for size in (1.0, -2.0)])
+    air = drawn(replace(flight, flight=replace(flight.flight, updrafts=both)))["updraft, ft/s"]
+    assert [line.get_ydata()[0] for line in air.lines] == [1.0, -2.0]  # type: ignore[attr-defined]
+    assert [text.get_text() for text in air.get_legend().get_texts()] == ["center", "outer"]  # type: ignore[attr-defined]
