@@ -61,5 +61,5 @@ def load_controller(path: str | Path) -> ScheduledController:
         return ScheduledController(**found, about=json.loads(str(content["about"])))
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise BadInputError(f"{path}: its content is damaged ({error}); make the file anew") from error

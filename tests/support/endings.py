@@ -106,7 +106,7 @@ def ended_wrongly(
             faults.append(f"{what}: workers are left")
         if ended.code in (0, 1) and number != signal.SIGKILL:
             pass  # finished before
-        elif said is not None and not _said(ended, said):
+        elif said is not None and not _said(ended, said) and (ended.code > 0 or _again(folder)):
             faults.append(f"{what}: exit code {ended.code}, {ended.err[-400:]!r}")
         elif said is not None and _temporary(folder):
             faults.append(f"{what}: left {_temporary(folder)}")
@@ -132,9 +132,9 @@ def _text(path: Path) -> str:
 
 
 def _said(ended: Ended, said: str) -> bool:
-    """One line; nothing at all where the command had not begun to listen."""
+    """One line; what Python itself says while it starts is before that."""
     lines = [line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")]
-    return lines == [said] or (ended.seconds < 1.0 and ended.code < 0)
+    return lines == [said]
 
 
 def _temporary(folder: Path) -> list[str]:

@@ -17,6 +17,7 @@ import numpy as np
 from flint import arb, ctx
 
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.input_files import read_json
 from hfa_model.vectors import LINEAR_STATES
 from verification.proof.checked_game import check_game, check_interpolation
 from verification.proof.checked_model import Content, check_modes, constant, linear, model_on
@@ -36,7 +37,7 @@ def check_certificate(path: Path, progress: Callable[[int, int], None] | None = 
     """BadInputError when the file is none or was edited; Rejected names the first box that fails."""
     ctx.prec, where, covers = 256, "the statement", {}
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         digest, schema = content.pop("digest"), content["schema"]
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.game.array_file import read_arrays
+from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from verification.proof.balls import exact, matrix, symmetric
@@ -97,31 +98,19 @@ class GainTable:
 
 def load_table(path: Path) -> GainTable:
     """A table from .npz or .json with the keys dihedral_deg and K; BadInputError, one line that names the file."""
-    if not path.is_file():
-        raise BadInputError(f"{path}: there is no such file")
-    readers = {".json": _read_json, ".npz": _read_npz}
-    if path.suffix.lower() not in readers:
+    if path.suffix.lower() not in (".json", ".npz"):
         raise BadInputError(f"{path}: the suffix {path.suffix!r} is not known; use .npz or .json")
+    stored = read_arrays(path)
     try:
-        stored = readers[path.suffix.lower()](path)
         angles, gains = (np.array(stored[key], dtype=float) for key in ("dihedral_deg", "K"))
-        memory = (np.array(stored.get(key, ()), dtype=float) for key in ("M", "N", "X"))
+        memory = [np.array(stored.get(key, ()), dtype=float) for key in ("M", "N", "X")]
     except KeyError as error:
         raise BadInputError(
             f"{path}: there is no {error.args[0]}; a table holds dihedral_deg, K and, of a loop with memory, M"
         ) from error
-    except Exception as error:  # a damaged file makes the readers raise nearly anything
-        raise BadInputError(f"{path}: cannot be read as a table of gains ({str(error).splitlines()[0]})") from error
+    except (ValueError, TypeError, OverflowError) as error:
+        raise BadInputError(f"{path}: cannot be read as a table of gains ({shortened(str(error))})") from error
     try:
         return GainTable(angles, gains, *memory)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    return dict(json.loads(path.read_text(encoding="utf-8")))
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        return {key: archive[key] for key in archive.files}

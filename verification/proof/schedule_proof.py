@@ -137,9 +137,7 @@ def prove_schedule(
         lambda box: _prove(forms(box), forms(box).A, [each.A for each in forms(box).errors], branch.free, rated=False),
     )
     for index, prove in enumerate(proofs):
-        start = covers[index].frontier(low)
-        waiting = table.segments(start, high) if start < high else []
-        for found in _covered(covers[index], waiting, prove, narrowest):
+        for found in _covered(covers[index], table.segments(low, high), prove, narrowest):
             covers[index] = found
             if save is not None:
                 save(*covers)
@@ -154,10 +152,18 @@ def _covered(
     prove: Callable[[DihedralBox], ProvedBox | None],
     narrowest: float,
 ) -> Iterator[Cover]:
-    """Bisect what cannot be proved as a whole; what is covered so far, after each box."""
-    waiting = segments[::-1]
+    """Bisect what cannot be proved as a whole; what is covered so far, after each box.
+
+    What is covered already is passed over as it was bisected, so that a proof that is continued has the same boxes.
+    """
+    waiting, start = segments[::-1], found.frontier(segments[0].low)
     while waiting:
         box = waiting.pop()
+        if box.high <= start:
+            continue
+        if box.low < start and box.high - box.low > narrowest:
+            waiting += box.halves()[::-1]
+            continue
         try:
             proved = prove(box)
         except Undecided:

@@ -180,7 +180,7 @@ def test_a_missing_box_is_not_proved(proved: Path, tmp_path: Path) -> None:
     assert report.title.startswith("Verified, but not proved on the whole interval")
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": "other", "digest": "0"}'])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": "other", "digest": "0"}', "[" * 100_000])
 def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
     path = tmp_path / "other.json"
     path.write_text(text)
