@@ -61,7 +61,7 @@ def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) 
 
 def _style() -> Style:
     """Bars on a terminal, and colors unless the user wants none (no-color.org)."""
-    on_terminal = sys.stdout.isatty()
+    on_terminal = sys.stdout is not None and sys.stdout.isatty()
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     return Style(bars=on_terminal, color=on_terminal and not plain)
 

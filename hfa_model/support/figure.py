@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
+# Where its settings cannot be kept it says so, in two lines; the picture is the same.
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 #: s; and how many times what follows the first second must be smaller for it to be enlarged.
 _FIRST, _TRANSIENT = 1.0, 2.0

@@ -76,6 +76,25 @@ def test_a_full_disk_is_one_line(unbuffered: str) -> None:
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
+def test_a_home_that_cannot_be_written_and_a_closed_output_are_no_errors(tmp_path: Path) -> None:
+    (tmp_path / "home").touch()
+    words = ("trim", "--dihedral", "15", "--picture", "a.png")
+    drawn = hfa_process(*words, folder=tmp_path, HOME=str(tmp_path / "home"), XDG_CACHE_HOME=str(tmp_path / "home"))
+    assert (drawn.code, drawn.err) == (DONE, "")
+    assert (tmp_path / "a.png").stat().st_size > 1000
+    closed = ["sh", "-c", 'exec "$0" "$@" >&-', SCRIPT, *words[:3]]
+    done = subprocess.run(closed, stderr=subprocess.PIPE, timeout=60)
+    assert (done.returncode, done.stderr) == (DONE, b"")
+
+
+@pytest.mark.parametrize("words", ["linearize --dihedral 15 -o a.json", "sweep --dihedral 0:15:0.01 -o a.csv"])
+def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path, words: str) -> None:
+    limited = ["sh", "-c", 'ulimit -f 1; exec "$0" "$@"', SCRIPT, *words.split()]
+    done = subprocess.run(limited, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tmp_path, timeout=60)
+    assert (done.returncode, done.stderr) == (BAD_INPUT, b"hfa: cannot write the output: File too large\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_terminal_without_plus_minus_gets_a_question_mark(tmp_path: Path) -> None:
     words = ("linearize", "--dihedral", "15")
     poor, rich = hfa_process(*words, folder=tmp_path, PYTHONIOENCODING="ascii"), hfa(*words)
