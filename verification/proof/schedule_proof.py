@@ -182,6 +182,8 @@ def _prove(
     model: ModelForms, form: TaylorForm, errors: list[arb_mat], free: tuple[str, ...], *, rated: bool
 ) -> ProvedBox | None:
     middle = doubles(form.coefficients[0])
+    if not np.isfinite(middle).all():
+        raise BadInputError("the loop's entries are too large to compute with; check the gains of the table")
     abscissa = float(np.linalg.eigvals(middle).real.max())
     rate = -RATE_SHARE * abscissa if rated and abscissa < 0.0 else 0.0
     corners = list(form.corners())
