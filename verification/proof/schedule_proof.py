@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_model.support.errors import BadInputError
 from verification.proof.ball_function import Undecided
 from verification.proof.balls import doubles
 from verification.proof.gain_table import GainTable

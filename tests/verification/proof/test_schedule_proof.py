@@ -87,6 +87,12 @@ def test_what_was_covered_is_not_proved_again() -> None:
     assert again.modes.counts == whole.modes.counts
 
 
+def test_gains_beyond_all_numbers_are_refused() -> None:
+    table = GainTable(np.array([14.0, 15.0]), np.full((2, 5, 6), 1e308))
+    with pytest.raises(BadInputError, match="too large to compute with"):
+        prove_schedule(family(), table, 14.5, 14.6)
+
+
 def test_a_table_that_does_not_reach_is_refused() -> None:
     with pytest.raises(BadInputError, match="the table covers 15 to 16 deg, not 14 to 16 deg"):
         prove_schedule(family(), exact_table(15.0, 16.0), 14.0, 16.0)
