@@ -161,13 +161,13 @@ def test_python_control_fails_on_the_servo_and_no_loop_of_its_goes_below(servo: 
 def test_a_planted_error_in_the_controller_is_seen(
     servo: OutputGame, monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
-    honest = output_feedback._central
+    right = output_feedback.central_controller
 
     def wrong(*arguments):
-        parts = dict(zip(("Ak", "Bk", "Ck"), honest(*arguments), strict=True))
+        parts = dict(zip(("Ak", "Bk", "Ck"), right(*arguments), strict=True))
         return tuple((1.3 if name == part else 1.0) * value for name, value in parts.items())
 
-    monkeypatch.setattr(output_feedback, "_central", wrong)
+    monkeypatch.setattr(output_feedback, "central_controller", wrong)
     smallest, _ = minimum_output_delta(servo)
     with pytest.raises(NoSolutionError, match=r"the controller is not certified: "):
         solve_output_feedback(servo.with_delta(1.001 * smallest))
