@@ -206,3 +206,15 @@ def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
     assert_refused(hfa("lpv", "--dihedral", "14:14.5", "--tolerance", "0"), 2, "positive")
     assert_refused(hfa("lpv", "--dihedral", "14"), 2, "LOW:HIGH")
     assert_refused(hfa("lpv", "--dihedral", "14:14.5", "-o", "x.txt"), 2, "unknown suffix")
+
+
+def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design() -> None:
+    assert hfa("design", "--design", "servo", "--dihedral", "11:11.5:0.5", "-o", "servo.npz").code == 0
+    words = ("prove", "schedule", "--dihedral", "11:11.5", "--table", "servo.npz", "--design")
+    proved = hfa(*words, "simvfa-1", "-o", "certificate.json")
+    assert (proved.code, proved.out.splitlines()[0]) == (
+        0,
+        "Proved: every dihedral from 11 to 11.5 deg, published dynamics",
+    )
+    assert hfa("prove", "--check", "certificate.json").out.startswith("Verified, proved: dihedral from 11 to 11.5 deg")
+    assert_refused(hfa(*words, "paper"), 2, "aileron_outer has no actuator")

@@ -29,7 +29,7 @@ _CELL = 2.0**-4
 #: Narrower cells are not tried.
 _NARROWEST = 2.0**-8
 #: Bounds in a certificate over those proved: the checker encloses in another way.
-_STATED = 1.1
+_STATED = 1.5
 #: What rounding of a node's entries to doubles may add to the error, relative.
 _ROUNDING = 1e-12
 

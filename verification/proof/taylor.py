@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 #: Corners are those of a box this much wider, because whoever checks them may enclose its remainder a little worse; not
 #: of boxes of a radius, deg, at which the remainder hardly counts.
-_WIDER, _NARROW = 1.1, 2.0**-8
+_WIDER, _NARROW = 1.25, 2.0**-8
 #: Coefficients of the polynomial: 1, τ, τ². The remainder is of third order.
 ORDER = 3
 

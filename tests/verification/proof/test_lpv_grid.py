@@ -88,7 +88,7 @@ def test_a_grid_is_verified_and_a_better_one_is_not(grid: LpvGrid, tmp_path: Pat
     certify(grid, family(), 2e-3, path)
     data = checked_report(check_certificate(path)).data
     assert data["nodes"] == len(grid.A)
-    assert max(data["error"].values()) <= 1.1 * 2e-3
+    assert max(data["error"].values()) <= 1.5 * 2e-3
     content = json.loads(path.read_text())
     for change in (_smaller_error, _other_gain, _missing_cell):
         forged = json.loads(path.read_text())
