@@ -17,6 +17,8 @@ _AHEAD = 2
 _MOST_DEATHS = 3
 #: Seconds without a result after which it is asked whether any worker is left.
 _PATIENCE = 30.0
+#: Within which a scheduler must answer.
+_ANSWER = "10s"
 _ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
 
 Task = tuple[Any, ...]
@@ -182,7 +184,7 @@ def _dask_client(scheduler: str) -> Iterator[Any]:
     except ImportError as error:
         raise BadInputError("--scheduler needs Dask; install it with `pip install .[distributed]`") from error
     try:
-        client = Client(scheduler, timeout="10s")
+        client = Client(scheduler, timeout=_ANSWER)
     except (OSError, ValueError) as error:
         raise BadInputError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one, or use --workers"

@@ -80,8 +80,9 @@ def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
         list(crew.run(_die, [(0, (0,))]))
 
 
-def test_a_scheduler_that_does_not_answer_is_bad_input() -> None:
+def test_a_scheduler_that_does_not_answer_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "_ANSWER", "1s")
     with pytest.raises(BadInputError, match="no Dask scheduler answers"), executors._dask_client("tcp://127.0.0.1:9"):
         pass
 
