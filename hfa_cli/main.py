@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import _thread
 import argparse
 import contextlib
 import importlib
 import io
 import os
-import signal
 import sys
-import threading
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from hfa_cli.origin import run_of
 from hfa_cli.parser import Parser, unknown
 from hfa_model.support.echo import on_one_line, shortened
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.interrupts import Terminated, ended_by_signals
 from hfa_model.support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
-#: Seconds after which a signal that Python swallowed is given again.
-_MOMENT = 0.05
 
 #: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
 COMMANDS = {
@@ -62,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
     try:
-        with _ended_by_signals():
+        with ended_by_signals():
             code = _run(words)
         if sys.stdout is not None:
             sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
@@ -71,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(str(error), BAD_INPUT)
     except NoSolutionError as error:
         return _complain(str(error), FAILED)
-    except _Terminated:
+    except Terminated:
         return _complain("terminated", TERMINATED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
@@ -111,66 +107,6 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)
     said = [f"while computing: {text}; check the result" for text in others][:_MOST_NOTES]
     say_notes(on_one_line(text) for text in (*own, *said))
-
-
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM: what Ctrl-C ends, this ends too."""
-
-
-@contextlib.contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """In the block SIGTERM raises `_Terminated`, once, so that temporary files and workers go.
-
-    An exception that ends the run may be raised where Python only prints it (in a callback of the garbage collector or
-    of an import); the signal is then given again, or the run would go on as if nobody had asked. Compiled code makes
-    another exception of it, which is taken for what it was.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    defaults = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
-    ours = {number: handler for number, handler in defaults.items() if signal.getsignal(number) == handler}
-    print_it = sys.unraisablehook
-    came: list[type[KeyboardInterrupt]] = []
-
-    def end(number: int, _: object) -> None:
-        if number == signal.SIGTERM:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        came.append(_Terminated if number == signal.SIGTERM else KeyboardInterrupt)
-        raise came[-1]
-
-    def again(ignored: sys.UnraisableHookArgs) -> None:
-        if not isinstance(ignored.exc_value, KeyboardInterrupt):
-            print_it(ignored)
-            return
-        number = signal.SIGTERM if isinstance(ignored.exc_value, _Terminated) else signal.SIGINT
-        if number == signal.SIGTERM:
-            signal.signal(signal.SIGTERM, end)
-        timer = threading.Timer(_MOMENT, _give, [number])
-        timer.daemon = True
-        timer.start()
-
-    for number in ours:
-        signal.signal(number, end)
-    sys.unraisablehook = again
-    try:
-        yield
-    except Exception:
-        if came:
-            raise came[-1] from None
-        raise
-    finally:
-        sys.unraisablehook = print_it
-        for number, handler in ours.items():
-            signal.signal(number, handler)
-
-
-def _give(number: signal.Signals) -> None:
-    """A signal to the main thread; by the system where that can be had, because only that wakes it from a wait."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, number)
-    else:
-        _thread.interrupt_main(number)
 
 
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
