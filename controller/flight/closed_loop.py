@@ -88,14 +88,16 @@ class ClosedLoop:
         position, speed = ca.SX(0, 1), ca.SX(0, 1)
         if actuators is not None:
             position, speed = actuators.position(moved, self.trim), actuators.rates(moved)
-        seen = Seen(error + noise, self.plant.seen(x) + noise, position, speed)
+        updraft = self.updraft(t, y, p)
+        moving_air = ca.SX(0, 1) if self.gust is None else updraft
+        seen = Seen(error + noise, self.plant.seen(x) + noise, position, speed, moving_air)
         command = self.policy.control(t, seen, memory, of_policy)
         reachable = command if actuators is None else actuators.reachable(command, self.trim)
         u = command if actuators is None else position
         rates = [self.policy.memory_rate(t, seen, memory, of_policy, reachable)]
         if actuators is not None:
             rates.insert(0, actuators.states_rate(moved, reachable, of_actuators))
-        d, updraft = self.disturbance.at(t), self.updraft(t, y, p)
+        d = self.disturbance.at(t)
         if self.gust is not None:
             rates.append(self.gust.memory_rate(t, air, of_air))
         rate_of_plant = self.plant.rate(x, u, d, updraft, of_plant)

@@ -18,13 +18,15 @@ class Seen(NamedTuple):
     """What a policy is told of the flight, as deviations from trim, noise of the sensors included.
 
     error: x - x_d (6,), of the states of the linear model. states: x (6,). positions, rates: of the actuators, (5,)
-    each; empty where there are none.
+    each; empty where there are none. updraft: of the air, ft/s, one number or (2,) at the center and the outer panels;
+    empty in still air. A policy does not know it: what it measures of loads and angles through the air is made of it.
     """
 
     error: ca.SX
     states: ca.SX
     positions: ca.SX
     rates: ca.SX
+    updraft: ca.SX = ca.SX(0, 1)
 
 
 class Policy(Protocol):

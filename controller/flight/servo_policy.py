@@ -22,31 +22,36 @@ from trim.point.operating_point import OperatingPoint
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _M, _N = len(INPUTS), len(LINEAR_STATES)
+_AIR = ("updraft_center", "updraft_outer")
 
 
 class MeasuredOutputs:
-    """y - Y0 = C x + D a of named outputs of the linear model at a trim, x and a as deviations from it.
+    """y - Y0 = C x + D a + F w of named outputs of the linear model at a trim, x and a as deviations from it.
 
-    Behind a name `_short_period` only the dependence on alpha and the inputs counts. INPUT_position and INPUT_rate are
+    w: updraft at the center and at the outer panels, ft/s: an accelerometer feels alpha through the air. Behind a name
+    `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
     those of the actuators. BadInputError when a name is not among them.
     """
 
     def __init__(self, aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> None:
         self.names = names
-        self.C, self.D, self.rates = np.zeros((len(names), _N)), np.zeros((len(names), _M)), np.zeros((len(names), _M))
+        self.C, self.F = np.zeros((len(names), _N)), np.zeros((len(names), len(_AIR)))
+        self.D, self.rates = np.zeros((len(names), _M)), np.zeros((len(names), _M))
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
             if of in INPUTS and what in ("position", "rate"):
                 (self.D if what == "position" else self.rates)[row, INPUTS.index(of)] = 1.0
                 continue
-            model = output_model(aircraft, point, (name.removesuffix(SHORT_PERIOD),))
-            self.C[row], self.D[row] = model.C[0], model.D[0]
+            model = output_model(aircraft, point, (name.removesuffix(SHORT_PERIOD),), disturbances=_AIR)
+            self.C[row], self.D[row], self.F[row] = model.C[0], model.D[0], model.F[0]
             if name.endswith(SHORT_PERIOD):
                 self.C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
 
     def at(self, seen: Seen) -> ca.SX:
         """y - Y0, (k,)."""
         y = ca.mtimes(ca.DM(self.C), seen.states)
+        if seen.updraft.numel():
+            y = y + ca.mtimes(ca.DM(self.F), seen.updraft * ca.DM.ones(len(_AIR)))
         for matrix, moved in ((self.D, seen.positions), (self.rates, seen.rates)):
             if matrix.any():
                 if not moved.numel():

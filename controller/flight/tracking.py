@@ -41,7 +41,8 @@ class Tracked(NamedTuple):
 def tracked(result: NonlinearFlight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
     flight = result.flight
-    z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T
+    air = np.broadcast_to(flight.updrafts.reshape(len(flight.times), -1), (len(flight.times), outputs.F.shape[1]))
+    z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
 
 

@@ -109,7 +109,7 @@ def test_a_type_checker_sees_what_is_no_quantity(tmp_path: Path) -> None:
     wrong = {
         'center_height("15 deg", p)': "arg-type",
         "x.sped": "attr-defined",
-        "airspeed(x) + STATE_UNITS.speed": "operator",
+        "airspeed(x, Wind()) + STATE_UNITS.speed": "operator",
         'State[Quantity](68.0, "2.8", 0.0, 0.0, 0.0, 0.0, 0.0)': "arg-type",
         "load.lift + load.center": "operator",
     }
@@ -118,8 +118,9 @@ def test_a_type_checker_sees_what_is_no_quantity(tmp_path: Path) -> None:
         "from hfa_model.kinematics import airspeed, center_height",
         "from hfa_model.parameters import Parameters",
         "from hfa_model.vectors import STATE_UNITS, Quantity, State",
+        "from hfa_model.winds import Wind",
         "def use(x: State[Quantity], p: Parameters[Quantity], load: Loads[Quantity]) -> None:",
-        "    airspeed(x) + center_height(0.1, p)",
+        "    airspeed(x, Wind()) + center_height(0.1, p)",
     )
     script = tmp_path / "user.py"
     script.write_text("\n".join([*head, *(f"    {line}" for line in wrong)]))

@@ -64,6 +64,20 @@ def test_outputs_are_those_of_the_linear_model(published_aircraft: Aircraft, poi
         outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
 
+def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
+    outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
+    rest = ca.SX(5, 1)
+    F = output_model(published_aircraft, point, ("vertical_acceleration", "load_factor")).F[:, 0]
+    for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX([3.0, 3.0]), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
+        y = np.array(ca.DM(outputs.at(Seen(still, still, rest, rest, updraft)))).ravel()
+        np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
+    alpha = output_model(published_aircraft, point, ("vertical_acceleration",)).C[0, LINEAR_STATES.index("alpha")]
+    assert F[0] == pytest.approx(alpha / point.states.speed, rel=0.05)  # an updraft w is an alpha of w / V
+
+
 def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:
