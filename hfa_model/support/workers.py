@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -10,6 +11,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.interrupts import held_back
 
 #: Chunks in flight for each worker: enough to keep it busy, few enough to keep memory flat.
 _AHEAD = 2
@@ -17,6 +19,8 @@ _AHEAD = 2
 _MOST_DEATHS = 3
 #: Seconds without a result after which it is asked whether any worker is left.
 _PATIENCE = 30.0
+#: Seconds within which terminated workers are gone.
+_ENDED = 10.0
 #: Within which a scheduler must answer.
 _ANSWER = "10s"
 _ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
@@ -76,7 +80,8 @@ class Workers:
         finished: SimpleQueue[Future[Any]] = SimpleQueue()
 
         def submit(key: int, task: Task) -> None:
-            future = executor.submit(function, *task)
+            with held_back():  # it may start a process, which complains when it is told but half
+                future = executor.submit(function, *task)
             futures[future] = key
             future.add_done_callback(finished.put)
 
@@ -148,6 +153,11 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
     except BaseException:
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
+        # The thread that looks after them closes its pipe once they are gone; an interpreter that ends meanwhile writes
+        # into it, and says so.
+        for thread in threading.enumerate():
+            if type(thread).__module__ == "concurrent.futures.process":
+                thread.join(_ENDED)
         raise
 
 
@@ -155,7 +165,6 @@ def _end_with_parent() -> None:
     """End this worker when the process that started it is gone, however that ended."""
     import multiprocessing
     import os
-    import threading
 
     parent = multiprocessing.parent_process()
     assert parent is not None
