@@ -14,20 +14,13 @@ import pytest
 from cli import Result, assert_refused, hfa
 from damage import damaged
 from game_files import small
+from ways_in import CONDITION
 
 from hfa_model.parameters import default_parameters, save_parameters
 
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
 
-CONDITION = """description = "slow"
-free = ["speed"]
-[impose]
-alpha_deg = [[0, 5.0], [20, 6.0]]
-altitude = 1000.0
-[limits]
-elevator_center_deg = [-30, 30]
-"""
 WORDS = {
     "parameters.toml": ("trim", "--dihedral", "15", "--parameters"),
     "condition.toml": ("trim", "--dihedral", "15", "--condition"),

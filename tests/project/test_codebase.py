@@ -13,7 +13,7 @@ from import_graph import ROOT, project_sources
 
 LONGEST_FILE = 300
 #: Made, not written: their content is not the project's text.
-GENERATED = {".git", ".venv", "build", "report", "out", "__pycache__"}
+GENERATED = {".git", ".hypothesis", ".venv", "build", "report", "out", "__pycache__"}
 #: Spelled in two halves, so that this file does not mention it.
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)

@@ -26,7 +26,8 @@ _AT = ("--dihedral", "15")
 _FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
 _MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
 _SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
-_CONDITION = b"""description = "slow"
+#: A condition file that every command takes.
+CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
 alpha_deg = [[0, 5.0], [20, 6.0]]
@@ -152,7 +153,7 @@ def seeds() -> Mapping[str, bytes]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         save_parameters(default_parameters(), folder / "parameters.toml", "a copy")
-        (folder / "condition.toml").write_bytes(_CONDITION)
+        (folder / "condition.toml").write_text(CONDITION, encoding="utf-8")
         (folder / "design.toml").write_bytes(files("controller.designs").joinpath("simvfa_1.toml").read_bytes())
         save_controller(folder / "controller.npz", small_controller(Aircraft(default_parameters().values, "published")))
         table = exact_table(14.9, 15.1)
