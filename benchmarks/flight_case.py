@@ -13,13 +13,13 @@ import numpy as np
 
 from benchmarks.report import FOLDER
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.critic_policy import CriticPolicy
 from controller.flight.integrator import integrate
 from controller.flight.plants import LinearPlant
-from controller.flight.signals import Harmonic, Signal, zero
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
 from controller.laws.published_law import PublishedSettings, published_law
+from controller.policy.critic_policy import CriticPolicy
+from controller.policy.signals import Harmonic, Signal, zero
 from controller.samples.stack_equations import GAME
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.published import published_models

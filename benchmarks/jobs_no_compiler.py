@@ -13,9 +13,9 @@ from benchmarks.flight_case import STEP, STEPS, Contestant, FlightCase, c_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from controller.flight.closed_loop import CompiledLoop
-from controller.flight.critic_policy import CriticPolicy, powers
 from controller.flight.integrator import integrate
-from controller.flight.signals import zero
+from controller.policy.critic_policy import CriticPolicy, powers
+from controller.policy.signals import zero
 from hfa_model.native.bound import BoundFunction
 from hfa_model.native.machine_code import c_compiler
 

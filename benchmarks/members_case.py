@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.flight_case import STEP, FlightCase
-from controller.flight.critic_policy import CriticPolicy, critic_law
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.flown_law import FlownLaw, gain_law
-from controller.flight.signals import zero
 from controller.flight.simulate import Scenario
 from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller.policy.critic_policy import CriticPolicy, critic_law
+from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State

@@ -16,12 +16,8 @@ if TYPE_CHECKING:
     from controller.design.design_model import DesignModel as DesignModel, design_model as design_model
     from controller.design.scheduled_controller import ScheduledController as ScheduledController
     from controller.flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
-    from controller.flight.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
-    from controller.flight.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
     from controller.flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
-    from controller.flight.servo_policy import servo_law as servo_law
-    from controller.flight.signals import Harmonic as Harmonic, Signal as Signal
     from controller.flight.simulate import Scenario as Scenario, fly as fly
     from controller.flight.spanwise import side_by_side as side_by_side, spanwise_dryden as spanwise_dryden
     from controller.flight.uncertain import Uncertainty as Uncertainty
@@ -38,6 +34,10 @@ if TYPE_CHECKING:
     from controller.laws.run import Process as Process, Run as Run, run as run
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo
     from controller.monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
+    from controller.policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
+    from controller.policy.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
+    from controller.policy.servo_policy import servo_law as servo_law
+    from controller.policy.signals import Harmonic as Harmonic, Signal as Signal
     from controller.samples.recording import Stack as Stack, random_pool as random_pool, record as record
 
 __getattr__, __dir__, __all__ = open_door(__name__)

@@ -13,10 +13,10 @@ import numpy as np
 
 from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
-from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulate import NonlinearFlight, Scenario
 from controller.flight.spanwise import side_by_side, spanwise_dryden
 from controller.game.zero_sum import Game, published_game
+from controller.policy.signals import Harmonic, Signal
 from hfa_cli import games, options
 from hfa_cli.actuator_options import actuators_of, add_actuators
 from hfa_cli.argument_types import number, numbers, quantity, span, whole
@@ -26,8 +26,8 @@ from hfa_cli.output import say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.stored_law import check_stored, stored_law
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.linear.linearize import LinearModel
 from trim.point.operating_point import OperatingPoint
@@ -35,7 +35,7 @@ from trim.point.trim_report import warnings
 from verification.experiments.configuration import section5_configuration
 
 if TYPE_CHECKING:
-    from controller.flight.flown_law import FlownLaw
+    from controller.policy.flown_law import FlownLaw
 
 #: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
@@ -131,8 +131,8 @@ def check_learning(arguments: argparse.Namespace) -> None:
 
 def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
     """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
-    from controller.flight.flown_law import gain_law
-    from controller.flight.learned_gain import frozen_law, learned_value, online_law
+    from controller.policy.flown_law import gain_law
+    from controller.policy.learned_gain import frozen_law, learned_value, online_law
     from verification.riccati.gare import solve_game
 
     game = game_on(model, arguments)
@@ -167,7 +167,7 @@ def tell(
 def draw_flight(result: NonlinearFlight, report: Report, picture: Path | None) -> None:
     """The picture of a flight, if one was asked for."""
     if picture is not None:
-        from hfa_model.support.figure import save
+        from hfa_model.reporting.figure import save
         from verification.flights.flight_figures import flight_figure
 
         save(flight_figure(result, report.title.partition("\n")[0]), picture, provenance().text())

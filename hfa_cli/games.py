@@ -16,8 +16,8 @@ from controller.game.zero_sum import Game, published_game
 from hfa_cli import options
 from hfa_cli.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.parser import add_value
+from hfa_model.reporting.text import numbered
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.text import numbered
 from trim.linear.linearize import linearize
 from trim.point.trim_report import warnings
 

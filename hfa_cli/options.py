@@ -14,8 +14,8 @@ from hfa_cli.output import FORMATS, SUFFIXES
 from hfa_cli.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.reporting.unit_system import SYSTEMS, shown_in
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.unit_system import SYSTEMS, shown_in
 from trim.point.condition import TrimCondition, describe, release
 from trim.point.condition_file import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
-    from hfa_model.support.report import Report
+    from hfa_model.reporting.report import Report
 
 _RUN: ContextVar[tuple[str, argparse.Namespace] | None] = ContextVar("run", default=None)
 

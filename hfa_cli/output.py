@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from hfa_cli.origin import signed
-from hfa_model.support.data_files import SUFFIXES as SUFFIXES
+from hfa_model.reporting.data_files import SUFFIXES as SUFFIXES
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Style
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report
-from hfa_model.support.text import Style
 from hfa_model.units_of_data import in_units_in_force
 
 #: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.

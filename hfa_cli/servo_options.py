@@ -16,9 +16,9 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
 
 if TYPE_CHECKING:
-    from controller.flight.commands import CommandSteps
-    from controller.flight.flown_law import FlownLaw
     from controller.flight.simulate import Scenario
+    from controller.policy.commands import CommandSteps
+    from controller.policy.flown_law import FlownLaw
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
@@ -44,8 +44,8 @@ def controlled(
     BadInputError where it does not fit the other options.
     """
     from controller.design.controller_file import load_controller
-    from controller.flight.commands import CommandedStates
-    from controller.flight.servo_policy import servo_law
+    from controller.policy.commands import CommandedStates
+    from controller.policy.servo_policy import servo_law
 
     if arguments.controller is None:
         if arguments.command:
@@ -65,7 +65,7 @@ def controlled(
 
 def commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]) -> CommandSteps:
     """What --command says, on the times of all names."""
-    from controller.flight.commands import CommandSteps
+    from controller.policy.commands import CommandSteps
 
     given: dict[str, list[tuple[float, float]]] = arguments.command or {}
     times = sorted({time for steps in given.values() for time, _ in steps})

@@ -12,8 +12,8 @@ from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from controller.flight.flown_law import FlownLaw
     from controller.game.zero_sum import Game
+    from controller.policy.flown_law import FlownLaw
 
 _FILES = ("gain", "weights")
 
@@ -44,9 +44,9 @@ def check_stored(arguments: argparse.Namespace) -> bool:
 
 def stored_law(arguments: argparse.Namespace, game: Game) -> FlownLaw:
     """u = -K z of the file that the options name. game: whose B and R make K of a value."""
-    from controller.flight.flown_law import gain_law
     from controller.game.basis import basis
     from controller.game.model_file import load_critic
+    from controller.policy.flown_law import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
     path = arguments.weights if arguments.gain is None else arguments.gain

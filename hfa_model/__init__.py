@@ -18,10 +18,10 @@ if TYPE_CHECKING:
         save_parameters as save_parameters,
     )
     from hfa_model.published import PublishedModel as PublishedModel, published_models as published_models
-    from hfa_model.support.checks import Check as Check
+    from hfa_model.reporting.checks import Check as Check
+    from hfa_model.reporting.report import Report as Report
+    from hfa_model.reporting.unit_system import shown_in as shown_in
     from hfa_model.support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
-    from hfa_model.support.report import Report as Report
-    from hfa_model.support.unit_system import shown_in as shown_in
     from hfa_model.variants import VARIANTS as VARIANTS, Newton as Newton, Published as Published
     from hfa_model.vectors import (
         DEGREE as DEGREE,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 
 
 def parameter_report(parameters: ParameterSet) -> Report:

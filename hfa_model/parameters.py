@@ -10,12 +10,12 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
-from hfa_model.support.report import Report, Reported
 from hfa_model.support.toml_file import finite_number
 from hfa_model.vectors import T
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
-from hfa_model.support.text import Table
+from hfa_model.reporting.text import Table
 from hfa_model.support.version import toolchain_version
 
 SCHEMA = "hfa.provenance/1"

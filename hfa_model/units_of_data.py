@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import RowsMade, Table
-from hfa_model.support.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import RowsMade, Table
+from hfa_model.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
 from hfa_model.vectors import INPUT_UNITS, RATE_UNITS, STATE_UNITS, UNITS
 
 #: Array -> its last axes: the list of units beside it (or these units), and the power of the unit in an entry.

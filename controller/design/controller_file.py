@@ -11,10 +11,10 @@ import numpy as np
 
 from controller.design.scheduled_controller import ScheduledController
 from controller.game.array_file import read_arrays
-from hfa_model.support.data_files import save_data
+from hfa_model.reporting.data_files import save_data
+from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.text import Table
 
 SCHEMA = "hfa.controller/1"
 #: Formats that a controller is written in.

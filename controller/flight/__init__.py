@@ -1,1 +1,1 @@
-"""One simulated flight: plant, policy, signals, actuators and gusts in one loop."""
+"""One simulated flight: plant, policy, actuators and gusts in one loop."""

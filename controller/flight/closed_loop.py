@@ -19,9 +19,9 @@ from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
 from controller.flight.integrator import integrate
 from controller.flight.plants import Plant
-from controller.flight.policies import Policy, Seen
-from controller.flight.signals import TimeVector
 from controller.flight.stiff import integrate_stiff
+from controller.policy.policies import Policy, Seen
+from controller.policy.signals import TimeVector
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.text import degrees
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.text import degrees
 from hfa_model.vectors import STATES, UNITS, State
 from trim.point.condition import STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK, Departure, Envelope
-from controller.flight.flown_law import FlownLaw
-from controller.flight.servo_policy import ServoPolicy
 from controller.flight.simulate import NonlinearFlight
 from controller.flight.tracking import Tracked, tracked, tracking_table
-from hfa_model.support.checks import Check, checks_block
-from hfa_model.support.report import Part, Report
-from hfa_model.support.text import Table, in_degrees, short_number, shown_unit
+from controller.policy.flown_law import FlownLaw
+from controller.policy.servo_policy import ServoPolicy
+from hfa_model.reporting.checks import Check, checks_block
+from hfa_model.reporting.report import Part, Report
+from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
 
 FLIGHT_SCHEMA = "hfa.flight/1"

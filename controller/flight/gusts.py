@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Memoryless
+from controller.policy.policies import Memoryless
 from hfa_model.support.errors import BadInputError
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave

@@ -10,19 +10,19 @@ import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
-from controller.flight.commands import CommandedStates
 from controller.flight.envelope import Departure, Envelope, angles_of_attack
-from controller.flight.flown_law import FlownLaw
 from controller.flight.gusts import Gust
 from controller.flight.plants import Equations, LinearizedAircraft, NonlinearPlant, Plant
-from controller.flight.policies import Policy
-from controller.flight.signals import Signal, TimeVector, zero
 from controller.flight.times import check_times
 from controller.flight.uncertain import Uncertainty
+from controller.policy.commands import CommandedStates
+from controller.policy.flown_law import FlownLaw
+from controller.policy.policies import Policy
+from controller.policy.signals import Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.integrator import Trajectory
+from hfa_model.jobs.interrupts import held_back
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.interrupts import held_back
 
 #: Relative and absolute tolerance of each step.
 RELATIVE, ABSOLUTE = 1e-7, 1e-10

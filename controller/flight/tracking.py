@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
-from controller.flight.commands import CommandSteps
-from controller.flight.servo_policy import MeasuredOutputs
 from controller.flight.simulate import NonlinearFlight
+from controller.policy.commands import CommandSteps
+from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.outputs import unit_of
-from hfa_model.support.text import Table, short_number, shown_unit
+from hfa_model.reporting.text import Table, short_number, shown_unit
 from hfa_model.vectors import LINEAR_STATES, STATES
 
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]

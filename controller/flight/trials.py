@@ -12,9 +12,9 @@ import numpy as np
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.policies import Memoryless, Seen, gain_constants
-from controller.flight.signals import zero
 from controller.flight.watched_loop import WatchedLoop
+from controller.policy.policies import Memoryless, Seen, gain_constants
+from controller.policy.signals import zero
 from hfa_model.native.bound import BoundFunction
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint

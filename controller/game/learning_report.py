@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from controller.game.learning_result import LearningResult
-from hfa_model.support.checks import verdict_text
-from hfa_model.support.report import Report
-from hfa_model.support.text import RowsMade, Table, matrix_table, numbered
+from hfa_model.reporting.checks import verdict_text
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import RowsMade, Table, matrix_table, numbered
 
 _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.checks import Check
+from hfa_model.reporting.checks import Check
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.report import Report, Reported
 
 SCHEMA = "hfa.learning-result/1"
 

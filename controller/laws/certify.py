@@ -11,7 +11,7 @@ from controller.game.learning_result import Excitation, LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import refinement
 from controller.samples.stack_equations import StackEquations, control_root
-from hfa_model.support.checks import Check, checked
+from hfa_model.reporting.checks import Check, checked
 
 #: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.
 RESIDUAL_LIMIT = 1e-9

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
-from controller.flight.commands import CommandedStates
 from controller.flight.envelope import Envelope
-from controller.flight.flown_law import FlownLaw
-from controller.flight.signals import Signal
 from controller.flight.simulate import Scenario
 from controller.monte_carlo.uncertain_plants import UncertainPlant, uncertain_plant
+from controller.policy.commands import CommandedStates
+from controller.policy.flown_law import FlownLaw
+from controller.policy.signals import Signal
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named

@@ -11,9 +11,9 @@ import numpy as np
 from controller.flight.envelope import ANGLE_OF_ATTACK, limited_names
 from controller.flight.flight_report import OVER_GROUND
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.support.report import Report, Reported
-from hfa_model.support.store import Store
-from hfa_model.support.text import Table, short_number, shown_unit
+from hfa_model.jobs.store import Store
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table, short_number, shown_unit
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 
 SCHEMA = "hfa.monte-carlo-summary/1"

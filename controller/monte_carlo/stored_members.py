@@ -14,8 +14,8 @@ from controller.flight.envelope import limited_names
 from controller.flight.watched_loop import Summary
 from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.support.store import Array, Layout, Store
-from hfa_model.support.stream import stream
+from hfa_model.jobs.store import Array, Layout, Store
+from hfa_model.jobs.stream import stream
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 
 SCHEMA = "hfa.monte-carlo-store/1"
@@ -82,5 +82,5 @@ class MonteCarloJob:
 
 
 def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
-    """Every member of the plan in the store at `path`; options of `hfa_model.support.stream.stream`."""
+    """Every member of the plan in the store at `path`; options of `hfa_model.jobs.stream.stream`."""
     return stream(MonteCarloJob(plan), path, **options)

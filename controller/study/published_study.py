@@ -16,9 +16,9 @@ from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import Progress, run
 from controller.samples.recording import random_pool
 from controller.study.study_rows import STUDY, StudyCase
+from hfa_model.jobs.workers import workers
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.workers import workers
 
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)

@@ -10,9 +10,9 @@ from typing import Any
 
 from controller.study.published_study import PlannedRun, StudyRow, StudyRun
 from controller.study.study_report import load_study, study_data
+from hfa_model.jobs.finished import finished, stamp
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
-from hfa_model.support.finished import finished, stamp
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from typing import Any
 
 from controller.laws.published_law import PublishedSettings
 from controller.study.published_study import StudyRow, StudyRun
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, range_text
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, range_text
 
 SCHEMA = "hfa.published-study/2"
 #: Numbers that are nan, not inf, where a run did not get so far.

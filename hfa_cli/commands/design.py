@@ -23,7 +23,7 @@ from hfa_cli.parser import add_value
 from hfa_cli.ranges import array_of, value_range
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from verification.servo.tuning_file import load_tuning, save_design, tuning_report
+from verification.synthesis.tuning_file import load_tuning, save_design, tuning_report
 
 #: A second or two each.
 _MOST_POINTS = 1000
@@ -48,9 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Design or read, print, check; exit 1 when a corner is unstable."""
-    from verification.servo.controller_report import controller_report
-    from verification.servo.controllers import design_controller
-    from verification.servo.corners import check_corners
+    from verification.synthesis.controller_report import controller_report
+    from verification.synthesis.controllers import design_controller
+    from verification.synthesis.corners import check_corners
 
     aircraft = options.aircraft_of(arguments)
     given = [name for name in ("file", "design", "tune") if getattr(arguments, name) is not None]
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     """Tune; exit 1 when no evaluation kept the constraints."""
-    from verification.servo.tuning import tune
+    from verification.synthesis.tuning import tune
 
     options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
     target = arguments.output

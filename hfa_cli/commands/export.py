@@ -22,10 +22,10 @@ from hfa_cli.learning import add_settings
 from hfa_cli.origin import provenance
 from hfa_cli.output import check_folder, say_notes, show
 from hfa_cli.parser import add_value
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
 from trim.linear.linearize import linearize
 from trim.point.trim_report import warnings
 

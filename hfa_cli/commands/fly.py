@@ -24,12 +24,12 @@ from hfa_cli.flights import (
 from hfa_cli.output import Progress
 from hfa_cli.servo_options import add_controller, controlled
 from hfa_cli.stored_law import add_stored
+from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.text import in_degrees
 from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
-    from hfa_model.support.checks import Check
+    from hfa_model.reporting.checks import Check
 
 #: Options of former versions -> the command that has them now.
 _MOVED = dict.fromkeys(("to", "over", "points"), "schedule") | dict.fromkeys(

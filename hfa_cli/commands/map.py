@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         found.append(result)
     report = map_report(tuple(found), law.name)
     if arguments.picture is not None:
-        from hfa_model.support.figure import save
+        from hfa_model.reporting.figure import save
         from verification.flights.flight_figures import map_figure
 
         save(map_figure(tuple(found), report.title), arguments.picture, provenance().text())

@@ -12,9 +12,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from controller.flight.critic_policy import CriticPolicy
-from controller.flight.signals import Signal
 from controller.game.zero_sum import Game
+from controller.policy.critic_policy import CriticPolicy
+from controller.policy.signals import Signal
 from hfa_cli import options
 from hfa_cli.actuator_options import actuators_of, add_actuators
 from hfa_cli.argument_types import number, numbers, quantity, whole
@@ -45,9 +45,9 @@ from hfa_model.support.temporary import temporary_folder
 from trim.linear.linearize import LinearModel, linearize
 
 if TYPE_CHECKING:
-    from controller.flight.flown_law import FlownLaw
     from controller.flight.uncertain import Uncertainty
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+    from controller.policy.flown_law import FlownLaw
 
 #: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
 _CRITICS = ("published", "published-helped")
@@ -165,7 +165,7 @@ def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -
 
 
 def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
-    from controller.flight.critic_policy import critic_law
+    from controller.policy.critic_policy import critic_law
     from verification.experiments import flown_laws as laws
     from verification.experiments.configuration import section5_configuration
     from verification.experiments.setting import PaperCase, Setting

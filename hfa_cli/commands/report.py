@@ -19,11 +19,11 @@ from hfa_cli.output import Progress, check_folder
 from hfa_cli.parser import add_value
 from hfa_cli.ranges import Range, array_of, value_range
 from hfa_model.outputs import OUTPUTS
+from hfa_model.reporting.figure import save
+from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.figure import save
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.report import Report
 from hfa_model.vectors import STATES
 from trim.point.named_condition import NamedCondition
 from verification.page.claims_section import load_claims

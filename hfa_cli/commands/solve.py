@@ -16,7 +16,7 @@ from hfa_cli.output import say_notes, show
 from verification.meaning.output_report import output_report
 from verification.meaning.solution_report import AnalysedGame, analyse_game, solution_report
 from verification.riccati.output_feedback import OutputGame
-from verification.servo.gust_cost import estimated_gust_cost, gust_cost
+from verification.synthesis.gust_cost import estimated_gust_cost, gust_cost
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -24,9 +24,9 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import shown_unit
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report
-from hfa_model.support.text import shown_unit
 from hfa_model.vectors import UNITS
 from trim.sweeps.sweep import MOST_POINTS, sweep
 from trim.sweeps.sweep_report import sweep_report

@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     if arguments.picture is not None:
-        from hfa_model.support.figure import save
+        from hfa_model.reporting.figure import save
         from trim.point.trim_figure import trim_figure
 
         save(trim_figure(aircraft, point), arguments.picture, provenance().text())

@@ -97,7 +97,7 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
 
 
 def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, time: float | None, path: Path) -> None:
-    from hfa_model.support.figure import save
+    from hfa_model.reporting.figure import save
     from verification.critic.check_figure import check_figure
 
     figure = check_figure(check, named.states, named.inputs, result, time, named.origin)

@@ -1,1 +1,1 @@
-"""What every room leans on: errors, files, tables, checks, workers and stores."""
+"""What every room leans on: errors, files, the front door."""

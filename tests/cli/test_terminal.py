@@ -8,7 +8,7 @@ import pytest
 from cli import Terminal, hfa
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.text import Table
+from hfa_model.reporting.text import Table
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.trim_report import trim_report

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from member_plans import a_critic, everything_plan
 
-from controller.flight.critic_policy import CriticPolicy
 from controller.game.zero_sum import Game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller.policy.critic_policy import CriticPolicy
 from trim.point.operating_point import OperatingPoint
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeGuard
@@ -241,3 +242,28 @@ def test_no_code_writes_the_published_data() -> None:
 def test_a_planted_writer_is_seen() -> None:
     assert writers({"m": 'Path("published.json").write_text("{}")'}, "published.json") == ["m"]
     assert writers({"m": '"""Reads published.json."""\nopen("x", "w")'}, "published.json") == []
+
+
+# What is stored at the top.
+
+_AT_THE_TOP = {
+    *[
+        ".ci",
+        ".gitignore",
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "Makefile",
+        "README.md",
+        "pyproject.toml",
+        "requirements.lock",
+    ],
+    *["benchmarks", "controller", "docs", "examples", "hfa_cli", "hfa_model", "tests", "trim", "verification"],
+}
+
+
+def test_no_command_s_output_is_stored_at_the_top() -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
+    if listed.returncode or not listed.stdout:
+        pytest.skip("not a checkout of the repository")
+    assert {name.split("/")[0] for name in listed.stdout.decode().split("\0") if name} == _AT_THE_TOP

@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.flown_law import FlownLaw, gain_law
-from controller.flight.policies import Seen
-from controller.flight.signals import Signal
 from controller.flight.simulate import NonlinearFlight, Scenario, fly
 from controller.game.zero_sum import Game, published_game
+from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.policies import Seen
+from controller.policy.signals import Signal
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import LINEAR_STATES

@@ -11,7 +11,7 @@ from controller.game.zero_sum import Game, published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models
-from hfa_model.support.checks import Check
+from hfa_model.reporting.checks import Check
 from hfa_model.variants import VARIANTS
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight

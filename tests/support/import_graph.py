@@ -13,6 +13,8 @@ LAYERS = ("hfa_model", "trim", "controller", "verification", "hfa_cli")
 #: modules that lie in no room of it.
 ROOMS = (
     "hfa_model.support",
+    "hfa_model.reporting",
+    "hfa_model.jobs",
     "hfa_model.native",
     "hfa_model",
     "trim.conditions",
@@ -25,6 +27,7 @@ ROOMS = (
     "controller.design",
     "controller.samples",
     "controller.laws",
+    "controller.policy",
     "controller.flight",
     "controller.study",
     "controller.monte_carlo",
@@ -36,6 +39,7 @@ ROOMS = (
     "verification.published",
     "verification.validation",
     "verification.flights",
+    "verification.synthesis",
     "verification.servo",
     "verification.proof",
     "verification.experiments",

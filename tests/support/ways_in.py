@@ -18,7 +18,7 @@ from game_files import small
 from hostile import Choices, hostile_bytes, hostile_mat, hostile_npz, hostile_text, hostile_words
 
 from hfa_cli.main import COMMANDS
-from hfa_model.support.data_files import SUFFIXES
+from hfa_model.reporting.data_files import SUFFIXES
 
 Change = Callable[[bytes, Choices], bytes]
 _CHANGES: dict[str, Change] = {".npz": hostile_npz, ".mat": hostile_mat}

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
-from hfa_model.support.report import Report, Reported
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
 from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify

@@ -9,8 +9,8 @@ import numpy as np
 
 from hfa_model.parameter_report import parameters_table
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.support.report import Block, Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table
 from trim.identification.evidence import Identification
 from trim.identification.identify import IDENTIFIED, Fit
 from trim.linear.compare import entries_records, entries_table

@@ -15,9 +15,9 @@ import numpy as np
 from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State

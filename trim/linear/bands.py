@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES

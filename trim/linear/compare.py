@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
-from hfa_model.support.report import Report
-from hfa_model.support.text import TONES, Table, Toned, four_decimals
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import TONES, Table, Toned, four_decimals
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import level_flight

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.linear.output_model import UPDRAFT, OutputModel, output_model
 from trim.point.operating_point import OperatingPoint

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.support.unit_system import entries_in_force, unit_in_force
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
+from hfa_model.reporting.unit_system import entries_in_force, unit_in_force
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands

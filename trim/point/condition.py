@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
 from hfa_model.published import published_data
+from hfa_model.reporting.text import shown_unit, shown_value
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.text import shown_unit, shown_value
 from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.

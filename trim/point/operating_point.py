@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.unit_system import english
 from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import json_text
-from hfa_model.support.report import Report, Reported
-from hfa_model.support.unit_system import english
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
 
 if TYPE_CHECKING:

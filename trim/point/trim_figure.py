@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.figure import new_figure
-from hfa_model.support.text import angle_text, short_number
+from hfa_model.reporting.figure import new_figure
+from hfa_model.reporting.text import angle_text, short_number
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

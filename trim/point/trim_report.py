@@ -8,9 +8,8 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report
-from hfa_model.support.text import (
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import (
     Placed,
     Table,
     Toned,
@@ -22,7 +21,8 @@ from hfa_model.support.text import (
     shown_unit,
     shown_value,
 )
-from hfa_model.support.unit_system import in_force, unit_in_force
+from hfa_model.reporting.unit_system import in_force, unit_in_force
+from hfa_model.support.jsonable import finite_or_none
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from trim.point.condition import PAPER_RANGE, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_model.reporting.figure import new_figure, save
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.figure import new_figure, save
 from hfa_model.vectors import UNITS
 from trim.sweeps.sweep import Sweep
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from hfa_model.jobs.store import Array, Layout, Store
+from hfa_model.jobs.stream import stream
+from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters
-from hfa_model.support.store import Array, Layout, Store
-from hfa_model.support.stream import stream
-from hfa_model.support.workers import Task
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hfa_model.support.report import Report
-from hfa_model.support.store import Store
-from hfa_model.support.text import Table
+from hfa_model.jobs.store import Store
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from trim.sweeps.stored_sweep import status_counts
 from trim.sweeps.sweep_plan import SweepPlan
 from trim.sweeps.sweep_report import plan_warnings

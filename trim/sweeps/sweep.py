@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS, Input
 from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of

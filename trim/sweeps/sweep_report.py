@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.report import Block, Picture, Report
-from hfa_model.support.text import RowsMade, Table, angle_text, eigenvalue_text, shown_unit, shown_value
+from hfa_model.reporting.report import Block, Picture, Report
+from hfa_model.reporting.text import RowsMade, Table, angle_text, eigenvalue_text, shown_unit, shown_value
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_unit
 from trim.point.condition import PAPER_RANGE
 from trim.point.operating_point import Status

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.game.learning_result import LearningResult
-from hfa_model.support.figure import new_figure
+from hfa_model.reporting.figure import new_figure
 from verification.critic.critic_check import CriticCheck
 from verification.critic.critic_errors import relative_error
 

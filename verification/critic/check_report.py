@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.support.checks import checks_block
-from hfa_model.support.report import Block, Report
-from hfa_model.support.text import Table, numbered
+from hfa_model.reporting.checks import checks_block
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table, numbered
 
 if TYPE_CHECKING:
     from verification.critic.critic_check import CriticCheck

@@ -13,9 +13,9 @@ from controller.game.basis import basis
 from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most, below
+from hfa_model.reporting.checks import Check, at_least, at_most, below
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report, Reported
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.critic_errors import critic_errors
 from verification.critic.critic_history import HistoryErrors, history_errors

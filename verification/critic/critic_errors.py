@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_most
+from hfa_model.reporting.checks import Check, at_most
 from verification.critic.candidate import Candidate
 from verification.critic.ordinary_box import Box, ordinary_box
 from verification.riccati.gare import GameSolution

@@ -12,10 +12,10 @@ import numpy as np
 from controller.game.basis import basis
 from controller.game.history import History
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_most
+from hfa_model.reporting.checks import Check, at_most
+from hfa_model.reporting.report import Block
+from hfa_model.reporting.text import Table
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Block
-from hfa_model.support.text import Table
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import critic_errors
 from verification.critic.ordinary_box import Box

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.unit_system import si_factor, si_unit
+from hfa_model.reporting.unit_system import si_factor, si_unit
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
 from verification.riccati.units import balanced_units
 

@@ -9,7 +9,7 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most
+from hfa_model.reporting.checks import Check, at_least, at_most
 from verification.riccati.certificate import relative_residual
 from verification.riccati.spectrum import spectrum
 from verification.riccati.units import balanced_units, in_units

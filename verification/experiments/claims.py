@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hfa_model.support.checks import Check, checked
+from hfa_model.reporting.checks import Check, checked
 from hfa_model.support.jsonable import finite_or_none
 from verification.experiments.configuration import Criteria
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord

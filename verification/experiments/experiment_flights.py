@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
-from controller.flight.flown_law import FlownLaw
 from controller.flight.plants import LinearPlant
-from controller.flight.signals import Signal, zero
+from controller.policy.flown_law import FlownLaw
+from controller.policy.signals import Signal, zero
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.flown_laws import Critic, law_of
 from verification.experiments.metrics import FlightMetrics, flight_metrics, learning_metrics, residual_at

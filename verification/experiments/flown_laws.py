@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.critic_policy import CriticPolicy, critic_law, forcing
-from controller.flight.flown_law import FlownLaw
-from controller.flight.learned_gain import BASELINE_EFFORT, baseline_value, online_law
-from controller.flight.signals import Signal, zero
-from controller.flight.tracking_policy import TrackingPolicy, tracking_constants
 from controller.game.basis import Basis, basis
 from controller.laws.learn import learn
 from controller.laws.published_law import PublishedLaw, PublishedSettings, published_law
+from controller.policy.critic_policy import CriticPolicy, critic_law, forcing
+from controller.policy.flown_law import FlownLaw
+from controller.policy.learned_gain import BASELINE_EFFORT, baseline_value, online_law
+from controller.policy.signals import Signal, zero
+from controller.policy.tracking_policy import TrackingPolicy, tracking_constants
 from controller.samples.recording import Stack, random_pool
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.setting import PaperCase, Setting, feedforward, generator

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from hfa_model.jobs.workers import workers
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
-from hfa_model.support.workers import workers
 from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment import Experiment, Outcome

@@ -7,10 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from hfa_model.jobs.finished import finished, stamp
+from hfa_model.reporting.figure import save
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.figure import save
 from hfa_model.support.files import save_npz, write_text
-from hfa_model.support.finished import finished, stamp
 from hfa_model.support.jsonable import jsonable, records_text
 from hfa_model.support.temporary import temporary_folder
 from verification.experiments.experiment import Experiment, Outcome

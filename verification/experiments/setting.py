@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.signals import Harmonic, Signal
 from controller.game.zero_sum import Game, published_game
+from controller.policy.signals import Harmonic, Signal
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models

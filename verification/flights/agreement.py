@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.flown_law import FlownLaw, gain_law
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
-from controller.flight.policies import Policy
-from controller.flight.signals import zero
 from controller.flight.simulate import NonlinearFlight
+from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.policies import Policy
+from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.checks import Check, at_least, at_most
+from hfa_model.reporting.checks import Check, at_least, at_most
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from controller.flight.flight_report import limits_text
-from hfa_model.support.report import Block, Report
-from hfa_model.support.text import Table, in_degrees, short_number, shown_unit
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import STATE_UNITS, STATES
 from verification.flights.recoverable import Edge, RecoverableMap
 

@@ -13,8 +13,8 @@ from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 from verification.riccati.spectrum import spectrum

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from controller.flight.flight_report import flight_report, title
-from controller.flight.scheduled import DihedralChange
 from controller.flight.simulate import NonlinearFlight
-from hfa_model.support.report import Block, Report
-from hfa_model.support.text import Table, in_degrees
+from controller.policy.scheduled import DihedralChange
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table, in_degrees
 from verification.flights.scheduling import CertifiedSchedule
 
 

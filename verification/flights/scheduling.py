@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from controller.flight.envelope import Envelope
-from controller.flight.flown_law import FlownLaw
-from controller.flight.learned_gain import learned_value
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from controller.flight.simulate import NonlinearFlight, Scenario, fly_law, with_errors
 from controller.game.zero_sum import published_game
+from controller.policy.flown_law import FlownLaw
+from controller.policy.learned_gain import learned_value
+from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.report import Report, Reported
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint

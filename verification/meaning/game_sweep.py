@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import published_game
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, shown_unit, shown_value
+from hfa_model.reporting.unit_system import system_in_force
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, shown_unit, shown_value
-from hfa_model.support.unit_system import system_in_force
 from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep import Sweep
 from verification.meaning.margins import disk_margin

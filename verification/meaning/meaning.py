@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check
+from hfa_model.reporting.checks import Check
 from verification.meaning.cost import cost_checks
 from verification.meaning.saddle import saddle_checks
 from verification.riccati.l2_gain import gain_checks

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from hfa_model.support.checks import checks_block
+from hfa_model.reporting.checks import checks_block
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
 from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
 
 

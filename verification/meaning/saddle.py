@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most
+from hfa_model.reporting.checks import Check, at_least, at_most
 from hfa_model.support.errors import BadInputError
 from verification.meaning.cost import cost_matrix, simulated_cost
 from verification.riccati.spectrum import is_hurwitz

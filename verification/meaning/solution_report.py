@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, checks_block
+from hfa_model.reporting.checks import Check, checks_block
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, eigenvalue_text, matrix_table
 from verification.meaning.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
 from verification.meaning.meaning import meaning_checks
 from verification.riccati.existence import DeltaMin, minimum_delta

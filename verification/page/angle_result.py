@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from controller.game.zero_sum import published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel
+from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.text import in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linearize import LinearModel, linearize
 from trim.point.condition import TrimCondition

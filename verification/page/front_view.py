@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.text import angle_text
+from hfa_model.reporting.text import angle_text
 from trim.linear.linearize import LinearModel
 from trim.point.trim_figure import Panel, panels_from_the_front, trim_figure
 from verification.page.angle_result import TrimmedAngle

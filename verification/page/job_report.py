@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from hfa_model.support.checks import verdict_text
-from hfa_model.support.report import Part, Picture, Report
-from hfa_model.support.text import Table, angle_text
+from hfa_model.reporting.checks import verdict_text
+from hfa_model.reporting.report import Part, Picture, Report
+from hfa_model.reporting.text import Table, angle_text
 from trim.linear.bands import bands_known, entry_bands
 from trim.linear.compare import comparison_table, matrices_beside_the_print
 from trim.linear.linearize import LinearModel

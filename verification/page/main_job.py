@@ -12,7 +12,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
-from hfa_model.support.text import angle_text
+from hfa_model.reporting.text import angle_text
 from hfa_model.variants import variant_named
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from verification.proof.proof_report import SCHEMA
 from verification.proof.schedule_proof import joined
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, matrix_table
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, matrix_table
 from verification.proof.proof_report import SCHEMA
 from verification.proof.solution_proof import CriticProof, SolutionProof
 

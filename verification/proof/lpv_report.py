@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification.proof.lpv_grid import LpvGrid
 

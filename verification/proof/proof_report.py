@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ScheduleProof

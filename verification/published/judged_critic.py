@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import published_game
 from controller.laws.learn import learn
-from hfa_model.support.report import Report, Reported
-from hfa_model.support.text import angle_text
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import angle_text
 from trim.linear.linearize import LinearModel
 from verification.critic.candidate import from_weights
 from verification.critic.check_figure import check_figure

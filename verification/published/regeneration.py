@@ -8,9 +8,9 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
+from hfa_model.reporting.checks import Check, at_most
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.checks import Check, at_most
-from hfa_model.support.report import Report, Reported
 from trim.linear.compare import EntryRow, compare, eigenvalue_errors, regenerate
 from trim.linear.linearize import LinearModel
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hfa_model.support.figure import new_figure
+from hfa_model.reporting.figure import new_figure
 from verification.published.regeneration import RegeneratedPair
 
 if TYPE_CHECKING:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hfa_model.support.checks import checks_block
-from hfa_model.support.report import Picture, Report
-from hfa_model.support.text import Table, eigenvalue_text
+from hfa_model.reporting.checks import checks_block
+from hfa_model.reporting.report import Picture, Report
+from hfa_model.reporting.text import Table, eigenvalue_text
 from trim.linear.compare import comparison_table, entries_records
 from trim.linear.model_report import matrices
 from verification.published.regeneration import RegeneratedPair, Regeneration

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_least, at_most, below, checked
+from hfa_model.reporting.checks import Check, at_least, at_most, below, checked
 from hfa_model.support.errors import NoSolutionError
 from verification.riccati.gare_iteration import iterated_solution
 from verification.riccati.gare_schur import schur_solution

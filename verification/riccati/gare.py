@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import checks_block
+from hfa_model.reporting.checks import checks_block
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.report import Report, Reported
-from hfa_model.support.text import Table, eigenvalue_text, matrix_table, numbered
 from verification.riccati.certificate import Certificate, certified_solution
 from verification.riccati.existence import minimum_delta
 from verification.riccati.spectrum import spectrum

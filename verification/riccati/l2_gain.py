@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_most, below
+from hfa_model.reporting.checks import Check, at_most, below
 from verification.riccati.spectrum import is_hurwitz, spectrum
 
 TOLERANCE = 1e-9

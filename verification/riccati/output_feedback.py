@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.checks import Check, at_most, below
+from hfa_model.reporting.checks import Check, at_most, below
+from hfa_model.reporting.text import eigenvalue_text
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.text import eigenvalue_text
 from verification.riccati.existence import RANK, has_value
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.gare_schur import schur_solution

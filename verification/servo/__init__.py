@@ -1,1 +1,1 @@
-"""Servos: the certified controllers of a design, their loops, corners and tuning; flights through commands."""
+"""Servos compared: flights through commands and actuator faults, law by law."""

@@ -11,11 +11,11 @@ import numpy as np
 from controller.design.design_file import load_design
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.commands import CommandedStates, CommandSteps
-from controller.flight.flown_law import FlownLaw, gain_law
-from controller.flight.servo_policy import servo_law
 from controller.flight.simulate import Scenario
 from controller.game.zero_sum import published_game
+from controller.policy.commands import CommandedStates, CommandSteps
+from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import Input
 from trim.linear.linearize import linearize
@@ -25,8 +25,8 @@ from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law
-from verification.servo.controllers import design_controller
 from verification.servo.reference_model import REGULATED, reference_servo
+from verification.synthesis.controllers import design_controller
 
 #: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.
 TRIM_DEG = 11.0

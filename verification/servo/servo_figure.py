@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.design.design import SHORT_PERIOD
 from hfa_model.outputs import unit_of
-from hfa_model.support.figure import new_figure
-from hfa_model.support.text import shown_unit
+from hfa_model.reporting.figure import new_figure
+from hfa_model.reporting.text import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,13 +12,13 @@ import numpy as np
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
-from controller.flight.servo_policy import MeasuredOutputs
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import Tracked, fastest_inputs, tracked
+from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.figure import save
+from hfa_model.jobs.finished import finished, stamp
+from hfa_model.reporting.figure import save
 from hfa_model.support.files import write_text
-from hfa_model.support.finished import finished, stamp
 from hfa_model.support.jsonable import records_text
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point

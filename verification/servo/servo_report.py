@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hfa_model.support.report import Block, Report
-from hfa_model.support.text import Table
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table
 from verification.servo.reference_model import REGULATED
 
 SCHEMA = "hfa.servo-table/1"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.checks import Check, at_most
-from hfa_model.support.report import Report, Reported
+from hfa_model.reporting.checks import Check, at_most
+from hfa_model.reporting.report import Report, Reported
 from hfa_model.vectors import INPUTS
 from trim.linear.compare import eigenvalue_errors
 from trim.linear.linearize import LinearModel, linearize

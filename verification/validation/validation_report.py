@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hfa_model.support.checks import checks_block
-from hfa_model.support.report import Report
-from hfa_model.support.text import Table, shown_unit, shown_value
+from hfa_model.reporting.checks import checks_block
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, shown_unit, shown_value
 from verification.validation.comparison import Validation
 from verification.validation.outside import outside_data
 

@@ -11,9 +11,9 @@ import pytest
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
-from controller.flight.policies import GainPolicy, gain_constants
-from controller.flight.signals import Signal, zero
 from controller.flight.simulate import Scenario
+from controller.policy.policies import GainPolicy, gain_constants
+from controller.policy.signals import Signal, zero
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, Input

@@ -13,8 +13,8 @@ from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.integrator import integrate
 from controller.flight.plants import LinearPlant
-from controller.flight.policies import GainPolicy
-from controller.flight.signals import zero
+from controller.policy.policies import GainPolicy
+from controller.policy.signals import zero
 from hfa_model import kinematics
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.atmosphere import density

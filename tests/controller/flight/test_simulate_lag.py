@@ -13,10 +13,10 @@ import pytest
 
 from controller.flight.actuators import Actuators
 from controller.flight.envelope import flight_envelope
-from controller.flight.flown_law import gain_law
-from controller.flight.signals import Signal
 from controller.flight.simulate import NonlinearFlight, Scenario, fly
 from controller.game.zero_sum import published_game
+from controller.policy.flown_law import gain_law
+from controller.policy.signals import Signal
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import LINEAR_STATES, Input

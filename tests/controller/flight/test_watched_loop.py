@@ -11,9 +11,9 @@ import pytest
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import Envelope
 from controller.flight.plants import SevenStates
-from controller.flight.policies import GainPolicy
-from controller.flight.signals import zero
 from controller.flight.watched_loop import Summary, WatchedLoop
+from controller.policy.policies import GainPolicy
+from controller.policy.signals import zero
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, State
 from trim.point.operating_point import OperatingPoint
 

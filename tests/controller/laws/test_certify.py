@@ -22,7 +22,7 @@ from controller.laws.certify import (
 from controller.laws.learn import learn
 from controller.samples.recording import choose, random_pool, record
 from controller.samples.stack_equations import StackEquations
-from hfa_model.support.checks import checked
+from hfa_model.reporting.checks import checked
 
 
 def failures(game: Game, weights: np.ndarray, richness: Excitation | None = None, name: str = "quadratic") -> list[str]:

@@ -13,18 +13,18 @@ from member_plans import PARAMETERS, with_scenario
 from controller.flight import watched_loop
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.critic_policy import CriticPolicy, critic_law
 from controller.flight.envelope import flight_envelope
-from controller.flight.flown_law import gain_law
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.signals import zero
 from controller.flight.simulate import Scenario, fly
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo import member_flight
 from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import fly_members
+from controller.policy.critic_policy import CriticPolicy, critic_law
+from controller.policy.flown_law import gain_law
+from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.native import machine_code as generated

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller.flight.critic_policy import critic_law
 from controller.flight.envelope import flight_envelope
-from controller.flight.flown_law import gain_law
 from controller.flight.gusts import OneMinusCosine
-from controller.flight.signals import zero
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller.policy.critic_policy import critic_law
+from controller.policy.flown_law import gain_law
+from controller.policy.signals import zero
 from hfa_model.support.errors import BadInputError
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.flight.flown_law import gain_law
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.monte_carlo_report import Outcome
 from controller.monte_carlo.stored_members import stream_monte_carlo
+from controller.policy.flown_law import gain_law
 
 
 def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:

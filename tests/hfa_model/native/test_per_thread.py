@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.flight.envelope import Envelope
-from controller.flight.flown_law import gain_law
 from controller.flight.simulate import Scenario
 from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import fly_members
+from controller.policy.flown_law import gain_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import default_parameters

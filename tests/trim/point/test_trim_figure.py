@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.figure import save
+from hfa_model.reporting.figure import save
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

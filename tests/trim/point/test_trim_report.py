@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.report import Report
+from hfa_model.reporting.report import Report
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, UNITS, State
 from trim.point.condition import BALANCED, TrimCondition, level_flight, release
 from trim.point.operating_point import OperatingPoint

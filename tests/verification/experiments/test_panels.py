@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from experiment_configurations import BRIEF, COARSE, changed
 
-from hfa_model.support.figure import png_bytes
+from hfa_model.reporting.figure import png_bytes
 from verification.experiments.experiment import Outcome
 from verification.experiments.flown_laws import CERTIFIED, MODIFIED, PRINTED
 from verification.experiments.panels import COMMAND, LOST, Line, Panel, PaperFigure, draw

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hfa_model.reporting.text import four_decimals
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.text import four_decimals
 from verification.page import angle_result
 from verification.page.job_report import angle_report, point_report, verdicts
 from verification.page.main_job import MainJob

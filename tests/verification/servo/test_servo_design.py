@@ -12,10 +12,10 @@ from servo_cases import A_Z, model_at
 from controller import ScheduledController, load_design
 from controller.design.design import Actuator, Feedforward
 from hfa_model import Aircraft
-from verification.servo.command_flight import fly_commands
-from verification.servo.controllers import design_controller
-from verification.servo.corners import check_corners
-from verification.servo.servo_loop import servo_plant
+from verification.synthesis.command_flight import fly_commands
+from verification.synthesis.controllers import design_controller
+from verification.synthesis.corners import check_corners
+from verification.synthesis.servo_loop import servo_plant
 
 #: SimVFA's commands, deg and ft/s², 70 s each; its faults: effectiveness 0.2 and bandwidth 0.5 rad/s.
 DIHEDRAL = [1, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from controller.flight.actuators import ActuatorFault
-from controller.flight.commands import CommandSteps
 from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import Dryden
 from controller.flight.plants import NonlinearPlant
-from controller.flight.servo_policy import ServoPolicy
 from controller.flight.simulate import fly_law
+from controller.policy.commands import CommandSteps
+from controller.policy.servo_policy import ServoPolicy
 from hfa_model.aircraft import Aircraft
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point

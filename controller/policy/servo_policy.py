@@ -1,0 +1,155 @@
+"""A scheduled controller in flight: its matrices at the measured dihedral, what it measures, what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from controller.design.design import SHORT_PERIOD
+from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from controller.policy.commands import CommandSteps
+from controller.policy.dihedral_table import DihedralTable
+from controller.policy.flown_law import FlownLaw
+from controller.policy.policies import Seen
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from trim.linear.output_model import output_model
+from trim.point.operating_point import OperatingPoint
+
+_DIHEDRAL = LINEAR_STATES.index("dihedral")
+_M, _N = len(INPUTS), len(LINEAR_STATES)
+_AIR = ("updraft_center", "updraft_outer")
+
+
+class MeasuredOutputs:
+    """y - Y0 = C x + D a + F w of named outputs of the linear model at a trim, x and a as deviations from it.
+
+    w: updraft at the center and at the outer panels, ft/s: an accelerometer feels alpha through the air. Behind a name
+    `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
+    those of the actuators. BadInputError when a name is not among them.
+    """
+
+    def __init__(self, aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.C, self.F = np.zeros((len(names), _N)), np.zeros((len(names), len(_AIR)))
+        self.D, self.rates = np.zeros((len(names), _M)), np.zeros((len(names), _M))
+        for row, name in enumerate(names):
+            of, _, what = name.rpartition("_")
+            if of in INPUTS and what in ("position", "rate"):
+                (self.D if what == "position" else self.rates)[row, INPUTS.index(of)] = 1.0
+                continue
+            model = output_model(aircraft, point, (name.removesuffix(SHORT_PERIOD),), disturbances=_AIR)
+            self.C[row], self.D[row], self.F[row] = model.C[0], model.D[0], model.F[0]
+            if name.endswith(SHORT_PERIOD):
+                self.C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
+
+    def at(self, seen: Seen) -> ca.SX:
+        """y - Y0, (k,)."""
+        y = ca.mtimes(ca.DM(self.C), seen.states)
+        if seen.updraft.numel():
+            y = y + ca.mtimes(ca.DM(self.F), seen.updraft * ca.DM.ones(len(_AIR)))
+        for matrix, moved in ((self.D, seen.positions), (self.rates, seen.rates)):
+            if matrix.any():
+                if not moved.numel():
+                    kind = "rates of its actuators" if matrix is self.rates else "positions of its actuators"
+                    raise BadInputError(f"the law measures the {kind}, which this flight does not have; give actuators")
+                y = y + ca.mtimes(ca.DM(matrix), moved)
+        return y
+
+
+@dataclass(frozen=True, eq=False)
+class ServoPolicy:
+    """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured dihedral.
+
+    outputs: what it measures. regulated: what is commanded. dihedral: of the trim in which the flight begins, rad.
+    """
+
+    controller: ScheduledController
+    commands: CommandSteps
+    outputs: MeasuredOutputs
+    regulated: MeasuredOutputs
+    dihedral: float
+
+    @property
+    def memory_size(self) -> int:
+        """The controller's states."""
+        return len(self.controller.states)
+
+    @property
+    def constants_size(self) -> int:
+        """Nothing changes from tick to tick: 0."""
+        return 0
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """u of the controller's inputs; 0, the trim, of the others."""
+        _, _, C, D, _ = self._at(seen)
+        return ca.mtimes(ca.DM(self._chosen), ca.mtimes(C, memory) + ca.mtimes(D, self._told(t, seen)))
+
+    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
+        """The rate of the states x of the controller."""
+        A, B, _, _, W = self._at(seen)
+        rate = ca.mtimes(A, memory) + ca.mtimes(B, self._told(t, seen))
+        if not self.controller.W.any():
+            return rate
+        missed = ca.mtimes(ca.DM(self._chosen.T), applied - self.control(t, seen, memory, p))
+        return rate + ca.mtimes(W, missed)
+
+    def _told(self, t: ca.SX, seen: Seen) -> ca.SX:
+        """[measured; commands]; an output without a command is commanded to stay at its trim."""
+        signals = (self.commands.at(t), self.commands.rate(t), self.commands.end(t))
+        rows = []
+        for name in self.controller.commands:
+            suffix = next(each for each in reversed(COMMAND_SIGNALS) if name.endswith(each))
+            output = name.removesuffix(suffix)
+            known = output in self.commands.names
+            signal = signals[COMMAND_SIGNALS.index(suffix)]
+            rows.append(signal[self.commands.names.index(output)] if known else ca.SX(0))
+        return ca.vertcat(self.outputs.at(seen), *rows)
+
+    def _at(self, seen: Seen) -> tuple[ca.SX, ...]:
+        """A, B, C, D, W at the measured dihedral."""
+        return self._table.at(self.dihedral + seen.states[_DIHEDRAL])
+
+    @property
+    def _chosen(self) -> np.ndarray:
+        """(5, m): the controller's inputs among all."""
+        return np.array([[float(name == one) for one in self.controller.inputs] for name in INPUTS])
+
+    @cached_property
+    def _table(self) -> DihedralTable:
+        made = self.controller
+        return DihedralTable(made.dihedrals, [getattr(made, name) for name in ("A", "B", "C", "D", "W")])
+
+
+def servo_law(
+    controller: ScheduledController, commands: CommandSteps, aircraft: Aircraft, point: OperatingPoint
+) -> FlownLaw:
+    """The controller about a trim of the aircraft that it was made for, following commands.
+
+    BadInputError when it was made for another aircraft or other angles, or is not told of a commanded output.
+    """
+    told = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
+    for name in commands.names:
+        if name not in told:
+            raise BadInputError(
+                f"controller {controller.name} follows no command of {name}; choose from {', '.join(told)}"
+            )
+    at = point.states.dihedral
+    reached = np.append(at + commands.values[:, np.array(commands.names) == "dihedral"], at)
+    if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle
+        reached = controller.dihedrals
+    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
+    outputs, regulated = (
+        MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
+    )
+    policy = ServoPolicy(controller, commands, outputs, regulated, at)
+    stacks = {name: getattr(controller, name) for name in ("dihedrals", "A", "B", "C", "D", "W")}
+    follows = {"times": commands.times, "values": commands.values, "filter": [commands.bandwidth, commands.damping]}
+    identity = {"controller": stacks, "commands": {"names": list(commands.names), **follows}}
+    fastest = float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0))
+    memory = np.zeros(len(controller.states))
+    return FlownLaw(controller.name, policy, np.zeros((1, 0)), memory, identity, fastest=fastest)

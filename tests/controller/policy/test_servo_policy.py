@@ -1,0 +1,159 @@
+"""A scheduled controller in flight: what it measures, what it is told, and that it is the loop that was designed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from controllers import integrating_controller, small_controller
+from scipy.integrate import solve_ivp
+
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.envelope import flight_envelope
+from controller.flight.plants import LinearizedAircraft
+from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.flight.tracking import fastest_inputs, tracked, tracking_table
+from controller.policy.commands import CommandedStates, CommandSteps
+from controller.policy.policies import Seen
+from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input
+from trim.linear.output_model import output_model
+from trim.point.condition import level_flight
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+Z = "vertical_acceleration_short_period"
+FREE = Actuators(Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5), Input(*[np.inf] * 5))
+
+
+@pytest.fixture(scope="module")
+def point(published_aircraft: Aircraft) -> OperatingPoint:
+    return find_operating_point(published_aircraft, level_flight(float(np.radians(10.0))))
+
+
+def commands(*values: float) -> CommandSteps:
+    return CommandSteps(("dihedral",), 1.0 + 10.0 * np.arange(len(values)), np.array(values)[:, None])
+
+
+def flown(
+    aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, **changes: object
+) -> NonlinearFlight:
+    follow = commands(0.01)
+    law = servo_law(controller, follow, aircraft, point)
+    given = {"duration": 12.0, "step": 0.01, "reference": CommandedStates(follow), "actuators": FREE} | changes
+    return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft.parameters, point))  # type: ignore[arg-type]
+
+
+def test_outputs_are_those_of_the_linear_model(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    names = (Z, "pitch_rate", "aileron_outer_position", "elevator_center_rate", "load_factor")
+    outputs = MeasuredOutputs(published_aircraft, point, names)
+    model = output_model(published_aircraft, point, ("vertical_acceleration", "load_factor"))
+    rng = np.random.default_rng(2)
+    x, a, v = rng.normal(size=6), rng.normal(size=5), rng.normal(size=5)
+    y = np.array(ca.DM(outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
+    alpha = LINEAR_STATES.index("alpha")
+    short = model.C[0, alpha] * x[alpha] + model.D[0] @ a
+    expected = [short, x[LINEAR_STATES.index("pitch_rate")], a[2], v[3], model.C[1] @ x + model.D[1] @ a]
+    np.testing.assert_allclose(y, expected, rtol=1e-12)
+    with pytest.raises(BadInputError, match="positions of its actuators"):
+        outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
+
+
+def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
+    outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
+    rest = ca.SX(5, 1)
+    F = output_model(published_aircraft, point, ("vertical_acceleration", "load_factor")).F[:, 0]
+    for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX([3.0, 3.0]), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
+        y = np.array(ca.DM(outputs.at(Seen(still, still, rest, rest, updraft)))).ravel()
+        np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
+    alpha = output_model(published_aircraft, point, ("vertical_acceleration",)).C[0, LINEAR_STATES.index("alpha")]
+    assert F[0] == pytest.approx(alpha / point.states.speed, rel=0.05)  # an updraft w is an alpha of w / V
+
+
+def test_the_flight_on_the_linear_model_is_the_loop_written_out(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    """The prediction of `fly` beside the same loop in NumPy, matrices looked up by the controller itself."""
+    controller = integrating_controller(published_aircraft)
+    result = flown(published_aircraft, point, controller)
+    assert result.predicted is not None
+    model, follow = LinearizedAircraft.at(published_aircraft, point), commands(0.01)
+    eta, q, column = STATES.index("dihedral"), STATES.index("pitch_rate"), INPUTS.index("aileron_outer")
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        x, a, e = y[:7], y[7:12], y[12:]
+        r = float(follow.sampled(np.array([t]))[0, 0])
+        A, B, C, D = controller.at(point.states.dihedral + x[eta])
+        told = np.array([x[q], x[eta], r, 0.0])
+        u = np.zeros(5)
+        u[column] = (C @ e + D @ told)[0]
+        return np.concatenate([model.A @ x + model.B @ a, 2.0 * (u - a), A @ e + B @ told])
+
+    path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.05)
+    np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
+
+
+def test_a_fault_takes_effectiveness_from_its_time_on(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    controller = integrating_controller(published_aircraft)
+    whole = flown(published_aircraft, point, controller)
+    weak = replace(FREE, faults=(ActuatorFault(6.0, 0.25, 0.5),))
+    failed = flown(published_aircraft, point, controller, actuators=weak)
+    before = whole.flight.times <= 6.0
+    np.testing.assert_allclose(failed.flight.states[before], whole.flight.states[before], atol=1e-12)
+    assert np.abs(failed.flight.inputs[-1]).max() < 0.7 * np.abs(whole.flight.inputs[-1]).max()
+
+
+def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it where one does."""
+    lowest, highest = np.array(point.inputs) - 1e-4, np.array(point.inputs) + 1e-4
+    narrow = replace(FREE, lowest=Input(*lowest), highest=Input(*highest))
+    controller = integrating_controller(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
+    plain, wound = (
+        integrating_controller(published_aircraft),
+        flown(published_aircraft, point, integrating_controller(published_aircraft)),
+    )
+    np.testing.assert_allclose(
+        flown(published_aircraft, point, controller).flight.memory, wound.flight.memory, atol=1e-12
+    )
+    saturated = flown(published_aircraft, point, plain, actuators=narrow).flight
+    relieved = flown(published_aircraft, point, controller, actuators=narrow).flight
+    assert np.abs(saturated.inputs).max() == pytest.approx(1e-4, rel=1e-6)
+    assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
+
+
+def test_tracking_is_the_commanded_output_against_its_command(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    result = flown(published_aircraft, point, integrating_controller(published_aircraft))
+    follow = commands(0.01)
+    (one,) = tracked(result, MeasuredOutputs(published_aircraft, point, follow.names), follow)
+    z = result.flight.errors[:, LINEAR_STATES.index("dihedral")]
+    np.testing.assert_allclose(one.output - one.command, z, atol=1e-12)
+    assert one.rms == pytest.approx(float(np.sqrt(np.mean(z**2))))
+    assert one.largest == pytest.approx(float(np.abs(z).max()))
+    fastest = fastest_inputs(result)
+    assert fastest[INPUTS.index("aileron_outer")] > 0.0 == fastest[0]
+    assert "dihedral" in tracking_table((one,)).rows[0]
+
+
+def test_controllers_that_do_not_fit_are_refused(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    made = small_controller(published_aircraft)
+    with pytest.raises(BadInputError, match="covers dihedral 5 to 20 deg; 10 to 67"):
+        servo_law(made, commands(1.0), published_aircraft, point)
+    with pytest.raises(BadInputError, match="designed for published dynamics"):
+        servo_law(made, commands(0.01), Aircraft(published_aircraft.parameters, "newton"), point)
+    other = replace(commands(0.01), names=("speed",))
+    with pytest.raises(BadInputError, match="follows no command of speed; choose from dihedral"):
+        servo_law(made, other, published_aircraft, point)
+    law = servo_law(replace(made, measurements=(Z, "dihedral")), commands(0.01), published_aircraft, point)
+    assert isinstance(law.policy, ServoPolicy)
+    assert law.fastest == pytest.approx(2.0)

@@ -1,0 +1,47 @@
+"""Signals that are held back: given after the block, once, and not lost."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+import pytest
+
+from hfa_model.jobs.interrupts import held_back
+
+
+def test_a_signal_is_given_after_the_block() -> None:
+    steps: list[str] = []
+
+    @held_back()
+    def work() -> None:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        steps.append("finished")
+
+    handler = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert steps == ["finished"]
+    assert signal.getsignal(signal.SIGINT) == handler
+    with held_back():
+        steps.append("again")
+    assert steps == ["finished", "again"]
+
+
+def test_an_error_of_the_block_stays_one() -> None:
+    with pytest.raises(ValueError, match="wrong"), held_back():
+        raise ValueError("wrong")
+
+
+def test_another_thread_holds_nothing_back() -> None:
+    seen: list[object] = []
+
+    def work() -> None:
+        with held_back():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(signal.SIGINT)]

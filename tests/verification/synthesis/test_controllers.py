@@ -1,0 +1,111 @@
+"""Controllers of a design: the loop has the poles of the exact solution, whatever the path, and the names fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from servo_cases import A_Z, measured_servo, model_at
+
+from controller import Design, design_model, load_design
+from controller.design.design import Feedforward
+from hfa_model import Aircraft, BadInputError, NoSolutionError
+from verification import solve_game
+from verification.riccati.output_feedback import OutputGame, closed_loop, solve_output_feedback
+from verification.synthesis.command_flight import fly_commands
+from verification.synthesis.command_path import LinearController, measurements
+from verification.synthesis.controllers import controller_at, design_controller
+from verification.synthesis.regulator import regulator
+from verification.synthesis.servo_loop import servo_plant
+
+ANGLES = np.radians([9.0, 11.0])
+
+
+def whole(aircraft: Aircraft, design: Design, feedback: str) -> tuple[np.ndarray, LinearController]:
+    """The closed loop of the design's own plant and its controller at 11 deg, commands at rest."""
+    model = model_at(11.0)
+    found = controller_at(aircraft, model, design, feedback)
+    table = design_controller(aircraft, design, ANGLES, feedback)
+    plant = servo_plant(aircraft, model, table, design.actuators)
+    measured = len(table.measurements)
+    B, D = found.B[:, :measured], found.D[:, :measured]
+    for part in "ABCDW":
+        np.testing.assert_array_equal(getattr(table, part)[1], getattr(found, part))
+    return np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ found.C], [B @ plant.C, found.A]]), found
+
+
+def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
+    order = lambda values: np.sort_complex(np.round(values, 7))  # noqa: E731
+    np.testing.assert_allclose(order(np.linalg.eigvals(loop)), order(poles), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
+def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Aircraft, name: str) -> None:
+    design = load_design(name)
+    game = design_model(published_aircraft, model_at(11.0), design).game()
+    loop, _ = whole(published_aircraft, design, "state")
+    same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
+
+
+@pytest.mark.parametrize("delta", [np.inf, 200.0])
+def test_output_feedback_has_the_poles_of_the_central_controller(published_aircraft: Aircraft, delta: float) -> None:
+    design = measured_servo(delta=delta, feedforward=Feedforward(lag=0.5))
+    built = design_model(published_aircraft, model_at(11.0), design)
+    problem = OutputGame(built.game(), built.C, built.D, built.V)
+    exact = solve_output_feedback(problem)
+    loop, found = whole(published_aircraft, design, "output")
+    poles = np.linalg.eigvals(closed_loop(problem, (exact.Ak, exact.Bk, exact.Ck))[0])
+    same_poles(loop, np.concatenate([poles, [-2.0, -2.0]]))  # and the two lags of the feedforward
+    assert found.delta_min < delta
+
+
+@pytest.mark.parametrize("feedback", ["state", "output"])
+def test_the_feedforward_and_what_the_estimator_is_told(published_aircraft: Aircraft, feedback: str) -> None:
+    shaping = Feedforward(share=0.5, known=0.25)
+    plain, told = (
+        controller_at(published_aircraft, model_at(11.0), measured_servo(feedforward=each), feedback)
+        for each in (None, shaping)
+    )
+    p = len(measurements(measured_servo(), feedback))
+    np.testing.assert_array_equal(told.B[:, :p], plain.B[:, :p])
+    np.testing.assert_array_equal(plain.B[-2:, p:], -np.eye(2))
+    np.testing.assert_array_equal(told.B[-2:, p:], -np.eye(2, 6))
+    if feedback == "output":
+        np.testing.assert_array_equal(told.B[-4:-2, p:], -0.25 * np.eye(2, 6))
+    outputs = measured_servo(sensors={"dihedral": 1.0, A_Z: 1.0}, integrals=(), state_weights={}, feedforward=None)
+    exact = regulator(design_model(published_aircraft, model_at(11.0), outputs), shaping)
+    np.testing.assert_allclose(told.D[:, p:], 0.5 * exact.inputs)
+
+
+def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_aircraft: Aircraft) -> None:
+    ends = np.column_stack([np.radians([1.0, 2.0, -1.0]), [-1.0, 1.0, 0.0]])
+    errors = []
+    for shaping in (None, Feedforward()):
+        design = measured_servo(feedforward=shaping)
+        table = design_controller(published_aircraft, design, np.radians([11.0]))
+        plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
+        errors.append(fly_commands(plant, table, ends, 70.0, Feedforward()).errors["dihedral"])
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft) -> None:
+    output = design_controller(published_aircraft, measured_servo(), ANGLES)
+    assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
+    assert output.commands[:3] == ("dihedral_command", f"{A_Z}_command", "dihedral_command_rate")
+    assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
+    assert output.command_filter == (0.5, 2.0)
+    assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES)
+    state = design_controller(published_aircraft, load_design("simvfa-2"), ANGLES)
+    assert (state.feedback, state.command_filter) == ("state", ())
+    assert {"speed", "aileron_outer_position", "elevator_center_rate", A_Z} <= set(state.measurements)
+    assert state.commands == ("dihedral_command", f"{A_Z}_command")
+
+
+def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Aircraft) -> None:
+    with pytest.raises(BadInputError, match="design simvfa-1 has no sensors"):
+        design_controller(published_aircraft, load_design("simvfa-1"), ANGLES, "output")
+    with pytest.raises(BadInputError, match="state feedback has no sensors; leave out sensor_lags"):
+        design_controller(published_aircraft, measured_servo(sensor_lags={"pitch_rate": 0.1}), ANGLES, "state")
+    with pytest.raises(NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"):
+        design_controller(published_aircraft, measured_servo(delta=50.0), ANGLES)
+    with pytest.raises(NoSolutionError, match="at dihedral 9 deg: the sensors do not see the mode with eigenvalue"):
+        design_controller(published_aircraft, measured_servo(sensors={"pitch_rate": 1.0}), ANGLES)

@@ -1,0 +1,67 @@
+"""The check of the corners: it passes what is stable with every actuator, and finds a planted unstable controller."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from controllers import small_controller
+from servo_cases import model_at
+
+from controller import ScheduledController, load_design
+from controller.design.design import Actuator
+from hfa_model import Aircraft, BadInputError
+from verification.synthesis.controllers import design_controller
+from verification.synthesis.corners import check_corners
+from verification.synthesis.servo_loop import servo_loop, servo_plant
+
+AT_5 = np.radians([5.0])
+
+
+def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
+    """aileron_outer = gain pitch_rate, its state decays by itself."""
+    table = small_controller(aircraft, A=-np.ones((3, 1, 1)))
+    zero = {name: 0.0 * getattr(table, name) for name in "BCW"}
+    return replace(table, D=np.tile(np.array([[gain, 0.0, 0.0, 0.0]]), (3, 1, 1)), **zero)
+
+
+def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(published_aircraft: Aircraft) -> None:
+    found = check_corners(published_aircraft, gentle(published_aircraft, 1e-4), AT_5)
+    assert found.ok
+    assert (found.loops, found.unstable) == (8, 0)
+    open_loop = np.linalg.eigvals(model_at(5.0).A).real.max()
+    assert found.abscissa.value == pytest.approx(open_loop, rel=0.05)
+    assert found.at_inputs.value > 1.0
+    assert "PASS, 8 of 8 loops stable" in repr(found)
+
+
+def test_a_planted_unstable_controller_is_found_with_its_corner(published_aircraft: Aircraft) -> None:
+    """Enough gain of the wrong sign: unstable at full effectiveness, where the corner says."""
+    table = gentle(published_aircraft, 0.3)
+    found = check_corners(published_aircraft, table, AT_5)
+    assert not found.ok
+    assert 0 < found.unstable < found.loops
+    corner = found.abscissa.corner
+    assert corner.effectiveness == (1.0,)
+    actuator = Actuator(order=corner.order, effectiveness=1.0, bandwidth=corner.bandwidth[0])
+    plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
+    assert servo_loop(plant, table).abscissa == pytest.approx(found.abscissa.value)
+    assert found.at_inputs.value == found.at_sensors.value == 0.0
+    text = repr(found)
+    assert f"FAIL, {found.loops - found.unstable} of 8 loops stable" in text
+    assert f"unstable at {found.unstable} of 8 corners, worst at 5 deg, order {corner.order}, aileron_outer 1" in text
+    assert found.to_dict()["checks"][0]["ok"] is False
+
+
+def test_each_input_has_its_own_corner_and_the_published_servo_fails_there(published_aircraft: Aircraft) -> None:
+    table = design_controller(published_aircraft, load_design("simvfa-1"), np.radians([11.0]))
+    found = check_corners(published_aircraft, table)
+    assert found.loops == 32
+    assert not found.ok
+    assert found.abscissa.corner.order == 2
+
+
+def test_other_angles_than_those_of_the_controller_are_refused(published_aircraft: Aircraft) -> None:
+    with pytest.raises(BadInputError, match="covers dihedral 5 to 20 deg"):
+        check_corners(published_aircraft, gentle(published_aircraft, 0.0), np.radians([0.0, 5.0]))

@@ -1,0 +1,49 @@
+"""The loop of a controller and a plant: its margins are those of the gain, and a direct path is closed rightly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from controllers import small_controller
+from servo_cases import model_at
+
+from controller import design_model, load_design
+from hfa_model import Aircraft
+from verification import solve_game
+from verification.meaning.margins import disk_margin
+from verification.synthesis.controllers import design_controller
+from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
+
+
+def test_margins_of_state_feedback_are_those_of_its_gain(published_aircraft: Aircraft) -> None:
+    design = load_design("simvfa-1")
+    table = design_controller(published_aircraft, design, np.radians([11.0]))
+    loop = servo_loop(servo_plant(published_aircraft, model_at(11.0), table, design.actuators), table)
+    game = design_model(published_aircraft, model_at(11.0), design).game()
+    expected = disk_margin(game, solve_game(game).K)
+    assert loop.margin_at_inputs().disk == pytest.approx(expected.disk, rel=1e-6)
+    assert loop.abscissa == pytest.approx(np.linalg.eigvals(game.A - game.B @ solve_game(game).K).real.max())
+
+
+def test_margins_of_a_loop_that_can_be_solved_by_hand() -> None:
+    """y = u/(s + 1), u = -k y/(s + 1): S - 1/2 at both breaks is the same, its peak that of (1 - L)/(1 + L)/2."""
+    one = np.ones((1, 1))
+    loop = ServoLoop(-one, one, one, -one, one, -4.0 * one, 0.0 * one)
+    L = 4.0 / (1.0 + 1j * np.geomspace(0.01, 100.0, 20001)) ** 2
+    expected = 1.0 / np.abs((1.0 - L) / (1.0 + L) / 2.0).max()
+    assert loop.margin_at_inputs().disk == pytest.approx(expected, rel=1e-3)
+    assert loop.margin_at_sensors().disk == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_path_from_input_to_sensor_at_once_is_closed(published_aircraft: Aircraft) -> None:
+    """u = -g n_z with n_z = C x + D u means u = -g C x / (1 + g D)."""
+    table = small_controller(published_aircraft, measurements=("load_factor", "dihedral"), A=-np.ones((3, 1, 1)))
+    zero = {name: 0.0 * getattr(table, name) for name in "BCW"}
+    gain = np.tile(np.array([[-0.01, 0.0, 0.0, 0.0]]), (3, 1, 1))
+    table = replace(table, D=gain, **zero)
+    plant = servo_plant(published_aircraft, model_at(11.0), table, {})
+    assert plant.D[0, 0] != 0.0
+    closed = plant.A - 0.01 / (1.0 + 0.01 * plant.D[0, 0]) * plant.B @ plant.C[:1]
+    assert servo_loop(plant, table).abscissa == pytest.approx(max(np.linalg.eigvals(closed).real.max(), -1.0))

@@ -1,0 +1,165 @@
+"""From a design to its controller: the exact gain or the central controller at every angle, certified."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from controller.design.design import Design
+from controller.design.design_model import DesignModel, design_model
+from controller.design.scheduled_controller import ScheduledController
+from hfa_model.aircraft import Aircraft
+from hfa_model.provenance import parameter_hash
+from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.jsonable import finite_or_none
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import TrimCondition, level_flight
+from trim.point.solve import find_operating_point
+from verification.riccati.existence import minimum_delta
+from verification.riccati.gare import solve_game
+from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
+from verification.synthesis.command_path import LinearController, commands_of, measurements, with_commands
+from verification.synthesis.servo_loop import servo_loop, servo_plant
+
+
+def design_controller(
+    aircraft: Aircraft,
+    design: Design,
+    dihedrals: np.ndarray,
+    feedback: str = "",
+    *,
+    condition: Callable[[float], TrimCondition] = level_flight,
+    progress: Callable[[int, int], None] | None = None,
+) -> ScheduledController:
+    """The controllers of a design at `dihedrals` (N,), rad, increasing, in one table.
+
+    feedback: "state", "output", or "" for output where the design has sensors. condition: dihedral -> trim.
+    Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
+    """
+    feedback = feedback or ("output" if design.sensors else "state")
+    found, models = [], []
+    for number, dihedral in enumerate(dihedrals.tolist()):
+        try:
+            model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
+            models.append(model)
+            found.append(controller_at(aircraft, model, design, feedback))
+        except NoSolutionError as error:
+            raise NoSolutionError(
+                f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
+            ) from error
+        if progress is not None:
+            progress(number + 1, len(dihedrals))
+    table = controller_table(aircraft, design, feedback, models, found)
+    rows = [_row(aircraft, model, design, each, table) for model, each in zip(models, found, strict=True)]
+    return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})
+
+
+def controller_table(
+    aircraft: Aircraft, design: Design, feedback: str, models: list[LinearModel], found: list[LinearController]
+) -> ScheduledController:
+    """Controllers of one design, and the linear models that they are for, in one value."""
+    shaping = design.feedforward
+    return ScheduledController(
+        name=design.name,
+        feedback=feedback,
+        dihedrals=np.array([model.point.states.dihedral for model in models]),
+        **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},  # type: ignore[arg-type]
+        states=_states(design, feedback),
+        measurements=measurements(design, feedback),
+        commands=commands_of(design),
+        inputs=design.inputs,
+        trim_states=np.array([model.point.states for model in models]),
+        trim_inputs=np.array([model.point.inputs for model in models]),
+        dynamics=aircraft.variant.name,
+        parameters=parameter_hash(aircraft.parameters),
+        command_filter=(shaping.bandwidth, shaping.damping) if shaping else (),
+    )
+
+
+def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedback: str) -> LinearController:
+    """The controller of one linear model; NoSolutionError when it is not certified."""
+    built = design_model(aircraft, model, design)
+    if feedback == "state":
+        return with_commands(aircraft, built, _state_feedback(built))
+    if not design.sensors:
+        raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
+    return with_commands(aircraft, built, _output_feedback(built))
+
+
+def _state_feedback(built: DesignModel) -> LinearController:
+    """u = -K [measured; integrals]."""
+    if built.design.lagged_states:
+        raise BadInputError(f"design {built.design.name}: state feedback has no sensors; leave out sensor_lags")
+    game = built.game()
+    exact, q = solve_game(game), len(built.design.integrals)
+    names = measurements(built.design, "state")
+    p, plant = len(names), len(built.design.plant_states)
+    D = np.zeros((len(built.inputs), p))
+    for column, state in enumerate(built.design.plant_states):
+        D[:, names.index(state)] -= exact.K[:, column]
+    smallest = minimum_delta(game).value
+    nothing = np.zeros((q, len(built.inputs)))
+    return LinearController(
+        np.zeros((q, q)), np.zeros((q, p)), -exact.K[:, plant:], D, nothing, smallest, exact.certificate.checks
+    )
+
+
+def _output_feedback(built: DesignModel) -> LinearController:
+    """The central controller, certified."""
+    problem = problem_of(built)
+    exact = solve_output_feedback(problem)
+    found = from_estimator(built, (exact.Ak, exact.Bk, exact.Ck))
+    return replace(found, delta_min=minimum_output_delta(problem)[0], checks=exact.checks)
+
+
+def problem_of(built: DesignModel) -> OutputGame:
+    """The game of a design from its sensors."""
+    return OutputGame(built.game(), built.C, built.D, built.V)
+
+
+def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, np.ndarray]) -> LinearController:
+    """x̂' = Ak x̂ + Bk y_s, u = Ck x̂, where the integrals among the sensors y_s are the controller's own."""
+    Ak, Bk, Ck = estimator
+    names, own = measurements(built.design, "output"), built.design.integral_states
+    B, from_own = np.zeros((len(Ak), len(names))), np.zeros((len(Ak), len(own)))
+    for column, sensor in enumerate(built.sensors):
+        if sensor in own:
+            from_own[:, own.index(sensor)] = Bk[:, column]
+        else:
+            B[:, names.index(sensor)] = Bk[:, column]
+    q, m = len(own), len(built.inputs)
+    return LinearController(
+        A=np.block([[Ak, from_own], [np.zeros((q, len(Ak) + q))]]),
+        B=np.vstack([B, np.zeros((q, len(names)))]),
+        C=np.hstack([Ck, np.zeros((m, q))]),
+        D=np.zeros((m, len(names))),
+        W=np.vstack([built.B - Bk @ built.D, np.zeros((q, m))]),
+    )
+
+
+def _states(design: Design, feedback: str) -> tuple[str, ...]:
+    lagged = bool(design.feedforward and design.feedforward.share and design.feedforward.lag)
+    return (
+        *(f"{name}_feedforward" for name in design.inputs if lagged),
+        *(f"{name}_estimate" for name in design.states if feedback == "output"),
+        *design.integral_states,
+    )
+
+
+def _row(
+    aircraft: Aircraft, model: LinearModel, design: Design, found: LinearController, table: ScheduledController
+) -> dict[str, Any]:
+    """What the table of the design says of one angle; margins with the actuators of the design."""
+    loop = servo_loop(servo_plant(aircraft, model, table, design.actuators), table)
+    return {
+        "dihedral": model.point.states.dihedral,
+        "delta_min": found.delta_min,
+        "abscissa": loop.abscissa,
+        "margin_at_inputs": loop.margin_at_inputs()._asdict(),
+        "margin_at_sensors": loop.margin_at_sensors()._asdict(),
+        "checks": [check.to_dict() for check in found.checks],
+    }

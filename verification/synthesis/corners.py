@@ -1,0 +1,162 @@
+"""Is a scheduled controller stable with every actuator that the aircraft may have: all corners, at every angle."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.design.design import Actuator
+from controller.design.scheduled_controller import ScheduledController
+from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.checks import Check, below, checks_block
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table, in_degrees
+from trim.linear.linearize import LinearModel, linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
+
+#: Ends of the ranges: share of a command that arrives, and rad/s.
+EFFECTIVENESS, BANDWIDTH = (0.2, 1.0), (0.5, 2.0)
+ORDERS = (1, 2)
+
+
+class Corner(NamedTuple):
+    """Actuators at one angle, rad; effectiveness and bandwidth (rad/s) of each input, in order."""
+
+    dihedral: float
+    order: int
+    effectiveness: tuple[float, ...]
+    bandwidth: tuple[float, ...]
+
+    def text(self, inputs: tuple[str, ...]) -> str:
+        """For a person."""
+        each = (
+            f"{name} {share:g} at {bandwidth:g} rad/s"
+            for name, share, bandwidth in zip(inputs, self.effectiveness, self.bandwidth, strict=True)
+        )
+        return f"{in_degrees(self.dihedral):g} deg, order {self.order}, {', '.join(each)}"
+
+
+class Found(NamedTuple):
+    """A figure and the corner where it is worst."""
+
+    value: float
+    corner: Corner
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CornerCheck(Reported):
+    """What became of every corner: the largest abscissa, 1/s, and the smallest disk margins, 0 where it is unstable."""
+
+    controller: ScheduledController
+    loops: int
+    unstable: int
+    abscissa: Found
+    at_inputs: Found
+    at_sensors: Found
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Stable at every corner."""
+        where = self.abscissa.corner.text(self.controller.inputs)
+        reason = f"unstable at {self.unstable} of {self.loops} corners, worst at {where}"
+        return (below("largest_abscissa", self.abscissa.value, 0.0, reason),)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every loop is stable."""
+        return all(check.ok for check in self.checks)
+
+    def report(self) -> Report:
+        """Verdict, worst corner, smallest margins."""
+        inputs = self.controller.inputs
+        found = {
+            "largest abscissa, 1/s": self.abscissa,
+            "smallest disk margin at the inputs": self.at_inputs,
+            "smallest disk margin at the sensors": self.at_sensors,
+        }
+        rows = [(name, f"{each.value:.4g}", each.corner.text(inputs)) for name, each in found.items()]
+        name, dynamics = self.controller.name, self.controller.dynamics
+        return Report(
+            f"Corners of the actuators for controller {name}, {dynamics} dynamics: "
+            f"{'PASS' if self.ok else 'FAIL'}, {self.loops - self.unstable} of {self.loops} loops stable",
+            (
+                f"effectiveness {_ends(EFFECTIVENESS)}, bandwidth {_ends(BANDWIDTH)} rad/s, each input by itself, "
+                f"orders {ORDERS[0]} and {ORDERS[1]}",
+                Table(("worst of all corners", "value", "where"), rows),
+                checks_block(self.checks),
+            ),
+            data=self.to_dict(),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; angles in rad."""
+        figures = {name: getattr(self, name) for name in ("abscissa", "at_inputs", "at_sensors")}
+        return {
+            "ok": self.ok,
+            "loops": self.loops,
+            "unstable": self.unstable,
+            **{name: {"value": each.value, **each.corner._asdict()} for name, each in figures.items()},
+            "checks": [check.to_dict() for check in self.checks],
+        }
+
+
+def check_corners(
+    aircraft: Aircraft,
+    controller: ScheduledController,
+    dihedrals: np.ndarray | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> CornerCheck:
+    """Close the loop at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
+
+    dihedrals: rad, of level trims; None for the angles of the controller. The plant is linear at each of them.
+    BadInputError when the controller is for another aircraft or other angles.
+    """
+    angles = controller.dihedrals if dihedrals is None else dihedrals
+    controller.refuse_other(aircraft, float(angles.min()), float(angles.max()))
+    worst: list[Found] = []
+    unstable = loops = 0
+    for number, dihedral in enumerate(angles.tolist()):
+        model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
+        for corner, loop in corner_loops(aircraft, model, controller):
+            abscissa, loops = loop.abscissa, loops + 1
+            margins = [0.0, 0.0]
+            if abscissa < 0.0:
+                margins = [loop.margin_at_inputs().disk, loop.margin_at_sensors().disk]
+            else:
+                unstable += 1
+            figures = [Found(value, corner) for value in (abscissa, *margins)]
+            sides = (max, min, min)
+            worst = [
+                choose(before, now, key=lambda found: found.value)
+                for choose, before, now in zip(sides, worst or figures, figures, strict=True)
+            ]
+        if progress is not None:
+            progress(number + 1, len(angles))
+    return CornerCheck(controller, loops, unstable, *worst)
+
+
+def corner_loops(
+    aircraft: Aircraft, model: LinearModel, controller: ScheduledController
+) -> Iterator[tuple[Corner, ServoLoop]]:
+    """Every corner at the angle of a linear model, and its loop."""
+    n = len(controller.inputs)
+    shares_of_all = itertools.product(EFFECTIVENESS, repeat=n)
+    bandwidths_of_all = itertools.product(BANDWIDTH, repeat=n)
+    for order, shares, bandwidths in itertools.product(ORDERS, shares_of_all, bandwidths_of_all):
+        actuators = {
+            name: Actuator(order=order, effectiveness=share, bandwidth=bandwidth)
+            for name, share, bandwidth in zip(controller.inputs, shares, bandwidths, strict=True)
+        }
+        plant = servo_plant(aircraft, model, controller, actuators)
+        yield Corner(model.point.states.dihedral, order, shares, bandwidths), servo_loop(plant, controller)
+
+
+def _ends(values: tuple[float, float]) -> str:
+    return f"{values[0]:g} to {values[1]:g}"

@@ -1,0 +1,207 @@
+"""The file that says what a search over a design may change, what it flies and what it must keep; and its result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.design.design import Actuator
+from controller.design.design_file import design_of, read_design
+from hfa_model.reporting.checks import at_most, checks_block
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, in_degrees
+from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
+from hfa_model.support.input_files import read_toml
+from hfa_model.support.toml_file import finite_number, names_of, table_of
+from verification.synthesis.tuning import Case, Tuned, Tuning, Variable
+
+SCHEMA = "hfa.design-search/1"
+_KEYS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "variables", "objective", "cases")
+_CASE = ("dihedral", "order", "bandwidth", "damping", "effectiveness", "each", "ends")
+#: Evaluations of a file that does not say how many.
+_EVALUATIONS = 1000
+
+
+def load_tuning(path: str) -> Tuning:
+    """Read a tuning file. design: name or file of the design that the search starts from. evaluations, seed: whole.
+
+    angles: deg, where the corners are closed. abscissa: largest allowed there, 1/s, below 0. rate: largest allowed rate
+    of an input, deg/s. [variables.NAME]: entries (of the design file), low, high. [objective]: output = cost of an rms
+    error of 1 in its unit. [[cases]]: dihedral (deg), order, bandwidth, damping, effectiveness, each (s, time of a
+    step), [cases.ends]: output = list of commands (angles in deg). BadInputError names the entry that is wrong.
+    """
+    try:
+        data = read_toml(path)
+    except OSError as error:
+        raise BadInputError(f"{path}: there is no readable file of that name") from error
+    _known(path, "a tuning", data, _KEYS)
+    if not isinstance(data.get("design"), str):
+        raise BadInputError(f"{path}: design is missing; name the design that the search starts from")
+    start = read_design(data["design"])
+    design = design_of(data["design"], start)
+    if not design.sensors:
+        raise BadInputError(f"{path}: design {data['design']} has no sensors; the search is for output feedback")
+    objective = {name: finite_number(path, f"objective.{name}", size) for name, size in _some(path, data, "objective")}
+    for name in objective:
+        if name not in design.integrals:
+            raise BadInputError(
+                f"{path}: objective {name} is not integrated; choose from {', '.join(design.integrals)}"
+            )
+    cases = data.get("cases")
+    if not isinstance(cases, list) or not cases:
+        raise BadInputError(f"{path}: there are no [[cases]]; give at least one")
+    abscissa = _number(path, data, "abscissa", -1e-3)
+    if not abscissa < 0.0:
+        raise BadInputError(f"{path}: abscissa is {abscissa:g}; it must be below 0")
+    found = Tuning(
+        name=path,
+        start=start,
+        variables=tuple(_variable(path, name, table) for name, table in _some(path, data, "variables")),
+        cases=tuple(_case(path, number, table, design.integrals) for number, table in enumerate(cases, 1)),
+        objective=objective,
+        angles=tuple(math.radians(finite_number(path, "angles", angle)) for angle in data.get("angles", [])),
+        abscissa=abscissa,
+        rate=math.radians(_number(path, data, "rate", math.inf, positive=True)),
+        evaluations=int(_number(path, data, "evaluations", _EVALUATIONS, positive=True)),
+        seed=int(_number(path, data, "seed", 0.0)),
+    )
+    if not found.angles:
+        raise BadInputError(f"{path}: angles is empty; name at least one angle where the corners are closed")
+    design_of(path, found.entries_at(found.first_values()))
+    return found
+
+
+def tuning_report(tuning: Tuning, found: Tuned) -> Report:
+    """Variables and figures, of the start and of the best; the constraints as checks."""
+    outputs = tuple(tuning.objective)
+    variables = [
+        (variable.name, f"{first:.6g}", f"{best:.6g}", f"{variable.low:g} to {variable.high:g}")
+        for variable, first, best in zip(tuning.variables, found.first, found.best, strict=True)
+    ]
+    rows = [
+        (
+            f"{which} {number}",
+            *(f"{_shown(errors[name], name):.4g}" for name in outputs),
+            f"{math.degrees(rate):.3g}",
+        )
+        for which, evaluation in (("start", found.first_evaluation), ("best", found.best_evaluation))
+        for number, (errors, rate) in enumerate(zip(evaluation.errors, evaluation.rates, strict=True), 1)
+    ]
+    best = found.best_evaluation
+    rate = max(best.rates, default=math.inf)
+    checks = (
+        at_most("abscissa", best.abscissa, tuning.abscissa, f"the worst corner has {best.abscissa:.3g} 1/s"),
+        at_most("rate", rate, tuning.rate, f"an input moves at {math.degrees(rate):.3g} deg/s"),
+    )
+    return Report(
+        f"Search over {len(tuning.variables)} variables of {tuning.name}: cost {found.first_evaluation.cost:.6g} at "
+        f"first, {best.cost:.6g} after {found.evaluations} evaluations",
+        (
+            Table(("variable", "start", "best", "limits"), variables),
+            Table(("case", *(f"rms {_shown_name(name)}" for name in outputs), "rate deg/s"), rows),
+            checks_block(checks),
+        ),
+        data={
+            "schema": SCHEMA,
+            "ok": all(check.ok for check in checks),
+            "evaluations": found.evaluations,
+            "variables": {
+                variable.name: {"start": first, "best": value}
+                for variable, first, value in zip(
+                    tuning.variables, found.first.tolist(), found.best.tolist(), strict=True
+                )
+            },
+            "start": found.first_evaluation._asdict(),
+            "best": best._asdict(),
+            "checks": [check.to_dict() for check in checks],
+        },
+    )
+
+
+def save_design(path: Path, entries: Mapping[str, Any]) -> None:
+    """Write the entries of a design as a design file, whole or not at all."""
+    write_text(path, "\n".join(_toml(entries, ())) + "\n")
+
+
+def _toml(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    lines = [f"{name} = {_value(value)}" for name, value in table.items() if not isinstance(value, Mapping)]
+    if path and lines:
+        lines.insert(0, f"\n[{'.'.join(path)}]")
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            lines += _toml(value, (*path, name))
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _variable(where: str, name: str, table: Any) -> Variable:
+    _known(where, f"variables.{name}", table, ("entries", "low", "high"))
+    entries = names_of(where, table, "entries")
+    low, high = (_number(where, table, key, math.nan, positive=True) for key in ("low", "high"))
+    if not entries or not low < high:
+        raise BadInputError(f"{where}: variables.{name}: give entries, and low below high")
+    return Variable(name, entries, low, high)
+
+
+def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> Case:
+    name = f"cases {number}"
+    _known(where, name, table, _CASE)
+    ends = table_of(where, table, "ends")
+    if set(ends) != set(outputs) or not all(isinstance(each, list) for each in ends.values()):
+        raise BadInputError(f"{where}: {name}: give [cases.ends] with a list for each of {', '.join(outputs)}")
+    steps = [[_internal(finite_number(where, name, value), key) for value in ends[key]] for key in outputs]
+    if len({len(each) for each in steps}) != 1 or not steps[0]:
+        raise BadInputError(f"{where}: {name}: the lists of ends differ in length; give as many steps to each")
+    settings = {key: table[key] for key in ("order", "bandwidth", "damping", "effectiveness") if key in table}
+    for key, value in settings.items():
+        finite_number(where, f"{name}.{key}", value)
+    angle = finite_number(where, f"{name}.dihedral", table.get("dihedral"))
+    each = _number(where, table, "each", 70.0, positive=True)
+    return Case(math.radians(angle), Actuator(**settings), each, np.array(steps).T)
+
+
+def _number(where: str, table: Mapping[str, Any], key: str, default: float, *, positive: bool = False) -> float:
+    value = finite_number(where, key, table[key]) if key in table else default
+    if positive and not value > 0.0:
+        raise BadInputError(f"{where}: {key} is {table.get(key, 'missing')}; give a positive number")
+    return value
+
+
+def _some(where: str, data: Mapping[str, Any], key: str) -> list[tuple[str, Any]]:
+    table = table_of(where, data, key)
+    if not table:
+        raise BadInputError(f"{where}: [{key}] is empty; name at least one")
+    return list(table.items())
+
+
+def _known(where: str, what: str, table: Any, keys: tuple[str, ...]) -> None:
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: {what} is no table")
+    for key in table:
+        if key not in keys:
+            raise BadInputError(f"{where}: unknown entry {key!r}; {what} has {', '.join(keys)}")
+
+
+def _internal(value: float, output: str) -> float:
+    return math.radians(value) if output == "dihedral" else value
+
+
+def _shown(value: float, output: str) -> float:
+    return in_degrees(value) if output == "dihedral" else value
+
+
+def _shown_name(output: str) -> str:
+    return f"{output} deg" if output == "dihedral" else output
