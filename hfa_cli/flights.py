@@ -29,9 +29,8 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
-from trim.point.trim_report import warnings
 from verification.experiments.configuration import section5_configuration
 
 if TYPE_CHECKING:
@@ -155,7 +154,7 @@ def tell(
     only_in_files: dict[str, Any] | None = None,
 ) -> None:
     """Print the report, or its data, and write the file; then what should be known of the trims `points`."""
-    notes = list(dict.fromkeys(warning for point in points for warning in warnings(point)))
+    notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
     told = report.with_data(warnings=notes)
     if target is not None:
         signed(told.with_data(**(only_in_files or {}))).save(target)

@@ -19,7 +19,6 @@ from hfa_cli.parser import add_value
 from hfa_model.reporting.text import numbered
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize
-from trim.point.trim_report import warnings
 
 #: Formats of files with matrices.
 MATRIX_FILES = (".json", ".npz", ".mat", ".csv")
@@ -95,7 +94,7 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
         return _designed(design_model(aircraft, model, arguments.design), origin, changes)
     game = published_game(model.A, model.B, **changes)
     units = model.state_units, model.input_units
-    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(warnings(point)))
+    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings))
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:
@@ -106,4 +105,4 @@ def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> Named
         raise BadInputError(f"design {built.design.name}: {error}") from error
     names = built.states, built.inputs, built.state_units, built.input_units
     where = f"design {built.design.name} of {origin}"
-    return NamedGame(game, *names, where, tuple(warnings(built.model.point)), built)
+    return NamedGame(game, *names, where, tuple(built.model.point.warnings), built)

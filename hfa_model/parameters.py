@@ -11,6 +11,7 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
@@ -112,11 +113,24 @@ class ParameterSet(ByValue, Reported):
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    def report(self) -> Report:
+    def table(self) -> Table:
         """Every parameter with its standard error, unit and source."""
-        from hfa_model.parameter_report import parameter_report
+        errors = self.standard_errors
+        rows = [
+            (
+                name,
+                f"{getattr(self.values, name):.7g}",
+                f"{errors[name]:.2g}" if name in errors else "-",
+                getattr(FIELDS, name).unit,
+                self.sources[name],
+            )
+            for name in Parameters._fields
+        ]
+        return Table(("parameter", "value", "standard error", "unit", "source"), rows)
 
-        return parameter_report(self)
+    def report(self) -> Report:
+        """The table of the parameters."""
+        return Report("Parameters of the aircraft", (self.table(),))
 
 
 def default_parameters() -> ParameterSet:

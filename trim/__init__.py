@@ -10,13 +10,16 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
     raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
-    from trim.identification.evidence import Identification as Identification, run_identification as run_identification
-    from trim.identification.identify import Fit as Fit, fit as fit, identify as identify
-    from trim.linear.bands import Bands as Bands, entry_bands as entry_bands
+    from trim.identification.evidence import run_identification as run_identification
+    from trim.identification.fit_result import Fit as Fit
+    from trim.identification.identification_result import Identification as Identification
+    from trim.identification.identify import fit as fit, identify as identify
+    from trim.linear.bands import Bands as Bands
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
-    from trim.linear.linearize import LinearModel as LinearModel, linearize as linearize
+    from trim.linear.entry_bands import entry_bands as entry_bands
+    from trim.linear.linear_model import LinearModel as LinearModel, linear_model_report as linear_model_report
+    from trim.linear.linearize import linearize as linearize
     from trim.linear.mode_tracking import track_modes as track_modes
-    from trim.linear.model_report import linear_model_report as linear_model_report
     from trim.linear.modes import Mode as Mode, modes_of as modes_of
     from trim.point.condition import (
         CONTROL_LIMITS as CONTROL_LIMITS,
@@ -42,7 +45,8 @@ if TYPE_CHECKING:
         solve_level_flights as solve_level_flights,
     )
     from trim.sweeps.stored_sweep import stream_sweep as stream_sweep
-    from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
+    from trim.sweeps.sweep import sweep as sweep
     from trim.sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan
+    from trim.sweeps.sweep_result import Sweep as Sweep
 
 __getattr__, __dir__, __all__ = open_door(__name__)

@@ -13,7 +13,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS, unit_of
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from trim.linear.output_model import output_model
 
 #: Rows whose smallest singular value is below this, in units in which rows and columns have size 1, are dependent.

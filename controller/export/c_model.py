@@ -18,7 +18,7 @@ from hfa_model.support.files import write_text
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import BALANCED, LIMITS
 from trim.point.operating_point import BALANCE
 from trim.sweeps.level_flights import START, newton_functions

@@ -12,7 +12,7 @@ from hfa_model.published import published_data
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from trim.linear.linearize import LinearModel
+    from trim.linear.linear_model import LinearModel
 
 #: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in a model.
 LARGEST = 1e100

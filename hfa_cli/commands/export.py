@@ -27,7 +27,6 @@ from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from trim.linear.linearize import linearize
-from trim.point.trim_report import warnings
 
 if TYPE_CHECKING:
     from controller.export.c_model import CModel
@@ -61,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.c is not None or arguments.fmu is not None:
         with_policy = arguments.law is not None
         what = _model(arguments)
-        written, notes = _write_model(what, arguments, with_policy), warnings(what.model.point)
+        written, notes = _write_model(what, arguments, with_policy), what.model.point.warnings
     if arguments.matlab is not None:
         write_text(arguments.matlab, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
         written.append(arguments.matlab)

@@ -11,7 +11,6 @@ from hfa_cli.output import Progress, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit
-from trim.identification.identification_report import identification_report
 
 #: Suffix of a parameters file.
 PARAMETERS = ".toml"
@@ -34,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None and target.suffix.lower() == PARAMETERS:
         save_fit(result.fit, target)
         target = None
-    show(identification_report(result), arguments, target=target)
+    show(result.report(), arguments, target=target)
     return 0
 
 

@@ -13,10 +13,11 @@ from hfa_model.outputs import OUTPUTS
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCES
-from trim.linear.bands import bands_known, entry_bands
+from trim.linear.bands import trust_in
 from trim.linear.compare import beside_the_print, printed_at
+from trim.linear.entry_bands import bands_known, entry_bands
+from trim.linear.linear_model import linear_model_report
 from trim.linear.linearize import linearize
-from trim.linear.model_report import linear_model_report, trust_in
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

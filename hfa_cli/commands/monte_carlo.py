@@ -42,7 +42,8 @@ from hfa_cli.servo_options import add_controller, controlled
 from hfa_cli.stored_law import add_stored, check_stored
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.temporary import temporary_folder
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.flight.uncertain import Uncertainty

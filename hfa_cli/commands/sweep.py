@@ -24,12 +24,12 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_named, add_value
 from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
+from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import shown_unit
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
 from trim.sweeps.sweep import MOST_POINTS, sweep
-from trim.sweeps.sweep_report import sweep_report
 
 #: What has an option of its own.
 SWEPT = ("dihedral", *options.OF_THE_CONDITION)
@@ -87,16 +87,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None and not result.trimmed.any():
         notes = [f"nothing to draw: {arguments.picture} is not written"]
     elif arguments.picture is not None:
-        from trim.sweeps.root_locus import root_locus
-
-        root_locus(result, arguments.picture, provenance().text())
+        save(result.root_locus.figure(), arguments.picture, provenance().text())
     games = None
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games
 
         games = sweep_games(result, Progress("games"), **weights_of(arguments))
     with options.units_of(arguments):
-        report = sweep_report(result)
+        report = result.report()
         report = replace(report, notes=[*report.notes, *notes])
         _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
     return 0 if np.any(result.trimmed) else 1

@@ -14,7 +14,8 @@ from documents import ROOT, SOURCE, blocks_of, commands_of, difference
 
 from hfa_cli.commands import identify
 from hfa_model.parameters import default_parameters, load_parameters
-from trim.identification.evidence import ALTERNATIVES, Identification, run_identification
+from trim.identification.evidence import ALTERNATIVES, run_identification
+from trim.identification.identification_result import Identification
 
 COMMITTED = ROOT / "hfa_model"
 FILE = "parameters.toml"

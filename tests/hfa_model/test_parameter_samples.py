@@ -12,8 +12,10 @@ from hfa_model.parameters import Parameters, ParameterSet, load_parameters, save
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.bands import Bands, entry_bands
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.bands import Bands
+from trim.linear.entry_bands import entry_bands
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import level_conditions, solve_level_flights

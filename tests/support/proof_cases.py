@@ -10,7 +10,8 @@ import numpy as np
 from controller.game.zero_sum import published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.proof.gain_table import GainTable

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,55 +10,12 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
-from hfa_model.reporting.report import Report, Reported
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
-from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify
+from trim.identification.fit_result import IDENTIFIED, Fit
+from trim.identification.identification_result import Identification, LeftOut, Structure
+from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import EntryRow, compare, regenerate
-
-
-@dataclass(frozen=True)
-class Structure:
-    """A structure tried, and the best that it reaches on the print."""
-
-    description: str
-    sum_of_squares: float
-    largest: float
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """One printed angle predicted from the other: combinations determined, and the worst entry of each row.
-
-    errors: row of the linear model -> largest |predicted - printed| relative to the row's largest entry.
-    pitch_shape_error: the same for the pitch-rate row after the best common factor on that row.
-    """
-
-    fitted_deg: float
-    predicted_deg: float
-    determined: int
-    errors: dict[str, float]
-    pitch_shape_error: float
-
-
-@dataclass(frozen=True, repr=False)
-class Identification(Reported):
-    """The published structure's fit, and the evidence.
-
-    starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
-    """
-
-    fit: Fit
-    starts: list[float]
-    tables: dict[float, tuple[EntryRow, ...]]
-    structures: tuple[Structure, ...]
-    left_out: tuple[LeftOut, ...]
-
-    def report(self) -> Report:
-        """The whole evidence."""
-        from trim.identification.identification_report import identification_report
-
-        return identification_report(self)
 
 
 class _WithNewtonLever(Published):

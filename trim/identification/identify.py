@@ -7,7 +7,6 @@ every step. Each printed entry weighs with half a unit of its last digit.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -15,28 +14,11 @@ import numpy as np
 from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
-
-#: Not determined by the print: held, each with its reason.
-ASSUMED: dict[str, tuple[float, str, str]] = {
-    "chord": (
-        8.0,
-        "assumed",
-        "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table 1, has a chord of 8 ft",
-    ),
-    "thrust_per_throttle": (
-        1.0,
-        "assumed",
-        "the printed matrices determine forces per mass; counting throttle in lbf of total thrust fixes the mass scale",
-    ),
-    "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
-}
-IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
+from trim.identification.fit_result import ASSUMED, IDENTIFIED, Fit
 
 # Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.
 _MASS, _SPAN, _CHORD = 1000.0 / 3 / 32.2, 70.0, 8.0
@@ -65,35 +47,6 @@ _MAX_EVALUATIONS = 500
 _START_SPREAD = 0.3
 #: Trust in the rough guess where one printed angle alone leaves a combination open (standard deviation of the log).
 _PRIOR_SPREAD = 0.3
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit(ByValue, Reported):
-    """One least-squares fit.
-
-    parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
-    sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many of them some
-    parameter moves. largest: the largest |difference| / half unit.
-    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
-    the rounding errors, H the projection onto what the parameters can fit (no prior).
-    singular_values: of the weighted Jacobian in relative parameters.
-    directions: rows are the parameter combinations that belong to them.
-    """
-
-    parameters: ParameterSet
-    inputs: tuple[Input, ...]
-    sum_of_squares: float
-    expected_sum: float
-    entries: int
-    largest: float
-    singular_values: np.ndarray
-    directions: np.ndarray
-
-    def report(self) -> Report:
-        """How well, which parameters, what the print determines."""
-        from trim.identification.identification_report import fit_report
-
-        return fit_report(self)
 
 
 def identify(seed: int = 0, starts: int = 8) -> tuple[Fit, list[float]]:

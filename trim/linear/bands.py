@@ -1,26 +1,20 @@
-"""How uncertain each entry of A and B is: the rounding of the print, propagated through the parameters and the trim."""
+"""How uncertain each entry of a linear model is."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
-import casadi as ca
 import numpy as np
 
-from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table
+from hfa_model.reporting.unit_system import entries_in_force
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError
-from hfa_model.symbolic import state_rates, symbols
-from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.linear.linearize import LinearModel
-from trim.point.condition import TrimCondition
-from trim.point.operating_point import OperatingPoint
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, UNITS
 
-#: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
-_SAME = 1e-7
+#: Why a model comes without bands.
+NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
+_UNITS = tuple(UNITS[name] for name in LINEAR_STATES)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,79 +39,22 @@ class Bands(ByValue, Reported):
         return 2 * self.B_rounding
 
     def report(self) -> Report:
-        """The bands of A and B."""
-        from trim.linear.model_report import bands_report
-
-        return bands_report(self)
-
-
-def bands_known(parameters: ParameterSet) -> bool:
-    """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
-
-    The covariance belongs to what the print gives. Beside an edited value it is the uncertainty of another aircraft.
-    """
-    same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
-    return same and parameters.covariance.size > 0
-
-
-def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
-    """Bands of the entries of a six-state linear model, made with these parameters at a trim of this condition.
-
-    rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
-    theorem), C the covariance of the identified parameters p, v the free variables of the trim.
-    BadInputError when the parameters have no bands (`bands_known`), or the model is not of the paper's six states.
-    """
-    if model.states != LINEAR_STATES:
-        raise BadInputError(f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them")
-    if not bands_known(parameters):
-        raise BadInputError(
-            "bands are known for the identified parameters with their covariance only; "
-            "use the parameters.toml of `hfa identify`, unchanged"
+        """Half width of the band of every entry of A and B."""
+        tables = [
+            Table(
+                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
+            )
+            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
+        ]
+        return Report(
+            "Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables
         )
-    variant = variant_named(model.point.dynamics)
-    jacobian = _total_derivative(parameters, variant, condition, model.point)
-    rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
-    return Bands(*_split(rounding))
 
 
-def _total_derivative(
-    parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint
-) -> np.ndarray:
-    """d vec(A, B) / d(identified parameters) along the trim, (66, number of identified parameters)."""
-    p = np.array(parameters.values)
-    entries_by_point, entries_by_p, rates_by_point, rates_by_p = map(
-        np.array, _derivatives(variant)(np.array(point.states), np.array(point.inputs), p)
-    )
-    moves = np.column_stack([_move(name) for name in condition.free])
-    rows = [STATES.index(name) for name in condition.rates]
-    free_by_p = -np.linalg.lstsq(rates_by_point[rows] @ moves, rates_by_p[rows], rcond=None)[0]
-    total = entries_by_p + entries_by_point @ moves @ free_by_p
-    return np.asarray(total[:, [Parameters._fields.index(name) for name in parameters.identified]])
-
-
-def _move(name: str) -> np.ndarray:
-    """How (X, U) moves with one free variable: θ = α + γ follows both."""
-    order = STATES + INPUTS
-    direction = np.zeros(len(order))
-    direction[order.index("pitch" if name == "gamma" else name)] = 1.0
-    if name == "alpha":
-        direction[order.index("pitch")] = 1.0
-    return direction
-
-
-@cache
-def _derivatives(variant: Variant) -> ca.Function:
-    """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
-    x, u, p = symbols()
-    f = state_rates(x, u, p, variant)
-    rows = [STATES.index(name) for name in LINEAR_STATES]
-    A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
-    entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
-    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (point, p)]
-    return ca.Function("entry_derivatives", [x, u, p], [ca.densify(jacobian) for jacobian in jacobians])
-
-
-def _split(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    n, m = len(LINEAR_STATES), len(INPUTS)
-    # CasADi stacks columns.
-    return vector[: n * n].reshape(n, n, order="F"), vector[n * n :].reshape(n, m, order="F")
+def trust_in(bands: Bands | None) -> str:
+    """The sentence on the bands."""
+    if bands is None:
+        return NO_BANDS
+    A, B = ((_UNITS, 1), (_UNITS, -1)), ((_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    size = max(float(entries_in_force(band, *axes).max()) for band, axes in ((bands.A, A), (bands.B, B)))
+    return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"

@@ -2,127 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
-from trim.linear.output_model import UPDRAFT, OutputModel, output_model
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from trim.linear.linear_model import LinearModel
+from trim.linear.output_model import UPDRAFT, output_model
 from trim.point.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    import control
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(ByValue, Reported):
-    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9); y - Y0 = C x + D u + F w and x' = A x + B u + E w where
-    outputs or disturbances were asked for.
-
-    A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0. output_part: None when
-    nothing else was asked for: the outputs are the states, and E and F have no columns.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    point: OperatingPoint
-    output_part: OutputModel | None = None
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Name of each output, in order: the states unless others were asked for."""
-        return self.states if self.output_part is None else self.output_part.outputs
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Unit of each output, in order."""
-        return self.state_units if self.output_part is None else self.output_part.output_units
-
-    @property
-    def C(self) -> np.ndarray:
-        """(k, n), the identity when the outputs are the states."""
-        return np.eye(len(self.states)) if self.output_part is None else self.output_part.C
-
-    @property
-    def D(self) -> np.ndarray:
-        """(k, m), zero when the outputs are the states."""
-        return np.zeros(self.B.shape) if self.output_part is None else self.output_part.D
-
-    @property
-    def disturbances(self) -> tuple[str, ...]:
-        """Name of each wind w, in order."""
-        return () if self.output_part is None else self.output_part.disturbances
-
-    @property
-    def disturbance_units(self) -> tuple[str, ...]:
-        """Unit of each wind, in order."""
-        return () if self.output_part is None else self.output_part.disturbance_units
-
-    @property
-    def E(self) -> np.ndarray:
-        """∂f/∂w, (n, l)."""
-        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.E
-
-    @property
-    def F(self) -> np.ndarray:
-        """∂y/∂w, (k, l)."""
-        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.F
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Unit of each state, in order."""
-        return tuple(getattr(STATE_UNITS, name) for name in self.states)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Unit of each input, in order."""
-        return tuple(getattr(INPUT_UNITS, name) for name in self.inputs)
-
-    @property
-    def state_offsets(self) -> np.ndarray:
-        """X0 of the model's states, (n,)."""
-        return np.array([getattr(self.point.states, name) for name in self.states])
-
-    @property
-    def input_offsets(self) -> np.ndarray:
-        """U0, (5,)."""
-        return np.array([getattr(self.point.inputs, name) for name in self.inputs])
-
-    def select(self, states: tuple[str, ...] | None = None, inputs: tuple[str, ...] | None = None) -> LinearModel:
-        """The model of the named states and inputs alone, the others held at their offsets; None keeps all.
-
-        BadInputError when the model has no such name, or it comes twice.
-        """
-        rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
-        return replace(
-            self,
-            A=self.A[np.ix_(rows, rows)],
-            B=self.B[np.ix_(rows, columns)],
-            states=tuple(self.states[i] for i in rows),
-            inputs=tuple(self.inputs[i] for i in columns),
-            output_part=None if self.output_part is None else self.output_part.part(rows, columns),
-        )
-
-    def report(self) -> Report:
-        """A, B, offsets and modes."""
-        from trim.linear.model_report import linear_model_report
-
-        return linear_model_report(self)
-
-    def to_control(self) -> control.StateSpace:
-        """The same model as python-control's `StateSpace`, names kept."""
-        import control
-
-        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
-        return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
 def linearize(
@@ -155,14 +42,3 @@ def linearize(
         watched = output_model(aircraft, point, seen, STATES, disturbances or UPDRAFT, ground_drag=ground_drag)
     model = LinearModel(A, B, STATES, INPUTS, point, watched)
     return model if full else model.select(LINEAR_STATES)
-
-
-def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
-    """Where the names stand among the known ones; None names all."""
-    chosen = known if names is None else names
-    for name in chosen:
-        if name not in known:
-            raise BadInputError(f"the model has no {what} {name!r}; choose from {', '.join(known)}")
-        if chosen.count(name) > 1:
-            raise BadInputError(f"{what} {name} is named twice; name it once")
-    return [known.index(name) for name in chosen]

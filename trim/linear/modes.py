@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+
+from hfa_model.reporting.text import Table, eigenvalue_text
 
 #: Which states make which mode.
 _FAMILIES = {
@@ -92,3 +95,36 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
         stable=decay > 0,
         participation=participation,
     )
+
+
+def modes_table(modes: Iterable[Mode]) -> Table:
+    """The mode table."""
+    rows = []
+    for mode in modes:
+        shares = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
+        rows.append(
+            (
+                mode.name,
+                eigenvalue_text(mode.eigenvalue),
+                f"{mode.damping:.4f}",
+                f"{mode.frequency:.4f}",
+                f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
+                _time_to(mode),
+                ", ".join(f"{name} {share:.0%}" for name, share in shares),
+            )
+        )
+    header = (
+        "mode",
+        "eigenvalue 1/s",
+        "damping",
+        "frequency rad/s",
+        "period s",
+        "time to, s",
+        "participation",
+    )
+    return Table(header, rows)
+
+
+def _time_to(mode: Mode) -> str:
+    time, word = (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
+    return f"{time:.3f} ({word})" if math.isfinite(time) else "-"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -10,13 +11,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.unit_system import english
+from hfa_model.reporting.text import Table, Toned, angle_text, degrees
+from hfa_model.reporting.unit_system import english, in_force, unit_in_force
 from hfa_model.support.echo import shortened, shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import json_text
-from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, STATE_UNITS, STATES, Input, State
+from hfa_model.vectors import (
+    INPUT_UNITS,
+    INPUTS,
+    RATE_SCALES,
+    RATE_UNITS,
+    STATE_UNITS,
+    STATES,
+    UNITS,
+    Input,
+    State,
+)
+from trim.point.condition import PAPER_RANGE
 
 if TYPE_CHECKING:
     import control
@@ -65,11 +78,57 @@ class OperatingPoint(Reported):
         """State or input, and gamma -> its value."""
         return {**self.states._asdict(), **self.inputs._asdict(), "gamma": self.gamma}
 
-    def report(self) -> Report:
-        """State, inputs and residuals."""
-        from trim.point.trim_report import operating_point_report
+    @property
+    def title(self) -> str:
+        """Which dynamics, and what became of the point."""
+        return f"Trim, {self.dynamics} dynamics: {self.status}"
 
-        return operating_point_report(self)
+    @property
+    def warnings(self) -> list[str]:
+        """What a user should know before trusting a model at this point."""
+        if abs(self.states.dihedral) <= PAPER_RANGE * (1 + 1e-12):
+            return []
+        return [
+            f"dihedral {angle_text(self.states.dihedral)} lies beyond the paper's range, "
+            f"which ends at {angle_text(PAPER_RANGE)}"
+        ]
+
+    def balances(self, equation: str) -> bool:
+        """Whether the residual of an equation is small enough."""
+        return abs(self.scaled_residuals[equation]) <= BALANCE
+
+    def report(self) -> Report:
+        """State, inputs and residuals: what a point holds, without the aircraft and the condition."""
+        parts = _values("state", self.states._asdict()), _values("input", self.inputs._asdict()), self.equations()
+        return Report(self.title, parts, self.warnings, self.to_dict(), self.records())
+
+    def equations(self, imposed: Mapping[str, float] | None = None) -> Table:
+        """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
+        rates = imposed if imposed and any(imposed.values()) else {}
+        failing_first = sorted(self.residuals.items(), key=lambda item: self.balances(item[0]))
+        rows = [
+            (
+                f"rate of {name}",
+                *((f"{in_force(rates[name], getattr(RATE_UNITS, name)):.6g}",) if rates else ()),
+                f"{in_force(value, getattr(RATE_UNITS, name)):.2e}",
+                f"{in_force(tolerance(name), getattr(RATE_UNITS, name)):.2e}",
+                unit_in_force(getattr(RATE_UNITS, name)),
+                f"{self.scaled_residuals[name]:.2e}",
+                Toned("PASS", "good") if self.balances(name) else Toned("FAIL", "bad"),
+            )
+            for name, value in failing_first
+        ]
+        header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
+        return Table(header, rows)
+
+    def records(self) -> Table:
+        """Header and rows (kind, name, value, unit), angles in radians."""
+        rows: list[tuple[Any, ...]] = [
+            *(("state", name, getattr(self.states, name), getattr(STATE_UNITS, name)) for name in STATES),
+            *(("input", name, getattr(self.inputs, name), getattr(INPUT_UNITS, name)) for name in INPUTS),
+            *(("residual", name, value, getattr(RATE_UNITS, name)) for name, value in self.residuals.items()),
+        ]
+        return Table(("kind", "name", "value", "unit"), rows)
 
     def to_control(self) -> control.OperatingPoint:
         """The same point as python-control's `OperatingPoint` (seven states, five inputs)."""
@@ -89,6 +148,11 @@ class OperatingPoint(Reported):
             "input_units": INPUT_UNITS._asdict(),
             "residuals": self.residuals,
         }
+
+
+def tolerance(equation: str) -> float:
+    """The residual that an equation may have, in its own unit."""
+    return float(BALANCE * getattr(RATE_SCALES, equation))
 
 
 def save_operating_point(point: OperatingPoint, path: Path) -> None:
@@ -121,3 +185,7 @@ def load_operating_point(path: Path) -> OperatingPoint:
     if status not in tuple(Status):
         raise BadInputError(f"{path}: has the status {shown(status)}; it must be one of {', '.join(Status)}")
     return OperatingPoint(states, inputs, residuals, dynamics, Status(status))
+
+
+def _values(kind: str, values: Mapping[str, float]) -> Table:
+    return Table((kind, "value", "unit"), [(name, *degrees(value, UNITS[name])) for name, value in values.items()])

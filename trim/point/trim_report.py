@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
@@ -13,7 +13,6 @@ from hfa_model.reporting.text import (
     Placed,
     Table,
     Toned,
-    angle_text,
     degrees,
     four_decimals,
     in_degrees,
@@ -23,23 +22,13 @@ from hfa_model.reporting.text import (
 )
 from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.jsonable import finite_or_none
-from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_SCALES, RATE_UNITS, STATE_UNITS, STATES, UNITS
-from trim.point.condition import PAPER_RANGE, TrimCondition
-from trim.point.operating_point import BALANCE, OperatingPoint
+from hfa_model.vectors import INPUTS, RATE_UNITS, STATES
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import BALANCE, OperatingPoint, tolerance
 from trim.point.performance import PERFORMANCE_UNITS, Performance, performance
 from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
 
 TRIM_SCHEMA = "hfa.trim/1"
-
-
-def warnings(point: OperatingPoint) -> list[str]:
-    """What a user should know before trusting a model at this point."""
-    if abs(point.states.dihedral) <= PAPER_RANGE * (1 + 1e-12):
-        return []
-    return [
-        f"dihedral {angle_text(point.states.dihedral)} lies beyond the paper's range, "
-        f"which ends at {angle_text(PAPER_RANGE)}"
-    ]
 
 
 def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> Report:
@@ -49,29 +38,19 @@ def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPo
     numbers = performance(aircraft, point)
     every = all_margins(condition, point)
     return Report(
-        title=_title(point),
+        title=point.title,
         parts=(
             _variables("state", [every[name] for name in (*STATES, "gamma")]),
             _variables("input", [every[name] for name in INPUTS]),
             _nearest(nearest_limits(condition, point)),
-            _equations(point, condition.rates),
+            point.equations(condition.rates),
             _loads(loads, numbers),
             _performance(numbers),
         ),
-        notes=warnings(point),
+        notes=point.warnings,
         data=_data(condition, point, loads, numbers),
-        records=_records(point),
+        records=point.records(),
     )
-
-
-def operating_point_report(point: OperatingPoint) -> Report:
-    """State, inputs and residuals: what a point holds, without the aircraft and the condition."""
-    parts = _values("state", point.states._asdict()), _values("input", point.inputs._asdict()), _equations(point)
-    return Report(_title(point), parts, warnings(point), point.to_dict(), _records(point))
-
-
-def _title(point: OperatingPoint) -> str:
-    return f"Trim, {point.dynamics} dynamics: {point.status}"
 
 
 def _variables(kind: str, standing: list[Margin]) -> Table:
@@ -111,35 +90,6 @@ def _nearest(nearest: list[Margin]) -> Table:
         for each in nearest
     ]
     return Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), rows)
-
-
-def _equations(point: OperatingPoint, imposed: Mapping[str, float] | None = None) -> Table:
-    """One row an equation, those that do not balance first. Of steady flight without the imposed rates, all zero."""
-    rates = imposed if imposed and any(imposed.values()) else {}
-    failing_first = sorted(point.residuals.items(), key=lambda item: _balances(item[0], point))
-    rows = [
-        (
-            f"rate of {name}",
-            *((f"{in_force(rates[name], getattr(RATE_UNITS, name)):.6g}",) if rates else ()),
-            f"{in_force(value, getattr(RATE_UNITS, name)):.2e}",
-            f"{in_force(_tolerance(name), getattr(RATE_UNITS, name)):.2e}",
-            unit_in_force(getattr(RATE_UNITS, name)),
-            f"{point.scaled_residuals[name]:.2e}",
-            Toned("PASS", "good") if _balances(name, point) else Toned("FAIL", "bad"),
-        )
-        for name, value in failing_first
-    ]
-    header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
-    return Table(header, rows)
-
-
-def _tolerance(equation: str) -> float:
-    """The residual that an equation may have, in its own unit."""
-    return float(BALANCE * getattr(RATE_SCALES, equation))
-
-
-def _balances(equation: str, point: OperatingPoint) -> bool:
-    return abs(point.scaled_residuals[equation]) <= BALANCE
 
 
 def _loads(loads: Loads, numbers: Performance) -> Table:
@@ -211,15 +161,15 @@ def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads, numbers
             name: {
                 "imposed": condition.rates[name],
                 "residual": value,
-                "tolerance": _tolerance(name),
+                "tolerance": tolerance(name),
                 "unit": getattr(RATE_UNITS, name),
-                "ok": _balances(name, point),
+                "ok": point.balances(name),
             }
             for name, value in point.residuals.items()
         },
         "performance": numbers._asdict(),
         "performance_units": PERFORMANCE_UNITS,
-        "warnings": warnings(point),
+        "warnings": point.warnings,
     }
 
 
@@ -234,17 +184,3 @@ def _variable_data(variable: Margin) -> dict[str, Any]:
         "nearer": variable.nearer,
         "at_limit": variable.at_limit,
     }
-
-
-def _records(point: OperatingPoint) -> Table:
-    """Header and rows (kind, name, value, unit) of an operating point, angles in radians."""
-    rows: list[tuple[Any, ...]] = [
-        *(("state", name, getattr(point.states, name), getattr(STATE_UNITS, name)) for name in STATES),
-        *(("input", name, getattr(point.inputs, name), getattr(INPUT_UNITS, name)) for name in INPUTS),
-        *(("residual", name, value, getattr(RATE_UNITS, name)) for name, value in point.residuals.items()),
-    ]
-    return Table(("kind", "name", "value", "unit"), rows)
-
-
-def _values(kind: str, values: Mapping[str, float]) -> Table:
-    return Table((kind, "value", "unit"), [(name, *degrees(value, UNITS[name])) for name, value in values.items()])

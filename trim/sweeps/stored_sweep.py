@@ -19,8 +19,8 @@ from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk
 from trim.sweeps.level_flights import COMPILE_FROM, are_level_flights
+from trim.sweeps.paper_range import plan_warnings
 from trim.sweeps.sweep_plan import SweepPlan
-from trim.sweeps.sweep_report import plan_warnings
 
 SCHEMA = "hfa.sweep-store/1"
 #: Points of a chunk: half a second of work or more, about 90 MB of results.

@@ -7,9 +7,9 @@ from pathlib import Path
 from hfa_model.jobs.store import Store
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
+from trim.sweeps.paper_range import plan_warnings
 from trim.sweeps.stored_sweep import status_counts
 from trim.sweeps.sweep_plan import SweepPlan
-from trim.sweeps.sweep_report import plan_warnings
 
 SCHEMA = "hfa.sweep-summary/1"
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS, Input
+from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.mode_tracking import track_modes
 from trim.linear.modes import modes_of
 from trim.point.condition import VARIABLES, TrimCondition
@@ -21,78 +17,9 @@ from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import beyond_limits
 from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, Chunk, condition_at, run_chunk
+from trim.sweeps.sweep_result import Sweep
 
 MOST_POINTS = 1_000_000
-SCHEMA = "hfa.sweep/1"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Sweep(ByValue, Reported):
-    """N points in the order of the grid, the last variable running fastest.
-
-    axes: variable -> its values. values: (N, variables), all combinations of them. reasons: "" where trimmed, else
-    why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
-    mode through the sweep; nan where the trim failed. mode_names: name of each column where the sweep begins.
-    condition: what the trims impose beside the values.
-    Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
-    """
-
-    axes: Mapping[str, tuple[float, ...]]
-    values: np.ndarray
-    reasons: tuple[str, ...]
-    states: np.ndarray
-    inputs: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    eigenvalues: np.ndarray
-    model_states: tuple[str, ...]
-    mode_names: tuple[str, ...]
-    dynamics: str
-    condition: NamedCondition = LEVEL_FLIGHT
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of what varies, in order."""
-        return tuple(self.axes)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each variable, in order."""
-        return tuple(UNITS[name] for name in self.axes)
-
-    @property
-    def trimmed(self) -> np.ndarray:
-        """(N,) true where a trim was found."""
-        return np.array([reason == "" for reason in self.reasons])
-
-    def report(self) -> Report:
-        """One line a point."""
-        from trim.sweeps.sweep_report import sweep_report
-
-        return sweep_report(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
-        return {
-            "schema": SCHEMA,
-            "dynamics": self.dynamics,
-            "variables": list(self.variables),
-            "variable_units": list(self.units),
-            "grid": {name: {"values": list(axis), "unit": UNITS[name]} for name, axis in self.axes.items()},
-            "condition": self.condition.to_dict(),
-            "values": self.values,
-            "reasons": list(self.reasons),
-            "states": list(self.model_states),
-            "state_units": [getattr(STATE_UNITS, name) for name in self.model_states],
-            "inputs": list(INPUTS),
-            "input_units": list(INPUT_UNITS),
-            "operating_states": self.states,
-            "operating_inputs": self.inputs,
-            "A": self.A,
-            "B": self.B,
-            "mode_names": list(self.mode_names),
-            "eigenvalues": np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
-        }
 
 
 def sweep(

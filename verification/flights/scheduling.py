@@ -18,7 +18,8 @@ from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolic
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

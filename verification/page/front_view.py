@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.text import angle_text
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from trim.point.trim_figure import Panel, panels_from_the_front, trim_figure
 from verification.page.angle_result import TrimmedAngle
 from verification.page.interactive import COLORS, NEUTRAL, InteractivePlot, axis, frames, layout

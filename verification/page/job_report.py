@@ -8,11 +8,11 @@ from typing import Any
 from hfa_model.reporting.checks import verdict_text
 from hfa_model.reporting.report import Part, Picture, Report
 from hfa_model.reporting.text import Table, angle_text
-from trim.linear.bands import bands_known, entry_bands
+from trim.linear.bands import trust_in
 from trim.linear.compare import comparison_table, matrices_beside_the_print
-from trim.linear.linearize import LinearModel
-from trim.linear.model_report import linear_model_report, matrices, modes_table, trust_in
-from trim.linear.modes import modes_of
+from trim.linear.entry_bands import bands_known, entry_bands
+from trim.linear.linear_model import LinearModel, linear_model_report, matrices
+from trim.linear.modes import modes_of, modes_table
 from trim.point.trim_report import trim_report
 from verification.meaning.solution_report import solution_report
 from verification.page.angle_result import AngleResult, TrimmedAngle

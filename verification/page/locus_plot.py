@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from trim.sweeps.root_locus import root_locus_figure, slow_columns
-from trim.sweeps.sweep import Sweep
+from trim.sweeps.sweep_result import Sweep
 from verification.page.interactive import COLORS, NEUTRAL, InteractivePlot, PlotlyFigure, axis, frames, layout
 
 #: Marked where the sweep visits them, degrees: the printed angles and the one between, with Plotly's symbols.
@@ -22,12 +21,12 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
     """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is trimmed."""
     if not swept.mode_names:
         return None
-    every, slow = np.ones(len(swept.mode_names), dtype=bool), slow_columns(swept)
+    every, slow = np.ones(len(swept.mode_names), dtype=bool), swept.root_locus.slow
     figures, text = [locus_figure(swept, every)], "Eigenvalues over the dihedral angle"
     if slow.any() and not slow.all():
         figures.append(locus_figure(swept, slow))
         text += ": all modes, and the slow ones alone"
-    return InteractivePlot("root_locus.png", text, lambda: root_locus_figure(swept), tuple(figures))
+    return InteractivePlot("root_locus.png", text, swept.root_locus.figure, tuple(figures))
 
 
 def locus_figure(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:

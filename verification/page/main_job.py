@@ -16,7 +16,8 @@ from hfa_model.reporting.text import angle_text
 from hfa_model.variants import variant_named
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.sweep import Sweep, sweep
+from trim.sweeps.sweep import sweep
+from trim.sweeps.sweep_result import Sweep
 from verification.page.angle_result import AngleResult, TrimmedAngle, angle_result, trimmed_angle
 from verification.published.regeneration import Regeneration, regenerate_all
 

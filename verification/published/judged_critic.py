@@ -10,7 +10,7 @@ from controller.game.zero_sum import published_game
 from controller.laws.learn import learn
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import angle_text
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from verification.critic.candidate import from_weights
 from verification.critic.check_figure import check_figure
 from verification.critic.check_report import check_report

@@ -12,7 +12,7 @@ from hfa_model.reporting.checks import Check, at_most
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.by_value import ByValue
 from trim.linear.compare import EntryRow, compare, eigenvalue_errors, regenerate
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 
 #: Within 1 half unit an entry prints the same; within 3 it prints the same or one off in the last digit.
 MOST_HALF_UNITS = 3.0

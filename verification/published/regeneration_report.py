@@ -6,7 +6,7 @@ from hfa_model.reporting.checks import checks_block
 from hfa_model.reporting.report import Picture, Report
 from hfa_model.reporting.text import Table, eigenvalue_text
 from trim.linear.compare import comparison_table, entries_records
-from trim.linear.model_report import matrices
+from trim.linear.linear_model import matrices
 from verification.published.regeneration import RegeneratedPair, Regeneration
 from verification.published.regeneration_figure import regeneration_figure
 

@@ -12,7 +12,7 @@ from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
-from trim.linear.linearize import LinearModel
+from trim.linear.linear_model import LinearModel
 from verification.meaning.margins import DiskMargin, disk_margin
 from verification.riccati.spectrum import spectrum
 

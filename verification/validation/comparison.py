@@ -12,7 +12,8 @@ from hfa_model.reporting.checks import Check, at_most
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.vectors import INPUTS
 from trim.linear.compare import eigenvalue_errors
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import level_flight, release
 from trim.point.solve import find_operating_point
 from verification.validation.outside import (

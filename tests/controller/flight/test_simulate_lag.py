@@ -20,7 +20,8 @@ from controller.policy.signals import Signal
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import LINEAR_STATES, Input
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import CONTROL_LIMITS, level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

@@ -12,8 +12,9 @@ import pytest
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
-from trim.linear.bands import entry_bands
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.entry_bands import entry_bands
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point

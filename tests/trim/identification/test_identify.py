@@ -18,7 +18,8 @@ from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, State
 from trim.identification.evidence import ALTERNATIVES, save_fit
-from trim.identification.identify import IDENTIFIED, ROUGH, Fit, fit, identify
+from trim.identification.fit_result import IDENTIFIED, Fit
+from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import regenerate
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))

@@ -12,9 +12,10 @@ from hfa_model.parameters import Parameters
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_SCALES, STATES
-from trim.identification.identify import IDENTIFIED
+from trim.identification.fit_result import IDENTIFIED
 from trim.linear.compare import compare, eigenvalue_errors, regenerate
-from trim.linear.linearize import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 

@@ -7,15 +7,14 @@ import pytest
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from trim.sweeps.root_locus import root_locus_figure, slow_columns
 from trim.sweeps.sweep import sweep
 
 
 def test_the_slow_modes_have_their_own_panel_and_no_legend_covers_a_curve(published_aircraft: Aircraft) -> None:
     result = sweep(published_aircraft, {"dihedral": np.radians([5.0, 15.0, 59.0])})
-    slow = {name for name, is_slow in zip(result.mode_names, slow_columns(result), strict=True) if is_slow}
+    slow = {name for name, is_slow in zip(result.mode_names, result.root_locus.slow, strict=True) if is_slow}
     assert slow == {"phugoid", "dihedral (slow)"}
-    figure = root_locus_figure(result)
+    figure = result.root_locus.figure()
     assert [len(axes.lines) for axes in figure.axes] == [9, 6]  # modes, both ends, the axis
     assert [axes.get_legend() for axes in figure.axes] == [None, None]
     (legend,) = figure.legends
@@ -25,4 +24,4 @@ def test_the_slow_modes_have_their_own_panel_and_no_legend_covers_a_curve(publis
 
 def test_without_a_trim_there_is_no_picture(published_aircraft: Aircraft) -> None:
     with pytest.raises(BadInputError, match="no point of the sweep has a trim"):
-        root_locus_figure(sweep(published_aircraft, {"dihedral": np.radians([59.0])}))
+        sweep(published_aircraft, {"dihedral": np.radians([59.0])}).root_locus.figure()

@@ -15,7 +15,8 @@ from controller.game.zero_sum import published_game
 from hfa_cli.main import BAD_INPUT, DONE
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
-from trim.sweeps.sweep import Sweep, sweep
+from trim.sweeps.sweep import sweep
+from trim.sweeps.sweep_result import Sweep
 from verification.meaning.game_sweep import sweep_games
 from verification.meaning.solution_report import analyse_game
 

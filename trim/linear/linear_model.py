@@ -1,29 +1,134 @@
-"""What a linear model says."""
+"""A linear model at an operating point, and what it says."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, angle_text, degrees, eigenvalue_text, in_degrees, matrix_table
-from hfa_model.reporting.unit_system import entries_in_force, unit_in_force
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, UNITS
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
+from hfa_model.reporting.unit_system import unit_in_force
+from hfa_model.support.by_value import ByValue
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUT_UNITS, RATE_UNITS, STATE_UNITS, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
-from trim.linear.linearize import LinearModel
-from trim.linear.modes import Mode, modes_of
-from trim.point.trim_report import warnings
+from trim.linear.modes import modes_of, modes_table
+from trim.linear.output_model import OutputModel
+from trim.point.operating_point import OperatingPoint
 
-#: Why a model comes without bands.
-NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
+if TYPE_CHECKING:
+    import control
+
 #: Matrix -> names of its rows, names of its columns, values.
 _Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
-_UNITS = tuple(UNITS[name] for name in LINEAR_STATES)
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(ByValue, Reported):
+    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9); y - Y0 = C x + D u + F w and x' = A x + B u + E w where
+    outputs or disturbances were asked for.
+
+    A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
+    point: the operating point, whose values are the offsets X0, U0. output_part: None when
+    nothing else was asked for: the outputs are the states, and E and F have no columns.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    point: OperatingPoint
+    output_part: OutputModel | None = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Name of each output, in order: the states unless others were asked for."""
+        return self.states if self.output_part is None else self.output_part.outputs
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output, in order."""
+        return self.state_units if self.output_part is None else self.output_part.output_units
+
+    @property
+    def C(self) -> np.ndarray:
+        """(k, n), the identity when the outputs are the states."""
+        return np.eye(len(self.states)) if self.output_part is None else self.output_part.C
+
+    @property
+    def D(self) -> np.ndarray:
+        """(k, m), zero when the outputs are the states."""
+        return np.zeros(self.B.shape) if self.output_part is None else self.output_part.D
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Name of each wind w, in order."""
+        return () if self.output_part is None else self.output_part.disturbances
+
+    @property
+    def disturbance_units(self) -> tuple[str, ...]:
+        """Unit of each wind, in order."""
+        return () if self.output_part is None else self.output_part.disturbance_units
+
+    @property
+    def E(self) -> np.ndarray:
+        """∂f/∂w, (n, l)."""
+        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.E
+
+    @property
+    def F(self) -> np.ndarray:
+        """∂y/∂w, (k, l)."""
+        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.F
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state, in order."""
+        return tuple(getattr(STATE_UNITS, name) for name in self.states)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input, in order."""
+        return tuple(getattr(INPUT_UNITS, name) for name in self.inputs)
+
+    @property
+    def state_offsets(self) -> np.ndarray:
+        """X0 of the model's states, (n,)."""
+        return np.array([getattr(self.point.states, name) for name in self.states])
+
+    @property
+    def input_offsets(self) -> np.ndarray:
+        """U0, (5,)."""
+        return np.array([getattr(self.point.inputs, name) for name in self.inputs])
+
+    def select(self, states: tuple[str, ...] | None = None, inputs: tuple[str, ...] | None = None) -> LinearModel:
+        """The model of the named states and inputs alone, the others held at their offsets; None keeps all.
+
+        BadInputError when the model has no such name, or it comes twice.
+        """
+        rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
+        return replace(
+            self,
+            A=self.A[np.ix_(rows, rows)],
+            B=self.B[np.ix_(rows, columns)],
+            states=tuple(self.states[i] for i in rows),
+            inputs=tuple(self.inputs[i] for i in columns),
+            output_part=None if self.output_part is None else self.output_part.part(rows, columns),
+        )
+
+    def report(self) -> Report:
+        """A, B, offsets and modes."""
+        return linear_model_report(self)
+
+    def to_control(self) -> control.StateSpace:
+        """The same model as python-control's `StateSpace`, names kept."""
+        import control
+
+        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
 def linear_model_report(
@@ -46,28 +151,10 @@ def linear_model_report(
             _offsets(model),
             modes_table(modes_of(model.A, model.states)),
         ),
-        notes=warnings(point),
+        notes=point.warnings,
         data=_data(model, bands),
         records=_records(model, bands, shown),
     )
-
-
-def trust_in(bands: Bands | None) -> str:
-    """The sentence on the bands."""
-    if bands is None:
-        return NO_BANDS
-    A, B = ((_UNITS, 1), (_UNITS, -1)), ((_UNITS, 1), (tuple(INPUT_UNITS), -1))
-    size = max(float(entries_in_force(band, *axes).max()) for band, axes in ((bands.A, A), (bands.B, B)))
-    return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"
-
-
-def bands_report(bands: Bands) -> Report:
-    """Half width of the band of every entry of A and B."""
-    tables = [
-        Table((name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)])
-        for name, across, band in (("A ±", LINEAR_STATES, bands.A), ("B ±", INPUTS, bands.B))
-    ]
-    return Report("Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables)
 
 
 def matrices(model: LinearModel, *, windy: bool = False) -> tuple[Table, ...]:
@@ -88,39 +175,6 @@ def _shown(model: LinearModel, windy: bool) -> _Shown:
     if model.outputs != model.states:
         found |= {of_outputs: (model.outputs, names, getattr(model, of_outputs)) for _, of_outputs, names in columns}
     return found
-
-
-def modes_table(modes: Iterable[Mode]) -> Table:
-    """The mode table."""
-    rows = []
-    for mode in modes:
-        shares = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
-        rows.append(
-            (
-                mode.name,
-                eigenvalue_text(mode.eigenvalue),
-                f"{mode.damping:.4f}",
-                f"{mode.frequency:.4f}",
-                f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
-                _time_to(mode),
-                ", ".join(f"{name} {share:.0%}" for name, share in shares),
-            )
-        )
-    header = (
-        "mode",
-        "eigenvalue 1/s",
-        "damping",
-        "frequency rad/s",
-        "period s",
-        "time to, s",
-        "participation",
-    )
-    return Table(header, rows)
-
-
-def _time_to(mode: Mode) -> str:
-    time, word = (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
-    return f"{time:.3f} ({word})" if math.isfinite(time) else "-"
 
 
 def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
@@ -144,7 +198,7 @@ def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
         "C": model.C.tolist(),
         "D": model.D.tolist(),
         "modes": [mode.to_dict() for mode in modes_of(model.A, model.states)],
-        "warnings": warnings(point),
+        "warnings": point.warnings,
     }
     if (part := model.output_part) is not None:
         data |= {"disturbances": list(part.disturbances), "disturbance_units": list(part.disturbance_units)}
@@ -182,3 +236,14 @@ def _offsets(model: LinearModel) -> Table:
     inputs = zip(model.inputs, model.input_offsets.tolist(), model.input_units, strict=True)
     rows = [(name, *degrees(value, unit)) for name, value, unit in (*states, *inputs)]
     return Table(("offset", "value", "unit"), rows)
+
+
+def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
+    """Where the names stand among the known ones; None names all."""
+    chosen = known if names is None else names
+    for name in chosen:
+        if name not in known:
+            raise BadInputError(f"the model has no {what} {name!r}; choose from {', '.join(known)}")
+        if chosen.count(name) > 1:
+            raise BadInputError(f"{what} {name} is named twice; name it once")
+    return [known.index(name) for name in chosen]

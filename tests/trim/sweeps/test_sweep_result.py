@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hfa_model.aircraft import Aircraft
-from trim.sweeps.sweep import Sweep, sweep
-from trim.sweeps.sweep_report import sweep_report, sweep_warnings
+from trim.sweeps.sweep import sweep
+from trim.sweeps.sweep_result import Sweep
 
 NUMBER = re.compile(r"(-?\d+\.\d{4})(?: ± (\d+\.\d{4})i)?")
 
@@ -31,7 +31,7 @@ def result(published_aircraft: Aircraft) -> Sweep:
 
 def test_every_eigenvalue_of_every_point_is_shown(result: Sweep) -> None:
     """Beyond 28 deg the pair of the short period becomes two real eigenvalues."""
-    lines = sweep_report(result).text().splitlines()[3:]
+    lines = result.report().text().splitlines()[3:]
     assert np.count_nonzero(result.eigenvalues[result.trimmed].imag == 0, axis=1).max() == 4
     for line, expected, trimmed in zip(lines, result.eigenvalues, result.trimmed, strict=False):
         if trimmed:
@@ -40,7 +40,7 @@ def test_every_eigenvalue_of_every_point_is_shown(result: Sweep) -> None:
 
 
 def test_two_real_eigenvalues_stand_in_the_column_of_their_pair(result: Sweep) -> None:
-    lines = sweep_report(result).text().splitlines()
+    lines = result.report().text().splitlines()
     assert re.split(r" {2,}", lines[2])[1] == "short period 1/s"
     at_30 = next(line for line in lines if line.startswith("30 "))
     assert re.split(r" {2,}", at_30)[1] == "-4.5424, -2.9511"
@@ -50,7 +50,7 @@ def test_two_real_eigenvalues_stand_in_the_column_of_their_pair(result: Sweep) -
 
 def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
     reasons = ("no trim: why", *result.reasons[1:])
-    lines = sweep_report(replace(result, reasons=reasons)).text().splitlines()
+    lines = replace(result, reasons=reasons).report().text().splitlines()
     assert re.split(r" {2,}", lines[3]) == ["0", "-", "-", "-", "-"]
     assert "0: no trim: why" in lines
 
@@ -68,8 +68,8 @@ def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
 def test_a_sweep_warns_beyond_the_papers_range(
     published_aircraft: Aircraft, degrees: list[float], expected: list[str]
 ) -> None:
-    assert sweep_warnings(sweep(published_aircraft, {"dihedral": np.radians(degrees)})) == expected
+    assert sweep(published_aircraft, {"dihedral": np.radians(degrees)}).warnings == expected
 
 
 def test_a_sweep_without_dihedral_warns_of_nothing(published_aircraft: Aircraft) -> None:
-    assert sweep_warnings(sweep(published_aircraft, {"speed": [66.0, 70.0]})) == []
+    assert sweep(published_aircraft, {"speed": [66.0, 70.0]}).warnings == []

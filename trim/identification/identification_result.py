@@ -1,55 +1,73 @@
-"""What an identification says."""
+"""An identification with its evidence, and what it says."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-
-from hfa_model.parameter_report import parameters_table
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.report import Block, Report, Reported
 from hfa_model.reporting.text import Table
-from trim.identification.evidence import Identification
-from trim.identification.identify import IDENTIFIED, Fit
-from trim.linear.compare import entries_records, entries_table
+from trim.identification.fit_result import IDENTIFIED, Fit
+from trim.linear.compare import EntryRow, entries_records, entries_table
 
 SCHEMA = "hfa.identification/1"
 
 
-def identification_report(result: Identification) -> Report:
-    """The whole evidence."""
-    fit = result.fit
-    agreeing = sum(value < min(result.starts) * (1 + 1e-6) + 1e-9 for value in result.starts)
-    return Report(
-        title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; {agreeing} of "
-        f"{len(result.starts)} starts agree\n{_quality(fit)}",
-        parts=(
-            parameters_table(fit.parameters),
-            entries_table("entry", {f"{angle:g} deg ": entries for angle, entries in result.tables.items()}),
-            _determination(fit),
-            _structures(result),
-            _left_out(result),
-        ),
-        data=_data(result),
-        records=entries_records(result.tables),
-    )
+@dataclass(frozen=True)
+class Structure:
+    """A structure tried, and the best that it reaches on the print."""
+
+    description: str
+    sum_of_squares: float
+    largest: float
 
 
-def fit_report(fit: Fit) -> Report:
-    """One fit: how well, which parameters, what the print determines."""
-    return Report(
-        title=f"Fit to {fit.entries} printed entries\n{_quality(fit)}",
-        parts=(parameters_table(fit.parameters), _determination(fit)),
-    )
+@dataclass(frozen=True)
+class LeftOut:
+    """One printed angle predicted from the other: combinations determined, and the worst entry of each row.
+
+    errors: row of the linear model -> largest |predicted - printed| relative to the row's largest entry.
+    pitch_shape_error: the same for the pitch-rate row after the best common factor on that row.
+    """
+
+    fitted_deg: float
+    predicted_deg: float
+    determined: int
+    errors: dict[str, float]
+    pitch_shape_error: float
 
 
-def _quality(fit: Fit) -> str:
-    return (
-        f"Sum of squares {fit.sum_of_squares:.2f} half units² (rounding alone gives "
-        f"{fit.expected_sum:.1f} on average), largest difference {fit.largest:.2f} half units"
-    )
+@dataclass(frozen=True, repr=False)
+class Identification(Reported):
+    """The published structure's fit, and the evidence.
+
+    starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
+    """
+
+    fit: Fit
+    starts: list[float]
+    tables: dict[float, tuple[EntryRow, ...]]
+    structures: tuple[Structure, ...]
+    left_out: tuple[LeftOut, ...]
+
+    def report(self) -> Report:
+        """The whole evidence."""
+        fit = self.fit
+        agreeing = sum(value < min(self.starts) * (1 + 1e-6) + 1e-9 for value in self.starts)
+        return Report(
+            title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; {agreeing} of "
+            f"{len(self.starts)} starts agree\n{fit.quality()}",
+            parts=(
+                fit.parameters.table(),
+                entries_table("entry", {f"{angle:g} deg ": entries for angle, entries in self.tables.items()}),
+                fit.determination(),
+                _structures(self),
+                _left_out(self),
+            ),
+            data=_data(self),
+            records=entries_records(self.tables),
+        )
 
 
 def _data(result: Identification) -> dict[str, Any]:
@@ -80,22 +98,6 @@ def _data(result: Identification) -> dict[str, Any]:
         "structures": [asdict(structure) for structure in result.structures],
         "left_out": [asdict(row) for row in result.left_out],
     }
-
-
-def _determination(fit: Fit) -> Block:
-    """Singular values: a combination of relative parameters known to 1/(s sqrt 3)."""
-    rows = []
-    for value, direction in zip(fit.singular_values, fit.directions, strict=True):
-        largest = np.argsort(-np.abs(direction))[:4]
-        combination = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
-        rows.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", combination))
-    return Block(
-        (
-            Table(("singular value", "known to", "combination of relative parameters"), rows),
-            "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
-            "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients (fixed by chord).",
-        )
-    )
 
 
 def _structures(result: Identification) -> Table:
