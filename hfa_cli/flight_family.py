@@ -15,7 +15,7 @@ from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from verification.proof.steady_flights import Family
+    from verification.balls.steady_flights import Family
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
@@ -42,7 +42,7 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
 
     errors: every identified parameter may be off by this many of its standard errors.
     """
-    from verification.proof.steady_flights import Family
+    from verification.balls.steady_flights import Family
 
     flights = options.flight_of(arguments)
     parameters = options.parameters_of(arguments)

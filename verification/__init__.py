@@ -10,6 +10,8 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
     raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
+    from verification.balls.steady_flights import Family as Family
+    from verification.checker.checker import check_certificate as check_certificate
     from verification.critic.candidate import (
         Candidate as Candidate,
         from_gain as from_gain,
@@ -34,13 +36,11 @@ if TYPE_CHECKING:
     from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
     from verification.meaning.solution_report import analyse_game as analyse_game
     from verification.physics.lagrangian import mechanical_energy as mechanical_energy
-    from verification.proof.checker import check_certificate as check_certificate
     from verification.proof.gain_table import GainTable as GainTable, load_table as load_table
     from verification.proof.lpv_grid import coarsest_grid as coarsest_grid
     from verification.proof.rate_proof import prove_rate as prove_rate
     from verification.proof.schedule_proof import prove_schedule as prove_schedule
     from verification.proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
-    from verification.proof.steady_flights import Family as Family
     from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
     from verification.published.regeneration import (
         RegeneratedPair as RegeneratedPair,

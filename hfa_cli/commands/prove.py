@@ -28,8 +28,8 @@ from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
+    from verification.balls.steady_flights import Family
     from verification.proof.gain_table import GainTable
-    from verification.proof.steady_flights import Family
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prove or check, and report."""
-    from verification.proof.balls import flint_or_refusal
+    from verification.balls.balls import flint_or_refusal
 
     flint_or_refusal()
     if arguments.check is not None:
@@ -89,8 +89,8 @@ def _not_negative(text: str) -> float:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from verification.checker.checker import check_certificate
     from verification.proof.checked_report import checked_report
-    from verification.proof.checker import check_certificate
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")

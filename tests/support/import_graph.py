@@ -41,6 +41,8 @@ ROOMS = (
     "verification.flights",
     "verification.synthesis",
     "verification.servo",
+    "verification.checker",
+    "verification.balls",
     "verification.proof",
     "verification.experiments",
     "verification.page",

@@ -14,8 +14,8 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
+from verification.balls.steady_flights import Family
 from verification.proof.gain_table import GainTable
-from verification.proof.steady_flights import Family
 from verification.riccati.gare import solve_game
 
 

@@ -1,8 +1,7 @@
-"""Certificates as JSON files: every number a double in full, under a digest."""
+"""Certificates as the prover writes them: JSON files, every number a double in full, under the checker's digest."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from pathlib import Path
@@ -15,30 +14,25 @@ from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
 from hfa_model.vectors import INPUTS
-from verification.proof.balls import flint_or_refusal
+from verification.balls.balls import flint_or_refusal
+from verification.balls.steady_flights import Family
+from verification.balls.taylor import DihedralBox
 from verification.proof.gain_table import GainTable
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
 from verification.proof.stated_model import StatedModel
-from verification.proof.steady_flights import Family
-from verification.proof.taylor import DihedralBox
 
-SCHEMA = "hfa.certificate/2"
 #: Seconds between two writings of an unfinished certificate.
 _PAUSE = 2.0
 
 
 def write_certificate(path: Path, kind: str, statement: dict[str, Any], boxes: dict[str, Any], **more: Any) -> None:
     """A certificate of any kind: what is claimed, and the boxes that prove it."""
+    from verification.checker.checker import SCHEMA, digest
+
     own = {"schema": SCHEMA, "kind": kind, "toolchain": toolchain_version()}
     content = jsonable(own | {"statement": statement, "boxes": boxes} | more)
     write_text(path, json.dumps(content | {"digest": digest(content)}) + "\n")
-
-
-def digest(content: dict[str, Any]) -> str:
-    """SHA-256 of a certificate without its digest: an edited digit shows, even one that proves as much."""
-    kept = {key: value for key, value in content.items() if key != "digest"}
-    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
 def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
@@ -102,8 +96,8 @@ class ScheduleCertificate:
 
         BadInputError when the file is not its certificate, or does not prove what it says.
         """
-        from verification.proof.checker import check_certificate
-        from verification.proof.taylor_model import Rejected
+        from verification.checker.checker import check_certificate
+        from verification.checker.taylor_model import Rejected
 
         assert self._path is not None
         try:

@@ -10,7 +10,7 @@ from verification.proof.proof_report import SCHEMA
 from verification.proof.schedule_proof import joined
 
 if TYPE_CHECKING:
-    from verification.proof.checker import Verified
+    from verification.checker.checker import Verified
 
 _LOOP, _MODES = "loop A - B K: dihedral, deg", "aircraft A: dihedral, deg"
 

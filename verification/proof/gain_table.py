@@ -13,9 +13,9 @@ from controller.game.array_file import read_arrays
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from verification.proof.balls import exact, matrix, symmetric
-from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import ModelForms
+from verification.balls.balls import exact, matrix, symmetric
+from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.trim_branch import ModelForms
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -9,14 +9,14 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.balls import map_entries, matrix, norm, symmetric
+from verification.balls.balls import map_entries, matrix, norm, symmetric
+from verification.balls.game_balls import BallGame, enclose_solution, proved_modes
+from verification.balls.steady_flights import Family
+from verification.balls.trim_branch import TrimBranch
 from verification.proof.certificate_file import flights_claim
 from verification.proof.delta_proof import frequencies_around_axis
-from verification.proof.game_balls import BallGame, enclose_solution, proved_modes
 from verification.proof.solution_proof import CriticProof, Distance, SolutionProof, games_of
 from verification.proof.stated_model import stated_point
-from verification.proof.steady_flights import Family
-from verification.proof.trim_branch import TrimBranch
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -12,14 +12,14 @@ import numpy as np
 from controller.game.zero_sum import published_game
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
-from verification.proof.ball_function import Undecided
-from verification.proof.balls import symmetric
+from verification.balls.ball_function import Undecided
+from verification.balls.balls import symmetric
+from verification.balls.gain_forms import GainForm, gain_form
+from verification.balls.steady_flights import Family
+from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
-from verification.proof.gain_forms import GainForm, gain_form
 from verification.proof.stated_model import stated
-from verification.proof.steady_flights import Family
-from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
     from flint import arb_mat

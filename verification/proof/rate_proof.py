@@ -15,13 +15,13 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
-from verification.proof.ball_function import Undecided
-from verification.proof.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
+from verification.balls.ball_function import Undecided
+from verification.balls.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
+from verification.balls.steady_flights import Family
+from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.gain_table import GainTable
 from verification.proof.stated_model import StatedModel, stated
-from verification.proof.steady_flights import Family
-from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import ModelForms, TrimBranch
 from verification.riccati.gare import solve_game
 
 #: Largest distance between two angles at which P is given, deg.

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
-from verification.proof.ball_function import Undecided
-from verification.proof.balls import doubles
+from verification.balls.ball_function import Undecided
+from verification.balls.balls import doubles
+from verification.balls.inertia import candidates, unstable_count
+from verification.balls.steady_flights import Family
+from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.gain_table import GainTable
-from verification.proof.inertia import candidates, unstable_count
 from verification.proof.stated_model import StatedModel, stated
-from verification.proof.steady_flights import Family
-from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -11,11 +11,11 @@ from controller.game.basis import Basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.proof.balls import flint_or_refusal, matrix, norm
+from verification.balls.balls import flint_or_refusal, matrix, norm
+from verification.balls.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
+from verification.balls.steady_flights import Family
+from verification.balls.trim_branch import TrimBranch
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
-from verification.proof.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
-from verification.proof.steady_flights import Family
-from verification.proof.trim_branch import TrimBranch
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trim.point.condition import SCALES
-from verification.proof.balls import exact, map_entries, symmetric
-from verification.proof.taylor import TaylorForm, radians
-from verification.proof.trim_branch import ModelForms, TrimBranch
+from verification.balls.balls import exact, map_entries, symmetric
+from verification.balls.taylor import TaylorForm, radians
+from verification.balls.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat

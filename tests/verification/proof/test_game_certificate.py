@@ -15,12 +15,12 @@ from controller.game.basis import basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.certificate_file import digest, write_certificate
+from verification.checker.checker import check_certificate, digest
+from verification.checker.taylor_model import Rejected
+from verification.proof.certificate_file import write_certificate
 from verification.proof.checked_report import checked_report
-from verification.proof.checker import check_certificate
 from verification.proof.game_certificate import critic_claim, solution_claim
 from verification.proof.solution_proof import prove_critic, prove_solution
-from verification.proof.taylor_model import Rejected
 from verification.riccati.gare import solve_game
 
 Content = dict[str, Any]

@@ -14,12 +14,11 @@ import pytest
 from proof_cases import exact_gain, family, model_at
 
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.certificate_file import digest
+from verification.checker.checker import check_certificate, digest
+from verification.checker.taylor_model import Rejected
 from verification.proof.checked_report import checked_report
-from verification.proof.checker import check_certificate
 from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
 from verification.proof.lpv_report import c_source, lpv_report
-from verification.proof.taylor_model import Rejected
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from proof_cases import exact_table, family, model_at, unstable_between
 
 from hfa_model.parameters import default_parameters
 from hfa_model.support.errors import BadInputError
+from verification.checker.checker import check_certificate
 from verification.proof.certificate_file import ScheduleCertificate
-from verification.proof.checker import check_certificate
 from verification.proof.gain_table import GainTable
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined, prove_schedule
 from verification.riccati.spectrum import spectrum

@@ -12,15 +12,15 @@ from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from verification.proof.balls import doubles
+from verification.balls.balls import doubles
+from verification.balls.taylor import DihedralBox
+from verification.balls.trim_branch import TrimBranch
+from verification.checker.checker import check_certificate
 from verification.proof.certificate_file import ScheduleCertificate
-from verification.proof.checker import check_certificate
 from verification.proof.gain_table import GainTable
 from verification.proof.rate_proof import prove_rate
 from verification.proof.schedule_proof import joined, prove_schedule
 from verification.proof.servo_table import servo_table
-from verification.proof.taylor import DihedralBox
-from verification.proof.trim_branch import TrimBranch
 
 ACCELERATION = "vertical_acceleration_short_period"
 SENSORS = (*LINEAR_STATES, ACCELERATION)

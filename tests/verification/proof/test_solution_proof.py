@@ -11,9 +11,9 @@ from controller.game.basis import basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.proof.balls import flint_or_refusal, matrix
+from verification.balls.balls import flint_or_refusal, matrix
+from verification.balls.game_balls import BallGame, enclose_solution
 from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
-from verification.proof.game_balls import BallGame, enclose_solution
 from verification.proof.solution_proof import distance, prove_critic, prove_solution
 from verification.riccati.existence import DeltaMin, minimum_delta
 from verification.riccati.gare import solve_game

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.solve import find_operating_point
-from verification.proof.ball_function import BallFunction, Undecided
-from verification.proof.balls import as_read, exact, flint_or_refusal, symmetric
-from verification.proof.steady_flights import Family
-from verification.proof.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series, radians
-from verification.proof.trim_equations import TrimEquations, coefficients
+from verification.balls.ball_function import BallFunction, Undecided
+from verification.balls.balls import as_read, exact, flint_or_refusal, symmetric
+from verification.balls.steady_flights import Family
+from verification.balls.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series, radians
+from verification.balls.trim_equations import TrimEquations, coefficients
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat

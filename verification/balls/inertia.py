@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from verification.proof.balls import (
+from verification.balls.balls import (
     doubles,
     exact,
     is_positive_definite,

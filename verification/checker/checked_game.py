@@ -6,7 +6,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
 from hfa_model.vectors import INPUT_SCALES
-from verification.proof.checked_model import (
+from verification.checker.checked_model import (
     Content,
     check_modes,
     constant,
@@ -17,7 +17,7 @@ from verification.proof.checked_model import (
     signs_of,
     unit,
 )
-from verification.proof.taylor_model import Rejected, TaylorModel
+from verification.checker.taylor_model import Rejected, TaylorModel
 
 
 def check_game(claim: Content, name: str, box: Content) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.balls import (
+from verification.balls.balls import (
     doubles,
     exact,
     filled,
@@ -20,7 +20,7 @@ from verification.proof.balls import (
     symmetric,
     symmetric_part,
 )
-from verification.proof.inertia import candidates, unstable_count
+from verification.balls.inertia import candidates, unstable_count
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.units import balanced_units, in_units
 

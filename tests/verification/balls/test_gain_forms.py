@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from proof_cases import exact_gain, family
 
-from verification.proof.ball_function import Undecided
-from verification.proof.gain_forms import gain_form
-from verification.proof.taylor import DihedralBox
-from verification.proof.trim_branch import TrimBranch
+from verification.balls.ball_function import Undecided
+from verification.balls.gain_forms import gain_form
+from verification.balls.taylor import DihedralBox
+from verification.balls.trim_branch import TrimBranch
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verification.proof.balls import exact, filled, flint_or_refusal, matrix, symmetric
-from verification.proof.game_balls import is_hurwitz, unstable_modes
+from verification.balls.balls import exact, filled, flint_or_refusal, matrix, symmetric
+from verification.balls.game_balls import is_hurwitz, unstable_modes
 
 
 def plant(real_part: float) -> np.ndarray:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.zero_sum import Game, published_game
-from verification.proof.ball_function import Undecided
-from verification.proof.balls import doubles, exact, map_entries, matrix, norm, symmetric
-from verification.proof.game_balls import lyapunov_operator, proved_modes
-from verification.proof.trim_branch import ModelForms
+from verification.balls.ball_function import Undecided
+from verification.balls.balls import doubles, exact, map_entries, matrix, norm, symmetric
+from verification.balls.game_balls import lyapunov_operator, proved_modes
+from verification.balls.trim_branch import ModelForms
 from verification.riccati.gare import solve_game
 from verification.riccati.units import balanced_units, in_units
 

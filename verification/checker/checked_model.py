@@ -11,7 +11,7 @@ from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from verification.proof.taylor_model import Rejected, TaylorModel, evaluate
+from verification.checker.taylor_model import Rejected, TaylorModel, evaluate
 
 Content = dict[str, Any]
 _BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]

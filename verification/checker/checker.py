@@ -19,9 +19,11 @@ from flint import arb, ctx
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.input_files import read_json
 from hfa_model.vectors import LINEAR_STATES
-from verification.proof.checked_game import check_game, check_interpolation
-from verification.proof.checked_model import Content, check_modes, constant, linear, model_on
-from verification.proof.taylor_model import Rejected
+from verification.checker.checked_game import check_game, check_interpolation
+from verification.checker.checked_model import Content, check_modes, constant, linear, model_on
+from verification.checker.taylor_model import Rejected
+
+SCHEMA = "hfa.certificate/2"
 
 
 class Verified(NamedTuple):
@@ -33,16 +35,21 @@ class Verified(NamedTuple):
     rate: float
 
 
+def digest(content: Content) -> str:
+    """SHA-256 of a certificate without its digest: an edited digit shows, even one that proves as much."""
+    kept = {key: value for key, value in content.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
 def check_certificate(path: Path, progress: Callable[[int, int], None] | None = None) -> Verified:
     """BadInputError when the file is none or was edited; Rejected names the first box that fails."""
     ctx.prec, where, covers = 256, "the statement", {}
     try:
         content = read_json(path)
-        digest, schema = content.pop("digest"), content["schema"]
+        edited = content["schema"] != SCHEMA or content["digest"] != digest(content)
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error
-    own = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    if schema != "hfa.certificate/2" or digest != own:
+    if edited:
         raise BadInputError(f"{path}: refused, the certificate was edited: its digest is that of other content")
     try:
         claim, boxes, done = content["statement"], content["boxes"], 0

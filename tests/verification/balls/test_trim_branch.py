@@ -9,10 +9,10 @@ import pytest
 from proof_cases import family, model_at
 
 from hfa_model.support.errors import NoSolutionError
-from verification.proof.ball_function import Undecided
-from verification.proof.balls import exact
-from verification.proof.taylor import DihedralBox, TaylorForm
-from verification.proof.trim_branch import TrimBranch
+from verification.balls.ball_function import Undecided
+from verification.balls.balls import exact
+from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.trim_branch import TrimBranch
 
 
 def at(form: TaylorForm, tau: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from proof_cases import family, model_at
 
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.variants import VARIANTS
-from verification.proof.taylor_model import TaylorModel, evaluate
+from verification.checker.taylor_model import TaylorModel, evaluate
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)

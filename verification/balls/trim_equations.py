@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.vectors import INPUTS, STATES
-from verification.proof.ball_function import BallFunction, Undecided
-from verification.proof.balls import doubles, inside, matrix, symmetric
-from verification.proof.steady_flights import EQUATIONS
-from verification.proof.taylor import dihedral_series, radians
+from verification.balls.ball_function import BallFunction, Undecided
+from verification.balls.balls import doubles, inside, matrix, symmetric
+from verification.balls.steady_flights import EQUATIONS
+from verification.balls.taylor import dihedral_series, radians
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat

@@ -1,0 +1,1 @@
+"""Ball arithmetic: the model, its trims, its games and the signs of eigenvalues, enclosed."""
