@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.flight_case import STEP, FlightCase
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.flight_result import NonlinearFlight
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
-from controller.flight.simulate import NonlinearFlight, Scenario
+from controller.flight.scenario import Scenario
 from controller.flight.spanwise import side_by_side, spanwise_dryden
 from controller.game.zero_sum import Game, published_game
 from controller.policy.signals import Harmonic, Signal

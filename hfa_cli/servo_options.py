@@ -16,7 +16,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
 
 if TYPE_CHECKING:
-    from controller.flight.simulate import Scenario
+    from controller.flight.scenario import Scenario
     from controller.policy.commands import CommandSteps
     from controller.policy.flown_law import FlownLaw
     from hfa_model.aircraft import Aircraft

@@ -19,12 +19,8 @@ if TYPE_CHECKING:
         from_value as from_value,
         from_weights as from_weights,
     )
-    from verification.critic.check_report import check_report as check_report
-    from verification.critic.critic_check import (
-        CriticCheck as CriticCheck,
-        check_critic as check_critic,
-        check_history as check_history,
-    )
+    from verification.critic.check_result import CriticCheck as CriticCheck, check_report as check_report
+    from verification.critic.critic_check import check_critic as check_critic, check_history as check_history
     from verification.critic.critic_errors import relative_error as relative_error
     from verification.experiments.configuration import section5_configuration as section5_configuration
     from verification.experiments.experiment_flights import FlightPlan as FlightPlan, simulate_plan as simulate_plan
@@ -42,10 +38,10 @@ if TYPE_CHECKING:
     from verification.proof.schedule_proof import prove_schedule as prove_schedule
     from verification.proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
     from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
-    from verification.published.regeneration import (
+    from verification.published.regeneration import regenerate_all as regenerate_all
+    from verification.published.regeneration_result import (
         RegeneratedPair as RegeneratedPair,
         Regeneration as Regeneration,
-        regenerate_all as regenerate_all,
     )
     from verification.riccati.existence import minimum_delta as minimum_delta
     from verification.riccati.feedforward import (
@@ -61,7 +57,8 @@ if TYPE_CHECKING:
         solve_output_feedback as solve_output_feedback,
     )
     from verification.servo.reference_model import reference_servo as reference_servo
-    from verification.validation.comparison import Validation as Validation, validate as validate
+    from verification.validation.comparison import validate as validate
     from verification.validation.outside import released_trims as released_trims
+    from verification.validation.validation_result import Validation as Validation
 
 __getattr__, __dir__, __all__ = open_door(__name__)

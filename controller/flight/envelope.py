@@ -12,9 +12,9 @@ import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.text import degrees
+from hfa_model.reporting.text import degrees, short_number
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import STATES, UNITS, State
+from hfa_model.vectors import STATE_UNITS, STATES, UNITS, State
 from trim.point.condition import STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
 
@@ -26,6 +26,8 @@ SLOWEST, FASTEST = 0.5, 2.0
 
 #: What the limits of alpha count on where the air moves: alpha through the air, not over ground.
 ANGLE_OF_ATTACK = "angle_of_attack"
+#: Said where the air moves.
+OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
 
 
 class Departure(NamedTuple):
@@ -69,6 +71,11 @@ class Envelope:
         """Name of `limited_names` -> [lowest, highest]."""
         pairs = zip(limited_names(moving_air), self.lowest, self.highest, strict=True)
         return {name: [float(low), float(high)] for name, low, high in pairs}
+
+    def limits_text(self, index: int) -> str:
+        """The limits of a state, degrees for angles."""
+        unit = STATE_UNITS[index]
+        return f"{short_number(self.lowest[index], unit)} to {short_number(self.highest[index], unit)}"
 
     def inside(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> np.ndarray:
         """Which rows of (N, 7) absolute states are within all limits; a number that is not finite is not."""

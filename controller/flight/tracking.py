@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
-from controller.flight.simulate import NonlinearFlight
+from controller.flight.closed_loop import Flight
 from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.outputs import unit_of
@@ -38,17 +38,15 @@ class Tracked(NamedTuple):
         return float(np.abs(self.output - self.command).max())
 
 
-def tracked(result: NonlinearFlight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
+def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
-    flight = result.flight
     air = np.broadcast_to(flight.updrafts.reshape(len(flight.times), -1), (len(flight.times), outputs.F.shape[1]))
     z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
 
 
-def fastest_inputs(result: NonlinearFlight) -> np.ndarray:
+def fastest_inputs(flight: Flight) -> np.ndarray:
     """Largest |ΔU| / step of each input, (5,), per s."""
-    flight = result.flight
     if len(flight.times) < 2:
         return np.zeros(flight.inputs.shape[1])
     rates: np.ndarray = np.abs(np.diff(flight.inputs, axis=0)).max(axis=0) / (flight.times[1] - flight.times[0])

@@ -1,18 +1,21 @@
-"""What every learning law returns: weights over time, the learned P and K, and the checks on them."""
+"""What every learning law returns: weights over time, the learned P and K, the checks on them; and what it says."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.checks import Check
+from hfa_model.reporting.checks import Check, verdict_text
 from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import RowsMade, Table, matrix_table, numbered
 from hfa_model.support.jsonable import jsonable
 
 SCHEMA = "hfa.learning-result/1"
+_HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 
 
 class Status(StrEnum):
@@ -82,11 +85,52 @@ class LearningResult(Reported):
         failed = [row.sentence for row in self.certificates if not row.ok]
         return f"{self.status}: {'; '.join(failed)}" if failed else str(self.status)
 
-    def report(self) -> Report:
-        """Status, certificates, excitation, P and K."""
-        from controller.game.learning_report import learning_report
+    def report(
+        self,
+        states: tuple[str, ...] = (),
+        inputs: tuple[str, ...] = (),
+        origin: str = "",
+        *,
+        history: bool = False,
+    ) -> Report:
+        """Status, certificates, excitation, P and K; names of the plant where there are any.
 
-        return learning_report(self)
+        data: the outcome with the last weights under `W` (what `hfa verify --weights` reads); with `history` also all
+        rows over time.
+        """
+        m, n = self.K.shape
+        states, inputs = states or numbered("x", n), inputs or numbered("u", m)
+        settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
+        excitation, numbers = self.excitation, [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
+        certificates = [
+            (row.name, f"{row.value:.3g}", f"{row.relation} {row.limit:.3g}", verdict_text(row.ok))
+            for row in self.certificates
+        ]
+        data = self.to_dict()
+        rows = {name: data.pop(name) for name in _HISTORY}
+        data |= {"W": self.weights[-1].tolist(), "converged": self.converged}
+        return Report(
+            title=f"Law {self.law!r}, basis {self.basis!r}{f', on {origin}' if origin else ''}: {self.outcome}",
+            parts=(
+                f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
+                f"Data: {excitation.samples} samples, rank {excitation.rank} of {excitation.size}, smallest eigenvalue "
+                f"of Sigma {excitation.smallest_eigenvalue:.3g}, condition {excitation.condition:.3g}",
+                Table(("certificate", "value", "limit", "verdict"), certificates),
+                matrix_table("P", states, states, self.P),
+                matrix_table("K", inputs, states, self.K),
+                *([Table(("number of the law", "value"), numbers)] if numbers else []),
+            ),
+            data=data | rows if history else data,
+            records=self._records(),
+        )
+
+    def _records(self) -> Table:
+        """One row a recorded time: residuals and weights."""
+        header = ("time", "residual_norm", "law_residual_norm", *(f"W{i + 1}" for i in range(self.weights.shape[1])))
+        columns = self.times, self.residual_norm, self.law_residual_norm
+        return Table(
+            header, RowsMade(len(self.times), lambda i: (*(column[i] for column in columns), *self.weights[i]))
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.integrator import COMPILE_FROM_STEPS
-from controller.flight.simulate import Scenario, loop_of
+from controller.flight.scenario import Scenario, loop_of
 from controller.flight.watched_loop import Summary, WatchedLoop
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.native.per_thread import cached_per_thread

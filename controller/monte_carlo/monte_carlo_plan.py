@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
 from controller.flight.envelope import Envelope
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.monte_carlo.uncertain_plants import UncertainPlant, uncertain_plant
 from controller.policy.commands import CommandedStates
 from controller.policy.flown_law import FlownLaw

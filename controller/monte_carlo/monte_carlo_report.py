@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.flight.envelope import ANGLE_OF_ATTACK, limited_names
-from controller.flight.flight_report import OVER_GROUND
+from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, limited_names
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.jobs.store import Store
 from hfa_model.reporting.report import Report, Reported

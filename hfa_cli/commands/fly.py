@@ -62,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left or a check failed."""
-    from controller.flight.flight_report import flight_report, history
     from controller.flight.simulate import fly
 
     _refuse_moved(arguments)
@@ -80,9 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
         from verification.flights.agreement import agreement_checks
 
         checks = agreement_checks(aircraft, law, result)
-    report = flight_report(result, law, checks)
+    report = result.report(law, checks)
     draw_flight(result, report, arguments.picture)
-    tell(report, [point], arguments, arguments.output, history(result))
+    tell(report, [point], arguments, arguments.output, result.history())
     return 0 if result.departure is None and all(check.ok for check in checks) else 1
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from controller.game.learning_report import learning_report
 from hfa_cli import options
 from hfa_cli.games import add_game, game_of
 from hfa_cli.learning import add_learning, run_learning
@@ -26,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     names, labels = (named.states, named.inputs, named.origin), named.labels()
     if arguments.output is not None:
         # Files hold the whole history; on a terminal it would drown the result.
-        signed(learning_report(result, *names, history=True).with_data(**labels)).save(arguments.output)
-    show(learning_report(result, *names).with_data(**labels), arguments, target=None)
+        signed(result.report(*names, history=True).with_data(**labels)).save(arguments.output)
+    show(result.report(*names).with_data(**labels), arguments, target=None)
     say_notes(named.warnings)
     return 0 if result.converged else 1

@@ -51,8 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly and report."""
     from hfa_model.aircraft import Aircraft
     from hfa_model.variants import VARIANTS
-    from verification.flights.map_report import map_report
     from verification.flights.recoverable import recoverable_map
+    from verification.flights.recoverable_map import map_report
 
     check_learning(arguments)
     speeds, dihedrals, commands = (array_of(name, getattr(arguments, name), _MOST_POINTS) for name in _RANGES)

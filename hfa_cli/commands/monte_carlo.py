@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
-    from controller.flight.simulate import Scenario
+    from controller.flight.scenario import Scenario
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 
     aircraft = options.aircraft_of(arguments)

@@ -46,8 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left."""
-    from controller.flight.flight_report import history
-    from verification.flights.schedule_report import schedule_report
+    from verification.flights.schedule_result import schedule_report
     from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 
     check_learning(arguments)
@@ -72,5 +71,5 @@ def run(arguments: argparse.Namespace) -> int:
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("simulate"))
     report = schedule_report(result, certified, change, arguments.law)
     draw_flight(result, report, arguments.picture)
-    tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, history(result))
+    tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
     return 0 if result.departure is None else 1

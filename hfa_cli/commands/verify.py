@@ -23,8 +23,8 @@ from hfa_cli.output import Progress, say_notes, show
 from hfa_cli.parser import add_value
 from hfa_model.support.errors import BadInputError
 from verification.critic.candidate import from_stored, from_weights
-from verification.critic.check_report import check_report
-from verification.critic.critic_check import LIMIT, CriticCheck, check_critic, check_history
+from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.ordinary_box import ordinary_box
 
 

@@ -8,7 +8,9 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.flight.flight_result import NonlinearFlight
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly
 from controller.game.zero_sum import Game, published_game
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.policies import Seen

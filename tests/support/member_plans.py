@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from controller.flight.envelope import flight_envelope
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import Game
 from controller.laws.published_law import PublishedSettings, published_law

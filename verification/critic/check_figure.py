@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.learning_result import LearningResult
 from hfa_model.reporting.figure import new_figure
-from verification.critic.critic_check import CriticCheck
+from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import relative_error
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,19 +13,18 @@ from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_least, at_most, below
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate, from_stored
+from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import critic_errors
-from verification.critic.critic_history import HistoryErrors, history_errors
+from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
-from verification.critic.flight_cost import SIGNLESS, FlightCost, flight_cost
+from verification.critic.flight_cost import SIGNLESS, flight_cost
 from verification.critic.ordinary_box import Box, ordinary_box
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
-from verification.meaning.margins import DiskMargin, disk_margin
+from verification.meaning.margins import disk_margin
 from verification.meaning.saddle import CHANGE, saddle_checks
 from verification.riccati.certificate import INDEFINITENESS, relative_residual
-from verification.riccati.gare import GameSolution, solve_game
+from verification.riccati.gare import solve_game
 from verification.riccati.spectrum import spectrum
 from verification.riccati.units import balanced_units, in_units
 
@@ -34,73 +32,6 @@ from verification.riccati.units import balanced_units, in_units
 LIMIT = 1e-6
 #: With a larger limit the saddle checks, which see errors beyond it, are left out.
 SADDLE_LIMIT = 1e-5
-SCHEMA = "hfa.critic-check/1"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CriticCheck(Reported):
-    """The verdict on one critic.
-
-    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
-    gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
-    "". box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of
-    a history.
-    """
-
-    exact: GameSolution
-    candidate: Candidate
-    checks: tuple[Check, ...]
-    learned_margin: DiskMargin | None
-    exact_margin: DiskMargin
-    flight: FlightCost
-    diagnosis: str
-    box: Box
-    history: HistoryErrors | None = None
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check holds."""
-        return all(check.ok for check in self.checks)
-
-    @property
-    def P_rel_error(self) -> float:
-        """|P - P*| / |P*|, Frobenius norms in the units of the game; nan when only a gain was given."""
-        return self._value_of("P_rel_error")
-
-    @property
-    def K_rel_error(self) -> float:
-        """|K - K*| / |K*|, Frobenius norms in the units of the game."""
-        return self._value_of("K_rel_error")
-
-    def report(self) -> Report:
-        """What the check says, states and inputs by number."""
-        from verification.critic.check_report import check_report
-
-        return check_report(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        candidate = self.candidate
-        return {
-            "schema": SCHEMA,
-            "ok": self.ok,
-            "P_rel_error": finite_or_none(self.P_rel_error),
-            "K_rel_error": finite_or_none(self.K_rel_error),
-            "diagnosis": self.diagnosis,
-            "checks": [check.to_dict() for check in self.checks],
-            "P": None if candidate.P is None else candidate.P.tolist(),
-            "K": candidate.K.tolist(),
-            "P_exact": self.exact.P.tolist(),
-            "K_exact": self.exact.K.tolist(),
-            "disk_margin": None if self.learned_margin is None else self.learned_margin.disk,
-            "disk_margin_exact": self.exact_margin.disk,
-            "graded": self.flight.to_dict(),
-            "box": self.box.to_dict(),
-            **({} if self.history is None else {"history": self.history.to_dict()}),
-        }
-
-    def _value_of(self, name: str) -> float:
-        return next((check.value for check in self.checks if check.name == name), math.nan)
 
 
 def check_critic(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
-from controller.flight.simulate import NonlinearFlight
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.policies import Policy
 from controller.policy.signals import zero

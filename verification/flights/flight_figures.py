@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK
-from controller.flight.simulate import NonlinearFlight
+from controller.flight.flight_result import NonlinearFlight
 from hfa_model.reporting.figure import enlarge_first_second, new_figure
 from hfa_model.reporting.text import shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.point.condition import CONTROL_LIMITS
-from verification.flights.recoverable import RecoverableMap
+from verification.flights.recoverable_map import RecoverableMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

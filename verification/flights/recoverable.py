@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +11,10 @@ from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
+from verification.flights.recoverable_map import Edge, RecoverableMap
 from verification.riccati.spectrum import spectrum
 
 #: Length of a trial in time constants of the slowest mode of the linear loop.
@@ -27,71 +25,6 @@ MOST_POINTS = 50_000
 _SCAN, _HALVINGS = 24, 12
 _SPEED, _DIHEDRAL = STATES.index("speed"), STATES.index("dihedral")
 _COMMANDED = LINEAR_STATES.index("dihedral")
-
-
-class Edge(NamedTuple):
-    """How far one can go along a ray from trim: what is varied and in which direction, and on which plant.
-
-    held: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
-    which one leaves it just beyond, and when, s. returned: up to where every flight comes to rest on its target,
-    whether or not it left the envelope. reach: the end of the scanned range; a value that equals it met no failure,
-    and `state` is then "".
-    """
-
-    axis: str
-    sign: int
-    plant: str
-    held: float
-    state: str
-    time: float
-    returned: float
-    reach: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RecoverableMap(Reported):
-    """Trials from a grid of initial deviations and of a line of dihedral commands, by both plants.
-
-    speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; nonlinear, linear: trials of all pairs, the
-    speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim, with their trials.
-    """
-
-    dynamics: str
-    point: OperatingPoint
-    envelope: Envelope
-    speeds: np.ndarray
-    dihedrals: np.ndarray
-    nonlinear: Trials
-    linear: Trials
-    commands: np.ndarray
-    nonlinear_commands: Trials
-    linear_commands: Trials
-    edges: tuple[Edge, ...]
-
-    def report(self) -> Report:
-        """See `map_report`."""
-        from verification.flights.map_report import map_report
-
-        return map_report((self,))
-
-    def held(self, plant: str) -> np.ndarray:
-        """Which starts stay in the envelope and come back, (D, S); plant: "nonlinear" or "linear"."""
-        trials: Trials = getattr(self, plant)
-        return self._grid(trials.held & self._returned(trials))
-
-    def returned(self, plant: str) -> np.ndarray:
-        """Which starts come back, in or out of the envelope, (D, S)."""
-        return self._grid(self._returned(getattr(self, plant)))
-
-    def left(self, plant: str) -> np.ndarray:
-        """Index of the state that left first, -1 for none, (D, S)."""
-        return self._grid(getattr(self, plant).left)
-
-    def _returned(self, trials: Trials) -> np.ndarray:
-        return trials.returned(np.zeros((len(trials.left), len(LINEAR_STATES))))
-
-    def _grid(self, flat: np.ndarray) -> np.ndarray:
-        return flat.reshape(len(self.dihedrals), len(self.speeds))
 
 
 def recoverable_map(

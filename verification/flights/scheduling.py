@@ -3,67 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from controller.flight.envelope import Envelope
+from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
-from controller.flight.simulate import NonlinearFlight, Scenario, fly_law, with_errors
+from controller.flight.scenario import Scenario, with_errors
+from controller.flight.simulate import fly_law
 from controller.game.zero_sum import published_game
 from controller.policy.flown_law import FlownLaw
 from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
 from hfa_model.support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition, level_flight
-from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
+from verification.flights.schedule_result import CertifiedSchedule, GridPoint
 from verification.riccati.gare import solve_game
 from verification.riccati.spectrum import spectrum
 
 #: Flight before and after a change of dihedral, s.
 LEAD, REST = 5.0, 15.0
-
-
-@dataclass(frozen=True, eq=False)
-class GridPoint:
-    """One certified gain: where, K (5, 6), its relative distance from the exact one, the abscissae of A - B K and of
-    A - S P, 1/s, and how many certificates hold."""
-
-    point: OperatingPoint
-    gain: np.ndarray
-    distance: float
-    control_abscissa: float
-    game_abscissa: float
-    certificates: int
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CertifiedSchedule(Reported):
-    """A schedule, the certified points that it is made of, and the largest abscissa of A - B K halfway between them,
-    with the interpolated K, 1/s."""
-
-    schedule: Schedule
-    grid: tuple[GridPoint, ...]
-    between: float
-
-    def report(self) -> Report:
-        """See `schedule_report`."""
-        from verification.flights.schedule_report import grid_block
-
-        return Report("Schedule of certified gains", (grid_block(self),))
-
-    def at(self, dihedral: float) -> GridPoint:
-        """The grid point at a dihedral, rad; BadInputError when there is none."""
-        for row in self.grid:
-            if abs(row.point.states.dihedral - dihedral) <= 1e-9:
-                return row
-        raise BadInputError(f"the schedule has no grid point at {np.degrees(dihedral):g} deg; begin at one that it has")
 
 
 def change_over(start: float, end: float, duration: float) -> DihedralChange:

@@ -21,7 +21,6 @@ from verification.page.front_view import front_view
 from verification.page.locus_plot import locus_plot
 from verification.page.main_job import MainJob
 from verification.published.judged_critic import critic_picture
-from verification.published.regeneration_report import difference_picture
 
 SCHEMA = "hfa.report/1"
 _COLORS = (
@@ -40,7 +39,7 @@ def main_report(job: MainJob) -> Report:
         parts=(
             Report("Root locus over the dihedral angle", (*filter(None, [locus]), swept.without_pictures())),
             *angles,
-            Report("Every entry against the print", (difference_picture(job.regeneration),)),
+            Report("Every entry against the print", (job.regeneration.picture(),)),
             claims,
             Report("The aircraft", (job.parameters.report(),)),
         ),

@@ -19,7 +19,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import sweep
 from trim.sweeps.sweep_result import Sweep
 from verification.page.angle_result import AngleResult, TrimmedAngle, angle_result, trimmed_angle
-from verification.published.regeneration import Regeneration, regenerate_all
+from verification.published.regeneration import regenerate_all
+from verification.published.regeneration_result import Regeneration
 
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))

@@ -13,8 +13,8 @@ from hfa_model.reporting.text import angle_text
 from trim.linear.linear_model import LinearModel
 from verification.critic.candidate import from_weights
 from verification.critic.check_figure import check_figure
-from verification.critic.check_report import check_report
-from verification.critic.critic_check import CriticCheck, check_critic
+from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.critic_check import check_critic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

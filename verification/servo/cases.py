@@ -11,7 +11,7 @@ import numpy as np
 from controller.design.design_file import load_design
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.game.zero_sum import published_game
 from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.flown_law import FlownLaw, gain_law

@@ -76,8 +76,8 @@ def fly_case(
             ServoFlight(
                 law,
                 result.flight.times,
-                tracked(result, outputs, commands),
-                float(fastest_inputs(result)[1:].max()),
+                tracked(result.flight, outputs, commands),
+                float(fastest_inputs(result.flight)[1:].max()),
                 None if gone is None else gone.time,
                 None if gone is None else gone.state,
             )

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.checks import Check, at_most
-from hfa_model.reporting.report import Report, Reported
 from hfa_model.vectors import INPUTS
 from trim.linear.compare import eigenvalue_errors
 from trim.linear.linear_model import LinearModel
@@ -24,6 +22,7 @@ from verification.validation.outside import (
     third_printed_model,
     trim_of_third_printed_model,
 )
+from verification.validation.validation_result import EntryDifference, TrimDifference, Validation
 
 #: Largest differences that may be left. Deflections: rad. Thrust: relative. Eigenvalues: 1/s, printed to 1e-5.
 MOST_DEFLECTION, MOST_THRUST, MOST_EIGENVALUE = 5e-5, 3e-3, 1e-4
@@ -31,47 +30,6 @@ MOST_DEFLECTION, MOST_THRUST, MOST_EIGENVALUE = 5e-5, 3e-3, 1e-4
 MOST_HALF_UNITS = 2.0
 #: The released simulation deflects its surfaces further than the trims of this project allow.
 _ANY_INPUT = dict.fromkeys(INPUTS, (-10000.0, 10000.0))
-
-
-@dataclass(frozen=True)
-class TrimDifference:
-    """Ours minus theirs at one trim. deflection: largest of the four, rad. thrust: relative. eigenvalue: 1/s."""
-
-    released: ReleasedTrim
-    deflection: float
-    thrust: float
-    eigenvalue: float
-
-
-@dataclass(frozen=True)
-class EntryDifference:
-    """A printed entry, ours, and the difference in half units of the last digit (0 where both are exact)."""
-
-    printed: PrintedEntry
-    computed: float
-    half_units: float
-
-
-@dataclass(frozen=True, repr=False)
-class Validation(Reported):
-    """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure, computed), 1/s."""
-
-    dynamics: str
-    trims: tuple[TrimDifference, ...]
-    entries: tuple[EntryDifference, ...]
-    fast_roots: tuple[tuple[float, float, float], ...]
-    checks: tuple[Check, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check passed."""
-        return all(check.ok for check in self.checks)
-
-    def report(self) -> Report:
-        """Trim by trim, entry by entry, and the verdicts."""
-        from verification.validation.validation_report import validation_report
-
-        return validation_report(self)
 
 
 def validate(aircraft: Aircraft) -> Validation:

@@ -16,7 +16,7 @@ from controller.export.c_model import CModel
 from controller.export.fmu import description, variables, write_fmu
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
-from controller.flight.simulate import Scenario, loop_of
+from controller.flight.scenario import Scenario, loop_of
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import Signal, zero
 from hfa_model.aircraft import Aircraft

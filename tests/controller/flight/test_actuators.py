@@ -11,7 +11,7 @@ import pytest
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import Signal, zero
 from hfa_model.published import published_models

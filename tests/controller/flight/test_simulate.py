@@ -12,7 +12,7 @@ from flight_cases import SMALL, FlownCase, case_at, flown, signal
 
 from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import OneMinusCosine
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES

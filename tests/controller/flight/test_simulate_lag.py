@@ -13,7 +13,9 @@ import pytest
 
 from controller.flight.actuators import Actuators
 from controller.flight.envelope import flight_envelope
-from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.flight.flight_result import NonlinearFlight
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly
 from controller.game.zero_sum import published_game
 from controller.policy.flown_law import gain_law
 from controller.policy.signals import Signal

@@ -12,7 +12,7 @@ from flight_cases import FlownCase, case_at, flown
 from controller.flight.envelope import angles_of_attack
 from controller.flight.gusts import Dryden, OneMinusCosine
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.simulate import Scenario, loop_of
+from controller.flight.scenario import Scenario, loop_of
 from controller.flight.spanwise import SpanwiseGust, side_by_side, spanwise_dryden
 from controller.flight.watched_loop import WatchedLoop
 from controller.monte_carlo.uncertain_plants import UncertainLinearization

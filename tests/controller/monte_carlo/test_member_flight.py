@@ -16,7 +16,8 @@ from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.simulate import Scenario, fly
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo import member_flight
 from controller.monte_carlo.member_flight import fly_member

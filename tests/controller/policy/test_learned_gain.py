@@ -9,7 +9,8 @@ import pytest
 from flight_cases import SMALL, FlownCase, case_at
 from reference_riccati import reference_solution, relative_error
 
-from controller.flight.simulate import Scenario, fly
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly
 from controller.game.zero_sum import Game
 from controller.laws.learn import learn
 from controller.policy.learned_gain import baseline_gain, certified_gains, frozen_law, learned_value, online_law

@@ -13,8 +13,10 @@ from scipy.integrate import solve_ivp
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import flight_envelope
+from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.simulate import NonlinearFlight, Scenario, fly
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly
 from controller.flight.tracking import fastest_inputs, tracked, tracking_table
 from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.policies import Seen
@@ -135,12 +137,12 @@ def test_tracking_is_the_commanded_output_against_its_command(
 ) -> None:
     result = flown(published_aircraft, point, integrating_controller(published_aircraft))
     follow = commands(0.01)
-    (one,) = tracked(result, MeasuredOutputs(published_aircraft, point, follow.names), follow)
+    (one,) = tracked(result.flight, MeasuredOutputs(published_aircraft, point, follow.names), follow)
     z = result.flight.errors[:, LINEAR_STATES.index("dihedral")]
     np.testing.assert_allclose(one.output - one.command, z, atol=1e-12)
     assert one.rms == pytest.approx(float(np.sqrt(np.mean(z**2))))
     assert one.largest == pytest.approx(float(np.abs(z).max()))
-    fastest = fastest_inputs(result)
+    fastest = fastest_inputs(result.flight)
     assert fastest[INPUTS.index("aileron_outer")] > 0.0 == fastest[0]
     assert "dihedral" in tracking_table((one,)).rows[0]
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.flight.envelope import Envelope
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo

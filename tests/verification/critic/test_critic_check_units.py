@@ -14,7 +14,8 @@ from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from hfa_cli.main import DONE, FAILED
 from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.critic.critic_check import CriticCheck, check_critic
+from verification.critic.check_result import CriticCheck
+from verification.critic.critic_check import check_critic
 from verification.riccati.gare import solve_game
 
 QUADRATIC = basis("quadratic", 2)

@@ -14,7 +14,8 @@ from controller.game.zero_sum import Game
 from controller.laws.learn import learn
 from hfa_model.support.errors import BadInputError
 from verification.critic.check_figure import check_figure
-from verification.critic.critic_check import CriticCheck, check_history
+from verification.critic.check_result import CriticCheck
+from verification.critic.critic_check import check_history
 from verification.riccati.gare import solve_game
 
 TIMES = 0.25 * np.arange(41)

@@ -15,7 +15,7 @@ from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.gusts import Dryden, OneMinusCosine
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from controller.policy.signals import Harmonic, Signal
 from hfa_cli.main import BAD_INPUT, DONE
 from hfa_model.parameters import Parameters

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase, case_at, flown, signal
 
-from controller.flight.simulate import Scenario
+from controller.flight.scenario import Scenario
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
-from verification.flights.recoverable import RecoverableMap, recoverable_map
+from verification.flights.recoverable import recoverable_map
+from verification.flights.recoverable_map import RecoverableMap
 
 N = len(LINEAR_STATES)
 

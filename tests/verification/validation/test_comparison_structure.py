@@ -12,8 +12,9 @@ from hfa_model.published import published_models
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity, State
 from trim.linear.compare import compare, regenerate
-from verification.validation.comparison import Validation, _model_at, validate
+from verification.validation.comparison import _model_at, validate
 from verification.validation.outside import released_trims
+from verification.validation.validation_result import Validation
 
 #: Where the released simulation flies at 30 ft/s, deg.
 ANGLES = range(0, 50, 5)

@@ -1,22 +1,92 @@
-"""What the check of a critic says."""
+"""The verdict on a critic, and what it says."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.checks import checks_block
-from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.checks import Check, checks_block
+from hfa_model.reporting.report import Block, Report, Reported
 from hfa_model.reporting.text import Table, numbered
-
-if TYPE_CHECKING:
-    from verification.critic.critic_check import CriticCheck
-
+from hfa_model.support.jsonable import finite_or_none
+from verification.critic.candidate import Candidate
+from verification.critic.critic_history import HistoryErrors
+from verification.critic.flight_cost import FlightCost
+from verification.critic.ordinary_box import Box
+from verification.meaning.margins import DiskMargin
+from verification.riccati.gare import GameSolution
 
 #: Entries of P and K in a report; files have all.
 SHOWN = 12
 _ROUNDING = 1e-9
+SCHEMA = "hfa.critic-check/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticCheck(Reported):
+    """The verdict on one critic.
+
+    exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
+    gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
+    "". box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of
+    a history.
+    """
+
+    exact: GameSolution
+    candidate: Candidate
+    checks: tuple[Check, ...]
+    learned_margin: DiskMargin | None
+    exact_margin: DiskMargin
+    flight: FlightCost
+    diagnosis: str
+    box: Box
+    history: HistoryErrors | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check holds."""
+        return all(check.ok for check in self.checks)
+
+    @property
+    def P_rel_error(self) -> float:
+        """|P - P*| / |P*|, Frobenius norms in the units of the game; nan when only a gain was given."""
+        return self._value_of("P_rel_error")
+
+    @property
+    def K_rel_error(self) -> float:
+        """|K - K*| / |K*|, Frobenius norms in the units of the game."""
+        return self._value_of("K_rel_error")
+
+    def report(self) -> Report:
+        """What the check says, states and inputs by number."""
+        return check_report(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        candidate = self.candidate
+        return {
+            "schema": SCHEMA,
+            "ok": self.ok,
+            "P_rel_error": finite_or_none(self.P_rel_error),
+            "K_rel_error": finite_or_none(self.K_rel_error),
+            "diagnosis": self.diagnosis,
+            "checks": [check.to_dict() for check in self.checks],
+            "P": None if candidate.P is None else candidate.P.tolist(),
+            "K": candidate.K.tolist(),
+            "P_exact": self.exact.P.tolist(),
+            "K_exact": self.exact.K.tolist(),
+            "disk_margin": None if self.learned_margin is None else self.learned_margin.disk,
+            "disk_margin_exact": self.exact_margin.disk,
+            "graded": self.flight.to_dict(),
+            "box": self.box.to_dict(),
+            **({} if self.history is None else {"history": self.history.to_dict()}),
+        }
+
+    def _value_of(self, name: str) -> float:
+        return next((check.value for check in self.checks if check.name == name), math.nan)
 
 
 def check_report(

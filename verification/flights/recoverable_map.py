@@ -1,16 +1,83 @@
-"""What recoverable maps say."""
+"""How far from trim a linear policy holds, and what a map of it says."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from controller.flight.flight_report import limits_text
-from hfa_model.reporting.report import Block, Report
+import numpy as np
+
+from controller.flight.envelope import Envelope
+from controller.flight.trials import Trials
+from hfa_model.reporting.report import Block, Report, Reported
 from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
-from hfa_model.vectors import STATE_UNITS, STATES
-from verification.flights.recoverable import Edge, RecoverableMap
+from hfa_model.vectors import LINEAR_STATES, STATE_UNITS, STATES
+from trim.point.operating_point import OperatingPoint
 
 MAP_SCHEMA = "hfa.recoverable-map/1"
+
+
+class Edge(NamedTuple):
+    """How far one can go along a ray from trim: what is varied and in which direction, and on which plant.
+
+    held: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
+    which one leaves it just beyond, and when, s. returned: up to where every flight comes to rest on its target,
+    whether or not it left the envelope. reach: the end of the scanned range; a value that equals it met no failure,
+    and `state` is then "".
+    """
+
+    axis: str
+    sign: int
+    plant: str
+    held: float
+    state: str
+    time: float
+    returned: float
+    reach: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecoverableMap(Reported):
+    """Trials from a grid of initial deviations and of a line of dihedral commands, by both plants.
+
+    speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; nonlinear, linear: trials of all pairs, the
+    speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim, with their trials.
+    """
+
+    dynamics: str
+    point: OperatingPoint
+    envelope: Envelope
+    speeds: np.ndarray
+    dihedrals: np.ndarray
+    nonlinear: Trials
+    linear: Trials
+    commands: np.ndarray
+    nonlinear_commands: Trials
+    linear_commands: Trials
+    edges: tuple[Edge, ...]
+
+    def report(self) -> Report:
+        """See `map_report`."""
+        return map_report((self,))
+
+    def held(self, plant: str) -> np.ndarray:
+        """Which starts stay in the envelope and come back, (D, S); plant: "nonlinear" or "linear"."""
+        trials: Trials = getattr(self, plant)
+        return self._grid(trials.held & self._returned(trials))
+
+    def returned(self, plant: str) -> np.ndarray:
+        """Which starts come back, in or out of the envelope, (D, S)."""
+        return self._grid(self._returned(getattr(self, plant)))
+
+    def left(self, plant: str) -> np.ndarray:
+        """Index of the state that left first, -1 for none, (D, S)."""
+        return self._grid(getattr(self, plant).left)
+
+    def _returned(self, trials: Trials) -> np.ndarray:
+        return trials.returned(np.zeros((len(trials.left), len(LINEAR_STATES))))
+
+    def _grid(self, flat: np.ndarray) -> np.ndarray:
+        return flat.reshape(len(self.dihedrals), len(self.speeds))
 
 
 def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
@@ -20,7 +87,7 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
     """
     dihedral = in_degrees(maps[0].point.states.dihedral)
     limits = [
-        (name, shown_unit(unit), limits_text(maps[0].envelope, index))
+        (name, shown_unit(unit), maps[0].envelope.limits_text(index))
         for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True))
     ]
     return Report(

@@ -1,73 +1,120 @@
-"""What a nonlinear flight says."""
+"""A flight of the nonlinear aircraft, and what it says."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from controller.flight.envelope import ANGLE_OF_ATTACK, Departure, Envelope
-from controller.flight.simulate import NonlinearFlight
+from controller.flight.closed_loop import ClosedLoop, Flight
+from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, Departure, Envelope, angles_of_attack
+from controller.flight.scenario import Scenario
 from controller.flight.tracking import Tracked, tracked, tracking_table
 from controller.policy.flown_law import FlownLaw
 from controller.policy.servo_policy import ServoPolicy
 from hfa_model.reporting.checks import Check, checks_block
-from hfa_model.reporting.report import Part, Report
+from hfa_model.reporting.report import Part, Report, Reported
 from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
+from trim.point.condition import CONTROL_LIMITS
+from trim.point.operating_point import OperatingPoint
 
 FLIGHT_SCHEMA = "hfa.flight/1"
-#: Said where the air moves.
-OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 
-def flight_report(result: NonlinearFlight, law: FlownLaw | None = None, checks: tuple[Check, ...] = ()) -> Report:
-    """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearFlight(Reported):
+    """A flight, up to the first tick that left the envelope.
 
-    law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
+    loop: what was flown. flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear
+    model, None when none was asked for. departure: which state left the envelope first, None when it held.
     """
-    kind = "" if law is None or not len(law.gains) else f", {'learning in flight' if law.online else 'frozen'}"
-    words = "" if law is None else f", law {law.name}{kind}"
-    parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
-    parts += [_states(result), *([OVER_GROUND] if result.scenario.moving_air else []), _inputs(result)]
-    if law is not None and isinstance(law.policy, ServoPolicy) and law.policy.commands.names:
-        parts.insert(0, tracking_table(_tracked(result, law.policy)))
-    if checks:
-        parts.append(checks_block(checks))
-    return Report(title(result, words), parts, data=_data(result, law, checks), records=_records(result))
+
+    scenario: Scenario
+    point: OperatingPoint
+    envelope: Envelope
+    loop: ClosedLoop
+    flight: Flight
+    predicted: Flight | None
+    departure: Departure | None
+
+    @property
+    def states(self) -> np.ndarray:
+        """X, absolute, (N, 7)."""
+        return self.flight.states + np.array(self.point.states)
+
+    @property
+    def angles_of_attack(self) -> np.ndarray:
+        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
+        return angles_of_attack(self.states, self.flight.updrafts if self.scenario.moving_air else None)
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """U, absolute, (N, 5)."""
+        return self.flight.inputs + np.array(self.point.inputs)
+
+    @property
+    def rms_errors(self) -> np.ndarray:
+        """Root mean square of the tracking error z over the second half of the flight, (6,)."""
+        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        return np.asarray(np.sqrt(np.mean(late**2, axis=0)))
+
+    @property
+    def beyond_limits(self) -> np.ndarray:
+        """Share of the flight in which each input lay beyond `CONTROL_LIMITS`, (5,)."""
+        limits = np.array(CONTROL_LIMITS)
+        slack = 1e-9 * (1 + np.abs(limits))
+        outside = (self.inputs < limits[:, 0] - slack[:, 0]) | (self.inputs > limits[:, 1] + slack[:, 1])
+        return np.asarray(outside.mean(axis=0))
+
+    @property
+    def differences(self) -> np.ndarray | None:
+        """Largest |nonlinear - linear| of each state, (7,); None without a prediction."""
+        if self.predicted is None:
+            return None
+        count = min(len(self.flight.times), len(self.predicted.times))
+        return np.asarray(np.abs(self.flight.states[:count] - self.predicted.states[:count]).max(axis=0))
+
+    def title(self, law: str) -> str:
+        """Which flight, and whether it stayed in its envelope."""
+        dihedral = in_degrees(self.point.states.dihedral)
+        flight = f"Flight, {self.point.dynamics} dynamics, dihedral {dihedral:g} deg{law}"
+        return f"{flight}\n{_outcome(self.departure, self.flight.times[-1])}"
+
+    def report(self, law: FlownLaw | None = None, checks: tuple[Check, ...] = ()) -> Report:
+        """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
+
+        law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
+        """
+        kind = "" if law is None or not len(law.gains) else f", {'learning in flight' if law.online else 'frozen'}"
+        words = "" if law is None else f", law {law.name}{kind}"
+        parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
+        parts += [_states(self), *([OVER_GROUND] if self.scenario.moving_air else []), _inputs(self)]
+        if law is not None and isinstance(law.policy, ServoPolicy) and law.policy.commands.names:
+            parts.insert(0, tracking_table(_tracked(self, law.policy)))
+        if checks:
+            parts.append(checks_block(checks))
+        return Report(self.title(words), parts, data=_data(self, law, checks), records=_records(self))
+
+    def history(self) -> dict[str, Any]:
+        """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""
+        every = slice(None, None, self.scenario.steps_per_tick)
+        return {
+            "history": {
+                "times": self.flight.times[every],
+                "states": self.states[every],
+                "inputs": self.inputs[every],
+                "errors": self.flight.errors[every],
+                "updrafts": self.flight.updrafts[every],
+                "angles_of_attack": self.angles_of_attack[every],
+            }
+        }
 
 
 def _tracked(result: NonlinearFlight, policy: ServoPolicy) -> tuple[Tracked, ...]:
-    return tracked(result, policy.regulated, policy.commands)
-
-
-def title(result: NonlinearFlight, law: str) -> str:
-    """Which flight, and whether it stayed in its envelope."""
-    dihedral = in_degrees(result.point.states.dihedral)
-    flight = f"Flight, {result.point.dynamics} dynamics, dihedral {dihedral:g} deg{law}"
-    return f"{flight}\n{_outcome(result.departure, result.flight.times[-1])}"
-
-
-def history(result: NonlinearFlight) -> dict[str, Any]:
-    """The flight once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack absolute, errors, updrafts."""
-    every = slice(None, None, result.scenario.steps_per_tick)
-    return {
-        "history": {
-            "times": result.flight.times[every],
-            "states": result.states[every],
-            "inputs": result.inputs[every],
-            "errors": result.flight.errors[every],
-            "updrafts": result.flight.updrafts[every],
-            "angles_of_attack": result.angles_of_attack[every],
-        }
-    }
-
-
-def limits_text(envelope: Envelope, index: int) -> str:
-    """The limits of a state, degrees for angles."""
-    unit = STATE_UNITS[index]
-    return f"{short_number(envelope.lowest[index], unit)} to {short_number(envelope.highest[index], unit)}"
+    return tracked(result.flight, policy.regulated, policy.commands)
 
 
 def _outcome(departure: Departure | None, time: float) -> str:
@@ -96,13 +143,13 @@ def _states(result: NonlinearFlight) -> Table:
     for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True)):
         cells = [name, shown_unit(unit), short_number(largest[index], unit), short_number(final[index], unit)]
         cells += [short_number(result.rms_errors[_ROWS.index(index)], unit) if index in _ROWS else ""]
-        cells += [limits_text(result.envelope, index)]
+        cells += [result.envelope.limits_text(index)]
         cells += [] if differences is None else [short_number(differences[index], unit)]
         rows.append(tuple(cells))
         if name == "alpha" and result.scenario.moving_air:
             deviations = result.angles_of_attack - result.point.states.alpha
             shown = (short_number(value, unit) for value in (np.abs(deviations).max(), deviations[-1]))
-            limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", limits_text(result.envelope, index), "")
+            limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", result.envelope.limits_text(index), "")
             rows[-1] = (*cells[:5], "", *cells[6:])
             rows.append(limited[: len(cells)])
     header = ("state", "unit", "largest deviation", "final deviation", "rms error", "envelope", "off the linear model")

@@ -1,0 +1,126 @@
+"""Everything that happens in a flight, and the loop that it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from controller.flight.actuators import Actuators
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.gusts import Gust
+from controller.flight.plants import Equations, Plant
+from controller.flight.times import check_times
+from controller.flight.uncertain import Uncertainty
+from controller.policy.commands import CommandedStates
+from controller.policy.policies import Policy
+from controller.policy.signals import Signal, TimeVector, zero
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, STATES
+from trim.point.operating_point import OperatingPoint
+
+_N = len(LINEAR_STATES)
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """Everything that happens in a flight. All is off unless given.
+
+    duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of
+    steps. initial: (7,), deviation from trim. reference, disturbance, noise: (6,) each. errors: parameter -> factor on
+    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. uncertainty: what is still
+    to be drawn (`drawn`). samples: (ticks, 6), drawn noise, held in each tick. BadInputError when the times do not fit
+    each other or the actuators, are too long, an error names no parameter, or there are two gusts.
+    """
+
+    duration: float = 20.0
+    step: float = 0.001
+    tick: float = 0.01
+    initial: np.ndarray = field(default_factory=lambda: np.zeros(len(STATES)))
+    reference: TimeVector = field(default_factory=lambda: zero(_N))
+    disturbance: TimeVector = field(default_factory=lambda: zero(_N))
+    noise: TimeVector = field(default_factory=lambda: zero(_N))
+    errors: Mapping[str, float] = field(default_factory=dict)
+    actuators: Actuators | None = None
+    gust: Gust | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    samples: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse times that do not fit and errors of nothing."""
+        check_times(self.duration, self.step, self.tick)
+        if self.actuators is not None:
+            self.actuators.refuse_step(self.step)
+        for name, factor in self.errors.items():
+            if name not in Parameters._fields:
+                raise BadInputError(f"unknown parameter {name!r}; choose from {', '.join(Parameters._fields)}")
+            if not (np.isfinite(factor) and factor > 0.0):
+                raise BadInputError(f"the error of {name} is a factor of {factor}; it must be a positive number")
+        if self.gust is not None and self.uncertainty.turbulence is not None:
+            raise BadInputError("the scenario has a gust and turbulence to be drawn; give one of them")
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Steps in a tick."""
+        return round(self.tick / self.step)
+
+    @property
+    def moving_air(self) -> bool:
+        """Whether the air moves: a gust, or turbulence that is still to be drawn."""
+        return self.gust is not None or self.uncertainty.turbulence is not None
+
+    @property
+    def ticks(self) -> int:
+        """Ticks in the flight."""
+        return round(self.duration / self.tick)
+
+    def drawn(self, seed: int, member: int, speed: float) -> Scenario:
+        """One draw of what is uncertain, decided by seed and member alone. speed: at which gusts are met, ft/s."""
+        uncertain = self.uncertainty
+        factors = zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True)
+        return replace(
+            self,
+            errors={**self.errors, **{name: self.errors.get(name, 1.0) * factor for name, factor in factors}},
+            gust=uncertain.air(seed, member, speed, self.tick, self.ticks) or self.gust,
+            uncertainty=Uncertainty(),
+            samples=uncertain.samples(seed, member, self.ticks),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
+        signals = {name: getattr(self, name) for name in ("reference", "disturbance", "noise")}
+        formulas = {
+            name: each.to_dict() if isinstance(each, (Signal, CommandedStates)) else type(each).__name__
+            for name, each in signals.items()
+        }
+        return {
+            "duration": self.duration,
+            "step": self.step,
+            "tick": self.tick,
+            "initial": self.initial,
+            "errors": dict(self.errors),
+            **formulas,
+            "actuators": None if self.actuators is None else asdict(self.actuators),
+            "gust": _gust_data(self.gust),
+        }
+
+
+def _gust_data(gust: Any) -> dict[str, Any] | None:
+    return None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+
+
+def with_errors(aircraft: Aircraft, scenario: Scenario) -> Equations:
+    """The aircraft that is flown: its parameters times the errors of the scenario."""
+    wrong = {name: getattr(aircraft.parameters, name) * factor for name, factor in scenario.errors.items()}
+    return Equations(aircraft.parameters._replace(**wrong), aircraft.variant)
+
+
+def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
+    """The loop of a plant about a point, under a policy, with everything that happens in the scenario."""
+    signals = scenario.reference, scenario.disturbance, scenario.noise
+    trim = np.array(point.inputs)
+    return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples, scenario.actuators, trim, scenario.tick)
