@@ -6,7 +6,7 @@ shtab --prog hfa --shell bash hfa_cli.completion.whole_parser
 from __future__ import annotations
 
 from hfa_cli.main import COMMANDS, filled, overview
-from hfa_cli.parser import Parser
+from hfa_cli.options.parser import Parser
 
 
 def whole_parser() -> Parser:

@@ -12,8 +12,8 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
-from hfa_cli.parser import Parser, unknown
 from hfa_model.jobs.interrupts import Terminated, ended_by_signals
 from hfa_model.support.echo import on_one_line, shortened
 from hfa_model.support.errors import BadInputError, NoSolutionError
@@ -101,7 +101,7 @@ def _run(words: list[str]) -> int:
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """What was warned of, a note each, once there is a result: a failure says itself what is wrong."""
-    from hfa_cli.output import say_notes
+    from hfa_cli.progress import say_notes
 
     own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)
     others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)

@@ -38,7 +38,7 @@ def provenance() -> Provenance:
         return Provenance(command, model=str(arguments.model))
     if not hasattr(arguments, "parameters"):
         return Provenance(command)
-    from hfa_cli.options import parameters_of
+    from hfa_cli.options.shared_options import parameters_of
 
     chosen = parameters_of(arguments)
     return Provenance(
@@ -64,14 +64,14 @@ def _condition(arguments: argparse.Namespace) -> dict[str, object]:
 
     Of a sweep, what its points have in common and what it changes of the paper's level flight.
     """
-    from hfa_cli.options import condition_of
+    from hfa_cli.options.shared_options import condition_of
 
     if hasattr(arguments, "sweep") and hasattr(arguments, "start"):
-        from hfa_cli.options import flight_of
+        from hfa_cli.options.shared_options import flight_of
 
         return flight_of(arguments).to_dict()
     if hasattr(arguments, "vary"):
-        from hfa_cli.options import swept_condition_of
+        from hfa_cli.options.shared_options import swept_condition_of
 
         return swept_condition_of(arguments).to_dict()
     if not isinstance(getattr(arguments, "dihedral", None), float) or not hasattr(arguments, "start"):

@@ -15,12 +15,13 @@ from functools import partial
 
 from controller.design.controller_file import SUFFIXES, load_controller, save_controller
 from controller.design.design_file import NAMED, load_design
-from hfa_cli import options
-from hfa_cli.argument_types import input_file, one_of, output_file, parsed
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.origin import provenance
-from hfa_cli.output import Progress, show
-from hfa_cli.parser import add_value
-from hfa_cli.ranges import array_of, value_range
+from hfa_cli.output import show
+from hfa_cli.progress import Progress
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from verification.synthesis.tuning_file import load_tuning, save_design, tuning_report

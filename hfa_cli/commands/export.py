@@ -14,14 +14,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa_cli import games, options
-from hfa_cli.argument_types import output_file, parsed, whole
-from hfa_cli.flights import LAWS, check_learning, flown_law_of
+from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.formats import write_formats
-from hfa_cli.learning import add_settings
+from hfa_cli.options import games, shared_options as options
+from hfa_cli.options.argument_types import check_folder, output_file, parsed, whole
+from hfa_cli.options.law_options import LAWS, check_learning
+from hfa_cli.options.learning_options import add_settings
+from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
-from hfa_cli.output import check_folder, say_notes, show
-from hfa_cli.parser import add_value
+from hfa_cli.output import show
+from hfa_cli.progress import say_notes
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError

@@ -9,21 +9,15 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from hfa_cli import options
-from hfa_cli.flights import (
-    add_scenario,
-    add_signal,
-    add_weights,
-    check_learning,
-    draw_flight,
-    envelope_of,
-    flown_law_of,
-    scenario_of,
-    tell,
-)
-from hfa_cli.output import Progress
-from hfa_cli.servo_options import add_controller, controlled
-from hfa_cli.stored_law import add_stored
+from hfa_cli.chosen_law import flown_law_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.law_options import add_weights, check_learning
+from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
+from hfa_cli.options.servo_options import add_controller, controlled
+from hfa_cli.options.signal_options import add_signal
+from hfa_cli.options.stored_law import add_stored
+from hfa_cli.output import draw_flight, tell
+from hfa_cli.progress import Progress
 from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hfa_cli import options
-from hfa_cli.argument_types import parsed, whole
-from hfa_cli.output import Progress, show
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import parsed, whole
+from hfa_cli.options.parser import add_value
+from hfa_cli.output import show
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import options
-from hfa_cli.games import add_game, game_of
-from hfa_cli.learning import add_learning, run_learning
+from hfa_cli.chosen_law import run_learning
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.games import add_game, game_of
+from hfa_cli.options.learning_options import add_learning
 from hfa_cli.origin import signed
-from hfa_cli.output import say_notes, show
+from hfa_cli.output import show
+from hfa_cli.progress import say_notes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import options
-from hfa_cli.argument_types import some_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import some_of
+from hfa_cli.options.parser import add_value
 from hfa_cli.output import show
-from hfa_cli.parser import add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
 from hfa_model.support.errors import BadInputError

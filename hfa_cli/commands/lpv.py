@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import options
-from hfa_cli.argument_types import output_file, positive
-from hfa_cli.flight_family import add_flights, family_of, interval_of
-from hfa_cli.output import Progress, show
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import output_file, positive
+from hfa_cli.options.flight_family import add_flights, family_of, interval_of
+from hfa_cli.options.parser import add_value
+from hfa_cli.output import show
+from hfa_cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

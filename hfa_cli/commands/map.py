@@ -8,20 +8,16 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from hfa_cli import options
-from hfa_cli.flights import (
-    add_envelope,
-    add_weights,
-    check_learning,
-    envelope_of,
-    flown_law_of,
-    tell,
-)
+from hfa_cli.chosen_law import flown_law_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.law_options import add_weights, check_learning
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.ranges import array_of, value_range
+from hfa_cli.options.scenario_options import add_envelope, envelope_of
+from hfa_cli.options.stored_law import add_stored
 from hfa_cli.origin import provenance
-from hfa_cli.output import Progress
-from hfa_cli.parser import add_value
-from hfa_cli.ranges import array_of, value_range
-from hfa_cli.stored_law import add_stored
+from hfa_cli.output import tell
+from hfa_cli.progress import Progress
 from trim.linear.linearize import linearize
 
 _MOST_POINTS = 1000

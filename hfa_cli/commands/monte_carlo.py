@@ -15,31 +15,19 @@ from typing import TYPE_CHECKING
 from controller.game.zero_sum import Game
 from controller.policy.critic_policy import CriticPolicy
 from controller.policy.signals import Signal
-from hfa_cli import options
-from hfa_cli.actuator_options import actuators_of, add_actuators
-from hfa_cli.argument_types import number, numbers, quantity, whole
-from hfa_cli.flights import (
-    LAWS,
-    TURBULENCE,
-    add_envelope,
-    add_initial,
-    add_signal,
-    add_times,
-    add_weights,
-    envelope_of,
-    flown_law_of,
-    game_on,
-    initial_of,
-    law_of,
-    seed_of,
-    signal_of,
-    tell,
-)
+from hfa_cli.chosen_law import flown_law_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.actuator_options import actuators_of, add_actuators
+from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
+from hfa_cli.options.law_options import LAWS, add_weights, game_on, law_of, seed_of
+from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.scenario_options import TURBULENCE, add_envelope, add_times, envelope_of
+from hfa_cli.options.servo_options import add_controller, controlled
+from hfa_cli.options.signal_options import add_initial, add_signal, initial_of, signal_of
+from hfa_cli.options.stored_law import add_stored, check_stored
 from hfa_cli.origin import provenance
-from hfa_cli.output import Progress, check_target
-from hfa_cli.parser import add_named, add_value
-from hfa_cli.servo_options import add_controller, controlled
-from hfa_cli.stored_law import add_stored, check_stored
+from hfa_cli.output import tell
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.temporary import temporary_folder
 from trim.linear.linear_model import LinearModel

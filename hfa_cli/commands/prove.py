@@ -19,12 +19,13 @@ import numpy as np
 
 from controller.design.controller_file import load_controller
 from controller.design.design_file import load_design
-from hfa_cli import options
-from hfa_cli.argument_types import input_file, number, parsed
-from hfa_cli.flight_family import add_flights, at_one_angle, family_of, interval_of
-from hfa_cli.games import MATRIX_FILES, NamedGame, add_weights, game_of
-from hfa_cli.output import Progress, show
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import input_file, number, parsed
+from hfa_cli.options.flight_family import add_flights, at_one_angle, family_of, interval_of
+from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of
+from hfa_cli.options.parser import add_value
+from hfa_cli.output import show
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hfa_cli import options
-from hfa_cli.argument_types import output_file, parsed, some_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import check_folder, output_file, parsed, some_of
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance, signed
-from hfa_cli.output import Progress, check_folder
-from hfa_cli.parser import add_value
-from hfa_cli.ranges import Range, array_of, value_range
+from hfa_cli.progress import Progress
 from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report

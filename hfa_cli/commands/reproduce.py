@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.argument_types import parsed, whole
-from hfa_cli.options import MOST_WORKERS, cores
-from hfa_cli.output import Progress, check_folder
-from hfa_cli.parser import add_value
-from hfa_cli.removed_options import add_removed
+from hfa_cli.options.argument_types import check_folder, parsed, whole
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.removed_options import add_removed
+from hfa_cli.options.shared_options import MOST_WORKERS, cores
+from hfa_cli.progress import Progress
 from hfa_model.support.files import write_text
 
 #: Steps of a flight from which starting processes pays.

@@ -8,21 +8,14 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import games, options
-from hfa_cli.argument_types import angle, number, whole
-from hfa_cli.flights import (
-    add_scenario,
-    add_weights,
-    check_learning,
-    draw_flight,
-    envelope_of,
-    scenario_of,
-    seed_of,
-    tell,
-)
-from hfa_cli.learning import law_settings
-from hfa_cli.output import Progress
-from hfa_cli.parser import add_value
+from hfa_cli.options import games, shared_options as options
+from hfa_cli.options.argument_types import angle, number, whole
+from hfa_cli.options.law_options import add_weights, check_learning, seed_of
+from hfa_cli.options.learning_options import law_settings
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
+from hfa_cli.output import draw_flight, tell
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import options
-from hfa_cli.argument_types import number, parsed
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import check_folder, number, parsed
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.shared_options import FORMATS
 from hfa_cli.origin import signed
-from hfa_cli.output import FORMATS, Progress, check_folder
-from hfa_cli.parser import add_value
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 
 

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hfa_cli import options
-from hfa_cli.games import NamedGame, add_game, game_of
-from hfa_cli.output import say_notes, show
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.games import NamedGame, add_game, game_of
+from hfa_cli.output import show
+from hfa_cli.progress import say_notes
 from verification.meaning.output_report import output_report
 from verification.meaning.solution_report import AnalysedGame, analyse_game, solution_report
 from verification.riccati.output_feedback import OutputGame

@@ -12,11 +12,12 @@ from controller.study.published_study import published_study
 from controller.study.study_folder import StudyFolder
 from controller.study.study_report import study_report
 from controller.study.study_rows import STUDY
-from hfa_cli import options
-from hfa_cli.argument_types import parsed, whole
-from hfa_cli.output import Progress, check_folder, check_target, show
-from hfa_cli.parser import add_value
-from hfa_cli.removed_options import add_removed
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import check_folder, check_target, parsed, whole
+from hfa_cli.options.parser import add_value
+from hfa_cli.options.removed_options import add_removed
+from hfa_cli.output import show
+from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 
 #: Cases from which starting processes pays.

@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hfa_cli import options
-from hfa_cli.argument_types import whole
-from hfa_cli.games import add_weights, weights_of
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import whole
+from hfa_cli.options.games import add_weights, weights_of
+from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_cli.origin import provenance
-from hfa_cli.output import Progress, say_notes, show
-from hfa_cli.parser import add_named, add_value
-from hfa_cli.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
+from hfa_cli.output import show
+from hfa_cli.progress import Progress, say_notes
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import shown_unit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli import options
+from hfa_cli.options import shared_options as options
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from trim.point.trim_report import trim_report

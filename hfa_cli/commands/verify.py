@@ -14,13 +14,15 @@ from controller.game.basis import basis
 from controller.game.history_file import load_history
 from controller.game.learning_result import LearningResult
 from controller.game.model_file import load_critic
-from hfa_cli import options
-from hfa_cli.argument_types import input_file, positive
-from hfa_cli.games import MATRIX_FILES, NamedGame, add_game, game_of
-from hfa_cli.learning import add_learning, run_learning
+from hfa_cli.chosen_law import run_learning
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import input_file, positive
+from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_game, game_of
+from hfa_cli.options.learning_options import add_learning
+from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
-from hfa_cli.output import Progress, say_notes, show
-from hfa_cli.parser import add_value
+from hfa_cli.output import show
+from hfa_cli.progress import Progress, say_notes
 from hfa_model.support.errors import BadInputError
 from verification.critic.candidate import from_stored, from_weights
 from verification.critic.check_result import CriticCheck, check_report

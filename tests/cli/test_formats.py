@@ -11,7 +11,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_cli.main import COMMANDS, DONE
-from hfa_cli.output import FORMATS
+from hfa_cli.options.shared_options import FORMATS
 
 TRIM = ("trim", "--dihedral", "15")
 #: Write pages or folders, not one report.

@@ -257,7 +257,7 @@ def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> N
 
     words = ("learn", "--model", small("plant.json"), *QUICK)
     with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.learning.show_learning", stop)
+        patched.setattr("hfa_cli.chosen_law.show_learning", stop)
         stopped = hfa(*words, "-o", "part.json", err=Terminal())
     assert (stopped.code, stopped.out) == (INTERRUPTED, "")
     assert stopped.err.endswith("hfa: interrupted\n")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_cli import output
-from hfa_cli.output import Progress
+from hfa_cli import progress
+from hfa_cli.progress import Progress
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ def test_what_takes_more_than_a_minute_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clock = iter(range(0, 1000, 2))
-    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(progress.time, "monotonic", lambda: float(next(clock)))
     long, short = Progress("fly"), Progress("fly")
     for done in range(1, 10):
         long(done, 183)

@@ -46,6 +46,7 @@ ROOMS = (
     "verification.proof",
     "verification.experiments",
     "verification.page",
+    "hfa_cli.options",
     "hfa_cli",
     "hfa_cli.commands",
 )

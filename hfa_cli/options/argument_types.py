@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from hfa_cli.output import check_target
+from hfa_model.reporting.data_files import SUFFIXES
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
@@ -138,6 +138,28 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(*suffixes: str) -> Callable[[str], Path | None]:
     """The type of files that can be written, with one of the suffixes."""
     return parsed(lambda text: check_target(text, suffixes))
+
+
+def check_target(path: str | Path | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
+    """The output file of a command, refused before anything is computed when it cannot be written."""
+    if path is None:
+        return None
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise BadInputError(f"{path or repr(path)}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
+    if not target.parent.is_dir():
+        raise BadInputError(f"{path}: the folder {target.parent} does not exist; create it first")
+    if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
+        raise BadInputError(f"{path}: it is a folder; name a file")
+    return target
+
+
+def check_folder(path: str) -> Path:
+    """A folder that exists or can be made; made only when there is something to put in."""
+    folder = Path(path)
+    if not path or (not folder.is_dir() and (folder.exists() or not folder.parent.is_dir())):
+        raise BadInputError(f"{path or repr(path)}: cannot make the folder; choose another, in a folder that exists")
+    return folder
 
 
 def numbers(form: str, *counts: int) -> Callable[[str], tuple[float, ...]]:

@@ -13,9 +13,9 @@ from controller.design.design_file import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
-from hfa_cli import options
-from hfa_cli.argument_types import disturbance_weight, input_file, parsed
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import disturbance_weight, input_file, parsed
+from hfa_cli.options.parser import add_value
 from hfa_model.reporting.text import numbered
 from hfa_model.support.errors import BadInputError
 from trim.linear.linearize import linearize

@@ -7,9 +7,9 @@ import math
 from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
-from hfa_cli import options
-from hfa_cli.argument_types import number
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import number
+from hfa_cli.options.parser import add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError

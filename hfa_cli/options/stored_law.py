@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from hfa_cli import options
-from hfa_cli.argument_types import input_file
-from hfa_cli.games import MATRIX_FILES
-from hfa_cli.parser import add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import input_file
+from hfa_cli.options.games import MATRIX_FILES
+from hfa_cli.options.parser import add_value
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -9,11 +9,12 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from hfa_cli.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
-from hfa_cli.output import FORMATS, SUFFIXES
-from hfa_cli.parser import add_named, add_value
+from hfa_cli.options.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
+from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.reporting.data_files import SUFFIXES
+from hfa_model.reporting.report import Report
 from hfa_model.reporting.unit_system import SYSTEMS, shown_in
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, describe, release
@@ -28,6 +29,13 @@ OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
 #: All that says where the aircraft is trimmed, the dihedral angle apart.
 OF_THE_TRIM = (*OF_THE_CONDITION, "condition", "free", "hold", "limit", "start")
 MOST_WORKERS = 1000
+#: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.
+FORMATS: dict[str, Callable[[Report], str]] = {
+    "text": Report.text,
+    "markdown": lambda report: report.without_pictures().markdown(),
+    "latex": lambda report: report.without_pictures().latex(),
+    "html": Report.html,
+}
 
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:

@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from controller.flight.actuators import ActuatorFault, Actuators
-from hfa_cli.argument_types import number, numbers, parsed
-from hfa_cli.parser import add_value
+from hfa_cli.options.argument_types import number, numbers, parsed
+from hfa_cli.options.parser import add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import Input
 from trim.point.condition import CONTROL_LIMITS

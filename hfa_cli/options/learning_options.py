@@ -1,19 +1,15 @@
-"""Options of a learning run, and the run itself."""
+"""Options of a learning run."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import fields
 from typing import Any
 
-from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import Game
-from controller.laws.learn import LAWS, learn
-from hfa_cli.argument_types import number, whole
-from hfa_cli.output import Progress
-from hfa_cli.parser import add_named, add_value
-from hfa_cli.removed_options import add_removed
+from controller.laws.learn import LAWS
+from hfa_cli.options.argument_types import number, whole
+from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.removed_options import add_removed
 from hfa_model.support.errors import BadInputError
 
 DEFAULT_LAW = "certified"
@@ -34,20 +30,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_named(parser, "--set", lambda _, text: text, "NAME=VALUE", about)
 
 
-def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
-    """Run the law that the options name, with progress on a terminal."""
-    return learn(
-        game,
-        _law(arguments),
-        arguments.seed or 0,
-        progress=show_learning if sys.stderr.isatty() else None,
-        **law_settings(arguments),
-    )
-
-
 def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
-    law = _law(arguments)
+    law = law_name(arguments)
     if law not in LAWS:
         raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
     kinds = {field.name: str(field.type) for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
@@ -62,7 +47,8 @@ def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     return result
 
 
-def _law(arguments: argparse.Namespace) -> str:
+def law_name(arguments: argparse.Namespace) -> str:
+    """The learning law that the options name."""
     return DEFAULT_LAW if arguments.law is None else str(arguments.law)
 
 
@@ -78,8 +64,3 @@ def _converted(text: str, kind: str) -> Any:
         return whole(0)(text)
     values = tuple(number(word) for word in text.split(","))
     return values[0] if len(values) == 1 and kind.startswith("float") else values
-
-
-def show_learning(fraction: float, message: str) -> None:
-    """One line on standard error, gone when done."""
-    Progress("learn").say(fraction, message)

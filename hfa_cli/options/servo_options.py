@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_cli import options
-from hfa_cli.argument_types import input_file, number, quantity
-from hfa_cli.parser import add_named, add_value
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.argument_types import input_file, number, quantity
+from hfa_cli.options.parser import add_named, add_value
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
 

@@ -1,0 +1,117 @@
+"""Options of what happens in a flight: its length, where it begins, signals, errors, actuators, the air."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.scenario import Scenario
+from controller.flight.spanwise import side_by_side, spanwise_dryden
+from hfa_cli.options import shared_options as options
+from hfa_cli.options.actuator_options import actuators_of, add_actuators
+from hfa_cli.options.argument_types import number, numbers, span
+from hfa_cli.options.law_options import seed_of
+from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.signal_options import add_initial, add_signal, initial_of, signal_of
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+
+#: How help shows colon-separated numbers.
+_OUTER = "PEAK[:DELAY]"
+_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
+_TICK = 0.01
+
+
+def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
+    """What happens in the flight besides a reference; everything is off by default. duration: what help calls it."""
+    add_times(parser, duration)
+    add_initial(parser)
+    add_signal(parser, "--disturbance", "added to the rate of a state")
+    add_signal(parser, "--noise", "added to what a sensor says")
+    missed = "factor on a parameter of the simulated aircraft, unknown to the design"
+    add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
+    add_actuators(parser)
+    add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
+    add_value(parser, "--outer-gust", numbers(_OUTER, 1, 2), _OUTER, "other peak at the outer panels, ft/s; s later")
+    parser.add_argument(
+        "--spanwise", action="store_true", help="turbulence that differs between center and outer panels"
+    )
+    add_value(
+        parser, "--turbulence", numbers(TURBULENCE, 2, 3), TURBULENCE, "Dryden turbulence, ft/s, ft and s, from --seed"
+    )
+    add_envelope(parser)
+
+
+def add_times(parser: argparse._ActionsContainer, duration: str = "20") -> None:
+    """--duration (what help calls its default) and --step."""
+    add_value(parser, "--duration", number, "S", f"default {duration}")
+    add_value(parser, "--step", number, "S", "fixed step of the integration, default 0.001", default=0.001)
+
+
+def add_envelope(parser: argparse._ActionsContainer) -> None:
+    """--envelope: between which values each state must stay."""
+    add_named(
+        parser,
+        "--envelope",
+        span,
+        "NAME=LOW:HIGH",
+        "other limits of a state, absolute (alpha: through the air); repeatable",
+    )
+
+
+def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
+    """The scenario that the options name, about a trim. duration: unless given, s."""
+    duration = duration if arguments.duration is None else arguments.duration
+    return Scenario(
+        duration=duration,
+        step=arguments.step,
+        tick=_TICK,
+        initial=initial_of(arguments.initial),
+        reference=signal_of("reference", getattr(arguments, "reference", None)),
+        disturbance=signal_of("disturbance", arguments.disturbance),
+        noise=signal_of("noise", arguments.noise),
+        errors=arguments.error or {},
+        actuators=actuators_of(arguments),
+        gust=_gust(arguments, point, duration),
+    )
+
+
+def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> Envelope:
+    """The envelope about a trim, with the limits that the options name."""
+    return flight_envelope(aircraft.parameters, point, arguments.envelope)
+
+
+def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float) -> Gust | None:
+    for option, needed in (("outer_gust", "gust"), ("spanwise", "turbulence")):
+        if getattr(arguments, option) and getattr(arguments, needed) is None:
+            raise BadInputError(f"--{option.replace('_', '-')} belongs to --{needed}; give that too, or leave it out")
+    if arguments.gust is not None and arguments.turbulence is not None:
+        raise BadInputError("--gust and --turbulence do not go together; give one of them")
+    speed = point.states.speed
+    if arguments.gust is not None:
+        length, peak, *begin = arguments.gust
+        gust = _one_minus_cosine("gust", duration, length, peak, speed, *begin)
+        if arguments.outer_gust is None:
+            return gust
+        outer_peak, *delay = arguments.outer_gust
+        later = gust.begin + (delay[0] if delay else 0.0)
+        return side_by_side(gust, _one_minus_cosine("outer-gust", duration, length, outer_peak, speed, later))
+    if arguments.turbulence is not None:
+        intensity, scale, *fade = arguments.turbulence
+        turbulence = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
+        if not arguments.spanwise:
+            return turbulence
+        panel = options.aircraft_of(arguments).parameters.panel_span
+        return spanwise_dryden(turbulence, panel / 2 * (1 + math.cos(point.states.dihedral)))
+    return None
+
+
+def _one_minus_cosine(
+    option: str, duration: float, length: float, peak: float, speed: float, begin: float = 0.0
+) -> OneMinusCosine:
+    if not 0 <= begin < duration:
+        raise BadInputError(f"--{option} begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
+    return OneMinusCosine(length, peak, speed, begin)

@@ -1,0 +1,56 @@
+"""What is said on standard error while a command works: notes, and how far it is."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable
+
+
+def say_notes(warnings: Iterable[str]) -> None:
+    """What a user should know before trusting a result, on standard error, a line each."""
+    for warning in warnings:
+        print(f"hfa: note: {warning}", file=sys.stderr)
+
+
+#: Seconds: of work from which its length is estimated, and from which it is announced.
+_TRIAL, _LONG = 3.0, 300.0
+
+
+class Progress:
+    """A counter on standard error, only when it is a terminal; at most one line, gone when done."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._first: tuple[float, int] | None = None
+        self._announced = False
+        self._shown = sys.stderr.isatty()
+        self._last = ""
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show `done` of `total`."""
+        self._announce(done, total)
+        self._say(100 * done // total, "")
+
+    def _announce(self, done: int, total: int) -> None:
+        """Say once, terminal or not, what will take long: by the pace of the first `_TRIAL` seconds."""
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now, done
+        began, before = self._first
+        if self._announced or now - began < _TRIAL or done <= before:
+            return
+        self._announced = True
+        left = (now - began) * (total - done) / (done - before)
+        if left > _LONG:
+            say_notes([f"{self._what}: about {left / 60:.3g} minutes more; Ctrl-C ends it"])
+
+    def say(self, fraction: float, message: str) -> None:
+        """Show the fraction that is done, and what is at work."""
+        self._say(int(100 * fraction), f"  {message}")
+
+    def _say(self, percent: int, message: str) -> None:
+        line = f"\r\033[K{self._what}: {percent:3d} %{message}"
+        if self._shown and line != self._last:
+            self._last = line
+            print(line, end="\r\033[K" if percent >= 100 else "", file=sys.stderr, flush=True)
