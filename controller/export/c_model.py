@@ -28,14 +28,14 @@ HEADER, SOURCE, EXAMPLE = "hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"
 
 @dataclass(frozen=True, eq=False)
 class CModel:
-    """What is written: an aircraft, its linear model at a trim, and a gain K (5, 6), u = -K x; zero for none.
+    """What is written: an aircraft, its linear model at a trim, and a gain K (5, 6), u = -K x; None for none.
 
     origin: where it comes from, lines of text.
     """
 
     aircraft: Aircraft
     model: LinearModel
-    gain: np.ndarray
+    gain: np.ndarray | None
     origin: str
 
     def header(self) -> str:
@@ -43,8 +43,8 @@ class CModel:
         template = files(__package__).joinpath("hfa_aircraft.h.in").read_text("utf-8")
         return template.format(
             origin=comment_lines(self.origin),
-            states=_positions(STATES, STATE_UNITS),
-            inputs=_positions(INPUTS, INPUT_UNITS),
+            states=c_positions(STATES, STATE_UNITS),
+            inputs=c_positions(INPUTS, INPUT_UNITS),
             linear_states=", ".join(LINEAR_STATES),
             balance=BALANCE,
         )
@@ -55,17 +55,18 @@ class CModel:
         parameters = zip(self.aircraft.parameters, Parameters._fields, FIELDS, strict=True)
         limits = [[LIMITS[name][side] for name in (*STATES, *INPUTS)] for side in (0, 1)]
         scales = [getattr(RATE_SCALES, name) if name in BALANCED else np.inf for name in STATES]
+        gain = np.zeros((len(INPUTS), len(LINEAR_STATES))) if self.gain is None else self.gain
         tables = [
-            _table("const double hfa_x0", self.model.point.states),
-            _table("const double hfa_u0", self.model.point.inputs),
-            _table("const double hfa_A", self.model.A),
-            _table("const double hfa_B", self.model.B),
-            _table("const double hfa_K", self.gain),
-            _table("const int hfa_linear_state", [STATES.index(name) for name in LINEAR_STATES]),
-            _table("static const double start", START),
-            _table("static const double scale", scales),
-            _table("static const double lowest", limits[0]),
-            _table("static const double highest", limits[1]),
+            c_table("const double hfa_x0", self.model.point.states),
+            c_table("const double hfa_u0", self.model.point.inputs),
+            c_table("const double hfa_A", self.model.A),
+            c_table("const double hfa_B", self.model.B),
+            c_table("const double hfa_K", gain),
+            c_table("const int hfa_linear_state", [STATES.index(name) for name in LINEAR_STATES]),
+            c_table("static const double start", START),
+            c_table("static const double scale", scales),
+            c_table("static const double lowest", limits[0]),
+            c_table("static const double highest", limits[1]),
         ]
         for name, words in (
             ("state_name", STATES),
@@ -73,7 +74,7 @@ class CModel:
             ("input_name", INPUTS),
             ("input_unit", INPUT_UNITS),
         ):
-            tables.append(_table(f"const char *const hfa_{name}", [f'"{word}"' for word in words]))
+            tables.append(c_table(f"const char *const hfa_{name}", [f'"{word}"' for word in words]))
         values = "\n".join(f"    {value!r}, /* {name}, {field.unit} */" for value, name, field in parameters)
         template = files(__package__).joinpath("hfa_aircraft.c.in").read_text("utf-8")
         return template.format(
@@ -86,10 +87,11 @@ class CModel:
 
 
 def write_c_model(what: CModel, folder: Path) -> tuple[Path, ...]:
-    """Write header, source and a loop of 100 Hz that uses them into a folder, made if need be."""
+    """Write header, source and, with a gain, a loop of 100 Hz that uses them into a folder, made if need be."""
     folder.mkdir(exist_ok=True)
-    example = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
-    texts = {HEADER: what.header(), SOURCE: what.source(), EXAMPLE: example}
+    texts = {HEADER: what.header(), SOURCE: what.source()}
+    if what.gain is not None:
+        texts[EXAMPLE] = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
     for name, text in texts.items():
         write_text(folder / name, text)
     return tuple(folder / name for name in texts)
@@ -114,12 +116,15 @@ def _functions(variant: Variant) -> list[str]:
     ]
 
 
-def _positions(names: Sequence[str], units: Iterable[str]) -> str:
-    """Lines of an enumeration, the unit of each beside it."""
-    return "\n".join(f"    HFA_{name.upper()}, /* {unit} */" for name, unit in zip(names, units, strict=True))
+def c_positions(names: Sequence[str], units: Iterable[str], prefix: str = "") -> str:
+    """Lines of an enumeration, the unit of each beside it where it has one."""
+    return "\n".join(
+        f"    HFA_{prefix}{name.upper()},{f' /* {unit} */' * bool(unit)}"
+        for name, unit in zip(names, units, strict=True)
+    )
 
 
-def _table(declared: str, values: Any) -> str:
+def c_table(declared: str, values: Any) -> str:
     """A constant array of C, a matrix row by row."""
     array = np.array(values)
     sizes = "".join(f"[{size}]" for size in array.shape)

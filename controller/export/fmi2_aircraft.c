@@ -1,10 +1,8 @@
-/* The aircraft as a functional mock-up unit of FMI 2.0, model exchange and co-simulation, around hfa_aircraft.h.
+/* The aircraft as a functional mock-up unit of FMI 2.0, model exchange and co-simulation, around fmu_loop.
 
-   fmu_settings.h says whether the policy flies. Value references: states, their rates, inputs of the aircraft, the
-   updraft, what the six states of the linear model shall follow. Co-simulation: Runge-Kutta of order 4, steps of
-   LONGEST_STEP or less that divide the communication step, inputs held. */
+   fmu_settings.h says how many numbers there are. Value references: states, their rates, outputs, inputs. Co-simulation:
+   Runge-Kutta of order 4, steps of FMU_LONGEST_STEP or less that divide the communication step, inputs held. */
 #include "fmu_settings.h"
-#include "hfa_aircraft.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -15,8 +13,6 @@
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
-
-#define LONGEST_STEP 1e-3
 
 /* Types and functions of the standard, as its section 2 has them. */
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
@@ -36,11 +32,10 @@ typedef struct {
 
 enum {
     STATE = 0,
-    RATE = STATE + HFA_STATES,
-    INPUT = RATE + HFA_STATES,
-    UPDRAFT = INPUT + HFA_INPUTS,
-    REFERENCE = UPDRAFT + 1,
-    END = REFERENCE + HFA_LINEAR_STATES
+    RATE = STATE + FMU_STATES,
+    OUTPUT = RATE + FMU_STATES,
+    INPUT = OUTPUT + FMU_OUTPUTS,
+    END = INPUT + FMU_INPUTS
 };
 
 typedef struct {
@@ -51,10 +46,11 @@ typedef struct {
 
 static void reset(Aircraft *a)
 {
+    static const double states[FMU_STATES] = FMU_STATE_STARTS, inputs[FMU_INPUTS] = FMU_INPUT_STARTS;
     a->time = 0.0;
     for (int i = 0; i < END; i++) a->value[i] = 0.0;
-    for (int i = 0; i < HFA_STATES; i++) a->value[STATE + i] = hfa_x0[i];
-    for (int i = 0; i < HFA_INPUTS; i++) a->value[INPUT + i] = hfa_u0[i];
+    for (int i = 0; i < FMU_STATES; i++) a->value[STATE + i] = states[i];
+    for (int i = 0; i < FMU_INPUTS; i++) a->value[INPUT + i] = inputs[i];
 }
 
 static fmi2Status refused(const Aircraft *a, const char *why)
@@ -64,29 +60,22 @@ static fmi2Status refused(const Aircraft *a, const char *why)
     return fmi2Error;
 }
 
-/* The rates at x; with the policy, its inputs too. */
-static void rates_at(Aircraft *a, const double *x, double *dx)
+/* The rates at the states y; the outputs too. */
+static void rates_at(Aircraft *a, const double *y, double *dy)
 {
-    double *u = a->value + INPUT;
-    if (FMU_POLICY) {
-        double error[HFA_STATES];
-        for (int i = 0; i < HFA_STATES; i++) error[i] = x[i];
-        for (int j = 0; j < HFA_LINEAR_STATES; j++) error[hfa_linear_state[j]] -= a->value[REFERENCE + j];
-        hfa_policy(error, u);
-    }
-    hfa_rates(x, u, a->value[UPDRAFT], dx);
+    fmu_loop(y, a->value + INPUT, dy, a->value + OUTPUT);
 }
 
 static void step(Aircraft *a, double seconds)
 {
     static const double share[4] = {0.0, 0.5, 0.5, 1.0}, weight[4] = {1.0, 2.0, 2.0, 1.0};
-    double at[HFA_STATES], dx[HFA_STATES] = {0.0}, sum[HFA_STATES] = {0.0}, *x = a->value + STATE;
+    double at[FMU_STATES], dx[FMU_STATES] = {0.0}, sum[FMU_STATES] = {0.0}, *x = a->value + STATE;
     for (int stage = 0; stage < 4; stage++) {
-        for (int i = 0; i < HFA_STATES; i++) at[i] = x[i] + share[stage] * seconds * dx[i];
+        for (int i = 0; i < FMU_STATES; i++) at[i] = x[i] + share[stage] * seconds * dx[i];
         rates_at(a, at, dx);
-        for (int i = 0; i < HFA_STATES; i++) sum[i] += weight[stage] * dx[i];
+        for (int i = 0; i < FMU_STATES; i++) sum[i] += weight[stage] * dx[i];
     }
-    for (int i = 0; i < HFA_STATES; i++) x[i] += seconds / 6.0 * sum[i];
+    for (int i = 0; i < FMU_STATES; i++) x[i] += seconds / 6.0 * sum[i];
 }
 
 /* Both kinds. */
@@ -248,7 +237,7 @@ EXPORT fmi2Status fmi2GetDerivatives(void *c, double *dx, size_t n)
 EXPORT fmi2Status fmi2GetEventIndicators(void *c, double *z, size_t n) { (void)c, (void)z, (void)n; return fmi2OK; }
 EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double *nominal, size_t n)
 {
-    static const double typical[HFA_STATES] = FMU_NOMINALS;
+    static const double typical[FMU_STATES] = FMU_NOMINALS;
     (void)c;
     memcpy(nominal, typical, n * sizeof *nominal);
     return fmi2OK;
@@ -259,12 +248,12 @@ EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double *nominal, si
 EXPORT fmi2Status fmi2DoStep(void *c, double now, double seconds, int no_return)
 {
     Aircraft *a = c;
-    const double count = ceil(seconds / LONGEST_STEP - 1e-6);
+    const double count = ceil(seconds / FMU_LONGEST_STEP - 1e-6);
     (void)no_return;
     if (!(seconds >= 0.0 && count < 1e9)) return refused(a, "the communication step is negative or too long");
     for (long i = 0; i < (long)count; i++) step(a, seconds / count);
     a->time = now + seconds;
-    for (int i = 0; i < HFA_STATES; i++)
+    for (int i = 0; i < FMU_STATES; i++)
         if (!isfinite(a->value[STATE + i])) return refused(a, "the aircraft left every bound");
     return fmi2OK;
 }

@@ -1,4 +1,4 @@
-"""The aircraft, alone or with its policy, as a functional mock-up unit of FMI 2.0: library, sources and description.
+"""The aircraft, alone or with what controls it, as an FMU of FMI 2.0: library, sources and description.
 
 2.0 and not 3.0, because every tool that imports FMUs opens it.
 """
@@ -15,18 +15,22 @@ from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
-from controller.export.c_model import HEADER, SOURCE, CModel
+import casadi as ca
+
+from controller.export.c_model import comment_lines
+from controller.export.exported_loop import ExportedLoop
+from hfa_model.native.c_code import c_function
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.files import written_whole
 from hfa_model.support.jsonable import json_text
 from hfa_model.support.temporary import temporary_folder
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_SCALES, STATE_UNITS, STATES
+from hfa_model.vectors import STATES
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"
-WRAPPER, SETTINGS = "fmi2_aircraft.c", "fmu_settings.h"
+SOURCE, WRAPPER, SETTINGS = "aircraft_loop.c", "fmi2_aircraft.c", "fmu_settings.h"
 _FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
 #: Unit -> exponents of base units, factor.
 _BASE = {
@@ -45,51 +49,39 @@ class Variable:
     """A real variable of the FMU. start: None where it is calculated. rate_of: number of the state whose rate it is."""
 
     name: str
-    unit: str
+    unit: str | None
     causality: str
     start: float | None
     reference: int
     rate_of: int = 0
 
 
-def variables(what: CModel, with_policy: bool) -> list[Variable]:
-    """States, their rates, the inputs of the aircraft, the updraft; with the policy, what the states shall follow."""
-    point, n = what.model.point, len(STATES)
-    listed = [
-        *zip(STATES, STATE_UNITS, ["output"] * n, point.states, strict=True),
-        *((f"der({name})", unit, "local", None) for name, unit in zip(STATES, RATE_UNITS, strict=True)),
-        *(
-            (name, unit, "output" if with_policy else "input", None if with_policy else start)
-            for name, unit, start in zip(INPUTS, INPUT_UNITS, point.inputs, strict=True)
-        ),
-        ("updraft", "ft/s", "input", 0.0),
+def variables(loop: ExportedLoop) -> list[Variable]:
+    """States, their rates, the inputs of the aircraft where something sets them, the inputs of the loop."""
+    n, flown = len(loop.states), len(STATES)
+    listed: list[tuple[str, str | None, str, float | None]] = [
+        *((one.name, one.unit, "output" if k < flown else "local", one.start) for k, one in enumerate(loop.states)),
+        *((f"der({one.name})", one.rate_unit, "local", None) for one in loop.states),
+        *((one.name, one.unit, "output", None) for one in loop.outputs),
+        *((one.name, one.unit, "input", one.start) for one in loop.inputs),
     ]
-    if with_policy:
-        listed += [(f"reference_{name}", getattr(STATE_UNITS, name), "input", 0.0) for name in LINEAR_STATES]
     return [
         Variable(*fields, reference=place, rate_of=place - n + 1 if n <= place < 2 * n else 0)
         for place, fields in enumerate(listed)
     ]
 
 
-def write_fmu(what: CModel, path: Path, origin: Provenance, *, with_policy: bool) -> None:
-    """Write the FMU, whole or not at all. with_policy: u = U0 - K (x - X0 - reference) flies; else u are its inputs.
-
-    NoSolutionError when there is no C compiler, or it fails.
-    """
+def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
+    """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it fails."""
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError("an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC")
-    sources = {HEADER: what.header(), SOURCE: what.source()}
-    sources[WRAPPER] = files(__package__).joinpath(WRAPPER).read_text("utf-8")
-    guid = hashlib.sha256("".join([*sources.values(), str(with_policy)]).encode()).hexdigest()[:32]
-    nominals = ", ".join(map(str, STATE_SCALES))
-    sources[SETTINGS] = (
-        f'#define FMU_GUID "{guid}"\n#define FMU_POLICY {int(with_policy)}\n#define FMU_NOMINALS {{{nominals}}}\n'
-    )
+    sources = {SOURCE: _source(loop, origin), WRAPPER: files(__package__).joinpath(WRAPPER).read_text("utf-8")}
+    guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
+    sources[SETTINGS] = _settings(loop, guid)
     folder, suffix = _FOLDERS.get(sys.platform, _FOLDERS["linux"])
     content: dict[str, str | bytes] = {
-        "modelDescription.xml": description(what, origin, guid, with_policy=with_policy),
+        "modelDescription.xml": description(loop, origin, guid),
         f"binaries/{folder}/{IDENTIFIER}.{suffix}": _library(compiler, sources),
         "resources/provenance.json": json_text(origin.to_dict()) + "\n",
         **{f"sources/{name}": text for name, text in sources.items()},
@@ -100,15 +92,46 @@ def write_fmu(what: CModel, path: Path, origin: Provenance, *, with_policy: bool
             archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)  # type: ignore[arg-type]
 
 
-def description(what: CModel, origin: Provenance, guid: str, *, with_policy: bool) -> str:
+def _source(loop: ExportedLoop, origin: Provenance) -> str:
+    """The loop as C: `fmu_loop`."""
+    results = ("dy", "u") if loop.outputs else ("dy",)
+    one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
+    function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
+    call = f"    loop({', '.join(('y', 'v', *results))});" + "" if loop.outputs else "    loop(y, v, dy);\n    (void)u;"
+    return (
+        f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
+        f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
+        f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
+    )
+
+
+def _settings(loop: ExportedLoop, guid: str) -> str:
+    numbers = {"STATES": loop.states, "OUTPUTS": loop.outputs, "INPUTS": loop.inputs}
+    lines = [f'#define FMU_GUID "{guid}"', f"#define FMU_LONGEST_STEP {loop.longest_step!r}"]
+    lines += [f"#define FMU_{name} {len(each)}" for name, each in numbers.items()]
+    for name, values in (
+        ("STATE_STARTS", [one.start for one in loop.states]),
+        ("INPUT_STARTS", [one.start for one in loop.inputs]),
+        ("NOMINALS", [one.size for one in loop.states]),
+    ):
+        lines.append(f"#define FMU_{name} {{{', '.join(repr(float(value)) for value in values)}}}")
+    lines += ["", "/* Rates of the states y and the outputs u under the inputs v. */"]
+    return "\n".join([*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""])
+
+
+def _said(origin: Provenance) -> str:
+    return f"{origin.text()}\n{origin.command}"
+
+
+def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     """modelDescription.xml."""
-    known = variables(what, with_policy)
+    known = variables(loop)
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
         modelName=IDENTIFIER,
         guid=guid,
-        description="; ".join(what.origin.splitlines()),
+        description="; ".join(_said(origin).splitlines()),
         version=origin.version,
         generationTool=f"hfa-toolchain {origin.version}",
         generationDateAndTime=origin.date,
@@ -121,7 +144,7 @@ def description(what: CModel, origin: Provenance, guid: str, *, with_policy: boo
         for name in (SOURCE, WRAPPER):
             xml.SubElement(listed, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(each.unit for each in known):
+    for unit in dict.fromkeys(each.unit for each in known if each.unit is not None):
         defined = xml.SubElement(units, "Unit", name=unit)
         xml.SubElement(defined, "BaseUnit", _BASE[unit])
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
@@ -149,7 +172,7 @@ def _attributes(each: Variable) -> dict[str, str]:
 
 
 def _real(each: Variable) -> dict[str, str]:
-    about = {"unit": each.unit}
+    about = {} if each.unit is None else {"unit": each.unit}
     if each.start is not None:
         about["start"] = repr(float(each.start))
     return about | ({"derivative": str(each.rate_of)} if each.rate_of else {})

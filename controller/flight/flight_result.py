@@ -11,6 +11,7 @@ from controller.flight.closed_loop import ClosedLoop, Flight
 from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, Departure, Envelope, angles_of_attack
 from controller.flight.scenario import Scenario
 from controller.flight.tracking import Tracked, tracked, tracking_table
+from controller.policy.commands import CommandSteps
 from controller.policy.flown_law import FlownLaw
 from controller.policy.servo_policy import ServoPolicy
 from hfa_model.reporting.checks import Check, checks_block
@@ -114,6 +115,7 @@ class NonlinearFlight(Reported):
 
 
 def _tracked(result: NonlinearFlight, policy: ServoPolicy) -> tuple[Tracked, ...]:
+    assert isinstance(policy.commands, CommandSteps)
     return tracked(result.flight, policy.regulated, policy.commands)
 
 

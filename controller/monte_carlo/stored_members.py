@@ -14,7 +14,7 @@ from controller.flight.envelope import limited_names
 from controller.flight.watched_loop import Summary
 from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.jobs.store import Array, Layout, Store
+from hfa_model.jobs.store import Array, Layout, Store, described
 from hfa_model.jobs.stream import stream
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 
@@ -46,19 +46,38 @@ class MonteCarloJob:
     def layout(self) -> Layout:
         """One row a member: the fields of `Summary` and the factors drawn."""
         plan = self.plan
+        errors, memory = tuple(plan.scenario.uncertainty.errors), len(plan.law.memory)
+
+        def numbers(size: int, axis: str, meaning: str, units_of: str = "") -> Array:
+            return Array((size,), "float64", _NAN, (axis,), described(meaning, units_of=units_of))
+
+        def number(meaning: str, units: str) -> Array:
+            return Array((), "float64", _NAN, (), described(meaning, units))
+
+        n, seen = len(STATES), len(LINEAR_STATES)
         arrays = {
-            "factors": Array((len(plan.scenario.uncertainty.errors),), "float64", _NAN),
-            "left": Array((), "int8", -1),
-            "flown": Array((), "float64", _NAN),
-            "rms_error": Array((len(LINEAR_STATES),), "float64", _NAN),
-            "peak_error": Array((len(LINEAR_STATES),), "float64", _NAN),
-            "peak_angle_of_attack": Array((), "float64", _NAN),
-            "effort": Array((len(INPUTS),), "float64", _NAN),
-            "final": Array((len(STATES),), "float64", _NAN),
-            "memory": Array((len(plan.law.memory),), "float64", _NAN),
+            "factors": numbers(len(errors), "error", "factor on a parameter"),
+            "left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside")),
+            "flown": number("time inside the envelope", "s"),
+            "rms_error": numbers(seen, "error_state", "root mean square error", "error_state_unit"),
+            "peak_error": numbers(seen, "error_state", "largest error", "error_state_unit"),
+            "peak_angle_of_attack": number("largest angle of attack through the air, from trim", "rad"),
+            "effort": numbers(len(INPUTS), "input", "root mean square from trim", "input_unit"),
+            "final": numbers(n, "state", "at the end", "state_unit"),
+            "memory": numbers(memory, "memory_state", "states of the law at the end"),
+        }
+        labels = {
+            "error": ("error", errors),
+            "error_state": ("error_state", LINEAR_STATES),
+            "error_state_unit": ("error_state", [getattr(STATE_UNITS, name) for name in LINEAR_STATES]),
+            "state": ("state", STATES),
+            "state_unit": ("state", STATE_UNITS),
+            "input": ("input", INPUTS),
+            "input_unit": ("input", INPUT_UNITS),
         }
         attributes = {
-            "errors": list(plan.scenario.uncertainty.errors),
+            "coordinates": "error_state_unit state_unit input_unit",
+            "errors": list(errors),
             "left": list(limited_names(plan.scenario.moving_air)),
             "error_states": list(LINEAR_STATES),
             "error_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
@@ -69,7 +88,8 @@ class MonteCarloJob:
         }
         steps = plan.scenario.ticks * plan.scenario.steps_per_tick
         chunk = -(-CHUNK_STEPS // steps)
-        return Layout(SCHEMA, "Monte Carlo", plan.members, chunk, plan.to_dict(), plan.identity, arrays, attributes)
+        identity = plan.to_dict(), plan.identity
+        return Layout(SCHEMA, "Monte Carlo", plan.members, "member", chunk, *identity, arrays, labels, attributes)
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -23,6 +24,30 @@ from trim.point.operating_point import OperatingPoint
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _M, _N = len(INPUTS), len(LINEAR_STATES)
 _AIR = ("updraft_center", "updraft_outer")
+
+
+class Measured(Protocol):
+    """y - Y0, (k,), of what a policy is told of the flight."""
+
+    def at(self, seen: Seen) -> ca.SX:
+        """y - Y0."""
+
+
+class Commands(Protocol):
+    """r, r' and the value that r is on its way to, (k,) each, of the outputs `names` at time t."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Outputs that are commanded."""
+
+    def at(self, t: Any) -> Any:
+        """The value r, (k,)."""
+
+    def rate(self, t: Any) -> Any:
+        """Its rate, (k,)."""
+
+    def end(self, t: Any) -> Any:
+        """What r is on its way to."""
 
 
 class MeasuredOutputs:
@@ -69,8 +94,8 @@ class ServoPolicy:
     """
 
     controller: ScheduledController
-    commands: CommandSteps
-    outputs: MeasuredOutputs
+    commands: Commands
+    outputs: Measured
     regulated: MeasuredOutputs
     dihedral: float
 

@@ -2,8 +2,9 @@
 
 --c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
 gain of a policy, with an example of a 100 Hz loop. --fmu FILE: the nonlinear aircraft trimmed at --dihedral as an FMU
-2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --matlab FILE: a function of
-MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
+2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --controller FILE: in both,
+a scheduled controller with its states in place of the policy; in the FMU behind --actuators. --matlab FILE: a function
+of MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import TYPE_CHECKING
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.formats import write_formats
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import check_folder, output_file, parsed, whole
+from hfa_cli.options.actuator_options import actuators_of, add_actuators
+from hfa_cli.options.argument_types import check_folder, input_file, output_file, parsed, whole
 from hfa_cli.options.law_options import LAWS, check_learning
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
@@ -31,7 +33,8 @@ from hfa_model.support.files import write_text
 from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
-    from controller.export.c_model import CModel
+    from hfa_model.aircraft import Aircraft
+    from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
 _TARGETS = ("c", "fmu", "matlab", "formats")
@@ -50,19 +53,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--law", str, "NAME", about)
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
+    about = "a scheduled controller of hfa design instead of a gain"
+    add_value(parser, "--controller", input_file(".npz"), "FILE", about)
+    add_actuators(parser, faults=False)
     games.add_weights(parser)
     options.add_form(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Trim, linearize, find the gain, write, say what was written."""
+    """Trim, linearize, find what controls it, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
         raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE, --matlab FILE or --formats FILE")
-    written, notes = [], []
+    written: list[Path] = []
+    notes: tuple[str, ...] | list[str] = []
     if arguments.c is not None or arguments.fmu is not None:
-        with_policy = arguments.law is not None
-        what = _model(arguments)
-        written, notes = _write_model(what, arguments, with_policy), what.model.point.warnings
+        _check(arguments)
+        aircraft = options.aircraft_of(arguments)
+        point = options.operating_point_of(arguments, aircraft)
+        write = _write_gain if arguments.controller is None else _write_controller
+        written, notes = write(arguments, aircraft, point), point.warnings
     if arguments.matlab is not None:
         write_text(arguments.matlab, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
         written.append(arguments.matlab)
@@ -74,29 +83,64 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _write_model(what: CModel, arguments: argparse.Namespace, with_policy: bool) -> list[Path]:
-    from controller.export.c_model import write_c_model
+def _check(arguments: argparse.Namespace) -> None:
+    """BadInputError for options that would change nothing."""
+    if arguments.controller is not None:
+        options.refuse(
+            arguments, ("law", "set", "seed", "delta", "Q", "R"), "belongs to a gain; leave it out with --controller"
+        )
+        if arguments.fmu is not None and arguments.actuators is None:
+            raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
+    if arguments.controller is None or arguments.fmu is None:
+        options.refuse(arguments, ("actuators", "engine"), "belongs to --fmu with --controller; leave it out")
+
+
+def _origin() -> str:
+    return f"{provenance().text()}\n{provenance().command}"
+
+
+def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
+    """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
+    from controller.export.c_model import CModel, write_c_model
+    from controller.export.exported_loop import aircraft_loop, gain_loop
     from controller.export.fmu import write_fmu
 
+    alone = arguments.law is None
+    if alone:
+        arguments.law = "exact"
+    check_learning(arguments)
+    model = linearize(aircraft, point)
+    gain = flown_law_of(arguments, model).gains[0]
     written: list[Path] = []
     if arguments.fmu is not None:
-        write_fmu(what, arguments.fmu, provenance(), with_policy=with_policy)
+        write_fmu(
+            aircraft_loop(aircraft, point) if alone else gain_loop(aircraft, point, gain), arguments.fmu, provenance()
+        )
         written.append(arguments.fmu)
     if arguments.c is not None:
-        written += write_c_model(what, arguments.c)
+        written += write_c_model(CModel(aircraft, model, gain, _origin()), arguments.c)
     return written
 
 
-def _model(arguments: argparse.Namespace) -> CModel:
-    from controller.export.c_model import CModel
+def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
+    """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
+    from controller.design.controller_file import load_controller
+    from controller.export.c_model import CModel, write_c_model
+    from controller.export.exported_controller import write_c_controller
+    from controller.export.exported_loop import controller_loop
+    from controller.export.fmu import write_fmu
 
-    if arguments.law is None:
-        arguments.law = "exact"
-    check_learning(arguments)
-    aircraft = options.aircraft_of(arguments)
-    model = linearize(aircraft, options.operating_point_of(arguments, aircraft))
-    gain = flown_law_of(arguments, model).gains[0]
-    return CModel(aircraft, model, gain, f"{provenance().text()}\n{provenance().command}")
+    controller = load_controller(arguments.controller)
+    written: list[Path] = []
+    actuators = actuators_of(arguments)
+    if arguments.fmu is not None and actuators is not None:
+        write_fmu(controller_loop(aircraft, point, controller, actuators), arguments.fmu, provenance())
+        written.append(arguments.fmu)
+    if arguments.c is not None:
+        controlled = write_c_controller(controller, aircraft, point, _origin(), arguments.c)
+        without = CModel(aircraft, linearize(aircraft, point), None, _origin())
+        written += (*write_c_model(without, arguments.c), *controlled)
+    return written
 
 
 def _report(written: list[Path]) -> Report:

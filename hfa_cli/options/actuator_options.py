@@ -18,11 +18,14 @@ from trim.point.condition import CONTROL_LIMITS
 _LAG_RATE, _ACTUATORS, _FAULT = "LAG:RATE", "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 
 
-def add_actuators(parser: argparse._ActionsContainer) -> None:
-    """--actuators, --engine, --fault."""
+def add_actuators(parser: argparse._ActionsContainer, faults: bool = True) -> None:
+    """--actuators, --engine, and --fault unless there are none."""
     about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
     add_value(parser, "--actuators", numbers(_ACTUATORS, 2, 3), _ACTUATORS, about)
     add_value(parser, "--engine", numbers(_LAG_RATE, 2), _LAG_RATE, "another lag and rate for the throttle, s and 1/s")
+    if not faults:
+        parser.set_defaults(fault=None)
+        return
     about = "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s"
     add_value(parser, "--fault", parsed(_fault), _FAULT, about)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,28 +27,42 @@ _UNREADABLE = 255
 
 
 class Array(NamedTuple):
-    """One array of a store: shape of one row, type, value of a row that is not yet computed."""
+    """One array of a store: shape of one row, type, value of a row that is not yet computed.
+
+    axes: names of the axes of a row. about: its attributes: units, long_name.
+    """
 
     shape: tuple[int, ...]
     kind: str
     fill: Any
+    axes: tuple[str, ...]
+    about: Mapping[str, Any]
+
+
+def described(meaning: str, units: str = "", units_of: str = "") -> dict[str, str]:
+    """Attributes of an array. units_of: the labels that hold the unit of each entry, where they have their own."""
+    said = {"long_name": meaning, "units": units, "units_of": units_of}
+    return {name: text for name, text in said.items() if text}
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """What a store holds. schema: names its form and version. what: the job in one word, for messages.
 
-    rows: N. chunk: rows of a chunk. plan: JSON data that decides the results; identity: a hash of it.
-    arrays: name -> one array, (N, *shape). attributes: names and units of the columns.
+    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the results; identity: a
+    hash of it. arrays: name -> one array, (N, *shape). labels: name -> its axis and a text for each place of it; that
+    of the same name as the axis are its coordinates. attributes: names and units of the columns.
     """
 
     schema: str
     what: str
     rows: int
+    row: str
     chunk: int
     plan: Mapping[str, Any]
     identity: str
     arrays: Mapping[str, Array]
+    labels: Mapping[str, tuple[str, Sequence[str]]]
     attributes: Mapping[str, Any]
 
 
@@ -176,11 +190,18 @@ def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | Non
         raise BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     group = zarr.open_group(str(path), mode="w")
     rows = min(layout.chunk, layout.rows)
-    for name, (shape, kind, fill) in layout.arrays.items():
-        group.create_array(name, shape=(layout.rows, *shape), chunks=(rows, *shape), dtype=kind, fill_value=fill)
+    for name, (shape, kind, fill, axes, about) in layout.arrays.items():
+        named = {"dimension_names": (layout.row, *axes), "attributes": dict(about)}
+        shapes = {"shape": (layout.rows, *shape), "chunks": (rows, *shape)}
+        group.create_array(name, **shapes, dtype=kind, fill_value=fill, **named)
+    for name, (axis, words) in layout.labels.items():
+        if words:
+            listed = group.create_array(name, shape=(len(words),), dtype="str", dimension_names=(axis,))
+            listed[:] = np.array(words, dtype=object)
     chunks, names = -(-layout.rows // layout.chunk), list(layout.arrays)
-    for name, shape, kind in ((_CHECKSUMS, (len(names),), "uint32"), (_DONE, (), "uint8")):
-        group.create_array(name, shape=(chunks, *shape), chunks=(1, *shape), dtype=kind, fill_value=0)
+    for name, kind, shape, axes in ((_CHECKSUMS, "uint32", (len(names),), ("array",)), (_DONE, "uint8", (), ())):
+        shapes = {"shape": (chunks, *shape), "chunks": (1, *shape)}
+        group.create_array(name, **shapes, dtype=kind, fill_value=0, dimension_names=("chunk", *axes))
     size = {"rows": layout.rows, "chunk": layout.chunk, "arrays": names}
     known = {"identity": layout.identity, "plan": json.dumps(layout.plan), **size, **layout.attributes}
     known |= {"schema": layout.schema, "toolchain": toolchain_version()}

@@ -50,13 +50,15 @@ _FOR_VECTORS = {
 def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]) -> str:
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
 
-    Columns of a matrix come one after the other. BadInputError names an operation that is not known here.
+    Columns of a matrix come one after the other. One function that it calls, of one argument and one result, comes
+    before it. BadInputError names an operation that is not known here.
     """
+    called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in function.find_functions(0))
     names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
     body = _statements(
         function, name, lambda which, i: f"{arguments[which]}[{i}]", lambda which, i: f"{results[which]}[{i}]"
     )
-    return f"static void {name}({names})\n{{\n{body}\n}}\n"
+    return f"{called}static void {name}({names})\n{{\n{body}\n}}\n"
 
 
 def c_loop(function: ca.Function, name: str) -> str:
@@ -90,23 +92,29 @@ def _statements(
 ) -> str:
     """Declarations and statements; load, store: how entry i of an argument and of a result is written."""
     operations = _OPERATIONS | dict(changed or {})
-    lines = []
+    lines, used = [], set()
     for index in range(function.n_instructions()):
         code, out, source = (
             function.instruction_id(index),
             function.instruction_output(index),
             function.instruction_input(index),
         )
+        used |= set(out if code != ca.OP_OUTPUT else source) - {-1}
         if code == ca.OP_CONST:
             lines.append(f"w{out[0]} = {function.instruction_constant(index)!r};")
         elif code == ca.OP_INPUT:
             lines.append(f"w{out[0]} = {load(*source)};")
         elif code == ca.OP_OUTPUT:
             lines.append(f"{store(*out)} = w{source[0]};")
+        elif code == ca.OP_CALL and len(function.find_functions(0)) == 1:
+            given = ", ".join(f"w{each}" for each in source)
+            taken = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
+            callee = f"{name}_{function.find_functions(0)[0].name()}"
+            lines.append(f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}")
         elif code in operations:
             lines.append(f"w{out[0]} = {operations[code].format(*(f'w{each}' for each in source))};")
         else:
             words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
             raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")
-    work = textwrap.fill(", ".join(f"w{index}" for index in range(function.sz_w())), 100)
+    work = textwrap.fill(", ".join(f"w{index}" for index in sorted(used)), 100)
     return "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])

@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from controllers import integrating_controller
 
+from controller.design.controller_file import save_controller
 from controller.export import fmu
+from hfa_model.aircraft import Aircraft
 from hfa_model.native.machine_code import c_compiler
 
 
@@ -47,6 +50,8 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
         (("--c", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
         (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
         (("--c", "out", "--dihedral", "steep"), ("--dihedral", "steep")),
+        (("--c", "out", "--controller", "missing.npz"), ("missing.npz",)),
+        (("--c", "out", "--actuators", "0.5:60"), ("--actuators belongs to --fmu with --controller",)),
     ],
 )
 def test_refusals(
@@ -75,6 +80,29 @@ def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
     assert origin["condition"]["imposed"]["dihedral"] == pytest.approx(np.radians(16))
     assert 'name="reference_speed"' in described
     assert f"hfa export --fmu {path} --dihedral 16" in described
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
+def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> None:
+    save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
+    targets = ("--c", str(tmp_path / "c"), "--fmu", str(tmp_path / "a.fmu"))
+    words = ("--controller", str(tmp_path / "servo.npz"), "--actuators", "0.5:60", "--dihedral", "10")
+    result = hfa("export", *targets, *words, "--json")
+    assert (result.code, result.err) == (0, "")
+    names = [Path(each["file"]).name for each in json.loads(result.out)["files"]]
+    assert names == ["a.fmu", "hfa_aircraft.h", "hfa_aircraft.c", "hfa_controller.h", "hfa_controller.c"]
+    assert f"--controller {tmp_path / 'servo.npz'}" in (tmp_path / "c" / "hfa_controller.c").read_text("utf-8")
+    assert not constants(tmp_path / "c" / "hfa_aircraft.c", "hfa_K").any()
+    with zipfile.ZipFile(tmp_path / "a.fmu") as archive:
+        assert 'name="command_dihedral"' in archive.read("modelDescription.xml").decode()
+    before = sorted(tmp_path.rglob("*"))
+    for more, said in (
+        (("--actuators", "0.5:60", "--dihedral", "25"), "controller small covers dihedral 5 to 20"),
+        (("--law", "exact"), "--law belongs to a gain; leave it out with --controller"),
+        (("--dihedral", "10"), "flies behind actuators in an FMU; add --actuators LAG:RATE"),
+    ):
+        assert_refused(hfa("export", *targets, "--controller", str(tmp_path / "servo.npz"), *more), 2, said)
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_an_fmu_without_a_compiler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

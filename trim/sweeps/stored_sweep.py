@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.jobs.store import Array, Layout, Store
+from hfa_model.jobs.store import Array, Layout, Store, described
 from hfa_model.jobs.stream import stream
 from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters
-from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk
@@ -28,7 +28,7 @@ CHUNK = 100_000
 #: The same where each point is trimmed on its own: seconds of work.
 SLOW_CHUNK = 1_000
 
-_N, _M = len(STATES), len(INPUTS)
+_N = len(STATES)
 _NAN = float("nan")
 
 
@@ -42,17 +42,31 @@ class SweepJob:
     def layout(self) -> Layout:
         """One row a point: its values of what varies, the arrays of its `Chunk`, its eigenvalues."""
         plan = self.plan
-        arrays = {
-            "values": Array((len(plan.variables),), "float64", _NAN),
-            "status": Array((), "int8", -1),
-            "limiting": Array((), "int8", -1),
-            "states": Array((_N,), "float64", _NAN),
-            "inputs": Array((_M,), "float64", _NAN),
-            "A": Array((_N, _N), "float64", _NAN),
-            "B": Array((_N, _M), "float64", _NAN),
-            "eigenvalues": Array((_N,), "complex128", complex(_NAN, _NAN)),
+        varied = zip(plan.variables, plan.units, strict=True)
+        arrays = {name: _numbers((), described("what is varied", unit)) for name, unit in varied} | {
+            "values": _numbers(("variable",), described("what is varied", units_of="variable_unit"), plan.variables),
+            "status": Array((), "int8", -1, (), _coded("how the trim came out", STATUS)),
+            "limiting": Array((), "int8", -1, (), _coded("what lies beyond its limit", STATES + INPUTS)),
+            "states": _numbers(("state",), described("X0", units_of="state_unit"), STATES),
+            "inputs": _numbers(("input",), described("U0", units_of="input_unit"), INPUTS),
+            "A": _numbers(("rate", "state"), described("dx'/dx", units_of="rate_unit / state_unit"), STATES, STATES),
+            "B": _numbers(("rate", "input"), described("dx'/du", units_of="rate_unit / input_unit"), STATES, INPUTS),
+            "eigenvalues": Array(
+                (_N,), "complex128", complex(_NAN, _NAN), ("mode",), described("of A, fastest first", "1/s")
+            ),
+        }
+        labels = {
+            "variable": ("variable", plan.variables),
+            "variable_unit": ("variable", plan.units),
+            "state": ("state", STATES),
+            "state_unit": ("state", STATE_UNITS),
+            "rate": ("rate", STATES),
+            "rate_unit": ("rate", RATE_UNITS),
+            "input": ("input", INPUTS),
+            "input_unit": ("input", INPUT_UNITS),
         }
         attributes = {
+            "coordinates": " ".join((*plan.variables, *(name for name in labels if name.endswith("_unit")))),
             "variables": list(plan.variables),
             "variable_units": list(plan.units),
             "grid": plan.grid,
@@ -66,7 +80,8 @@ class SweepJob:
             "warnings": plan_warnings(plan),
         }
         chunk = CHUNK if are_level_flights(plan.variables, plan.condition) else SLOW_CHUNK
-        return Layout(SCHEMA, "sweep", plan.count, chunk, plan.to_dict(), plan.identity, arrays, attributes)
+        identity = plan.to_dict(), plan.identity
+        return Layout(SCHEMA, "sweep", plan.count, "point", chunk, *identity, arrays, labels, attributes)
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
@@ -94,8 +109,20 @@ def run_points(
     eigenvalues of A (N, 7), fastest first, 1/s. What a worker runs."""
     chunk = run_chunk(variables, values, parameters, dynamics, compile_code, condition, start)
     rows = chunk._asdict() | {"values": values, "eigenvalues": _eigenvalues(chunk.A)}
+    rows |= {name: values[:, column] for column, name in enumerate(variables)}
     del rows["failures"]  # words have no place in an array
     return rows
+
+
+def _numbers(axes: tuple[str, ...], about: Mapping[str, Any], *names: Sequence[str]) -> Array:
+    """An array of numbers whose axes have these names."""
+    return Array(tuple(map(len, names)), "float64", _NAN, axes, about)
+
+
+def _coded(what: str, words: Sequence[str]) -> dict[str, Any]:
+    """Attributes of an array of numbers that stand for words, as the CF conventions have them."""
+    meanings = " ".join(word.replace(" ", "_") for word in words)
+    return described(what) | {"flag_values": list(range(len(words))), "flag_meanings": meanings}
 
 
 def _eigenvalues(A: np.ndarray) -> np.ndarray:

@@ -6,24 +6,27 @@ import shutil
 import subprocess
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from controllers import integrating_controller
 
 from controller.export import fmu
-from controller.export.c_model import CModel
+from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
 from controller.export.fmu import description, variables, write_fmu
+from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario, loop_of
+from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.policies import GainPolicy, gain_constants
+from controller.policy.servo_policy import servo_law
 from controller.policy.signals import Signal, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.linear.linearize import linearize
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input
 from trim.point.operating_point import OperatingPoint
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -33,53 +36,95 @@ START = {"speed": 69.0, "pitch_rate": 0.01}
 ORIGIN = Provenance("hfa export", date="2026-09-21T14:13:20Z")
 
 
-@pytest.fixture(scope="module")
-def what(published_aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray) -> CModel:
-    return CModel(published_aircraft, linearize(published_aircraft, point), gain, "from <here> & now")
+ACTUATORS = Actuators(Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.1] * 5), order=2)
+KINDS = ("aircraft", "gain", "controller")
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["aircraft", "with policy"])
-def unit(request: pytest.FixtureRequest, what: CModel, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bool]:
-    path = tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
-    write_fmu(what, path, ORIGIN, with_policy=request.param)
-    return path, request.param
+class Unit(NamedTuple):
+    """What is exported, and the same flown by us."""
+
+    kind: str
+    path: Path
+    loop: ExportedLoop
+    start: dict[str, float]
+    known: np.ndarray
 
 
-def ours(what: CModel, with_policy: bool) -> np.ndarray:
-    """States each tenth of a second, (601, 7): the policy follows a speed 0.5 ft/s above trim."""
-    point = what.model.point
+@pytest.fixture(scope="module", params=KINDS)
+def unit(
+    request: pytest.FixtureRequest,
+    published_aircraft: Aircraft,
+    point: OperatingPoint,
+    gain: np.ndarray,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Unit:
+    kind, path = request.param, tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
+    loop, start, known = made(kind, published_aircraft, point, gain)
+    write_fmu(loop, path, ORIGIN)
+    return Unit(kind, path, loop, START | start, known)
+
+
+def made(
+    kind: str, aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray
+) -> tuple[ExportedLoop, dict[str, float], np.ndarray]:
+    """The loop, what is told besides `START`, and our states each tenth of a second, (601, 7)."""
+    if kind == "aircraft":
+        return aircraft_loop(aircraft, point), {}, flown(aircraft, point, np.zeros((5, 6)), zero(len(LINEAR_STATES)))
+    if kind == "gain":
+        half_a_foot = Signal(np.eye(6)[0] * 0.5, np.zeros(6), ())
+        return gain_loop(aircraft, point, gain), {"reference_speed": 0.5}, flown(aircraft, point, gain, half_a_foot)
+    controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
+    commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
+    law = servo_law(controller, commands, aircraft, point)
+    scenario = scenario_of(point, reference=CommandedStates(commands), actuators=ACTUATORS)
+    loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
+    known = absolute(loop, point, scenario, law.constants, memory=law.memory)
+    return controller_loop(aircraft, point, controller, ACTUATORS), {"command_dihedral": 0.02}, known
+
+
+def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
+    scenario = scenario_of(point, reference=follow)
+    loop = CompiledLoop(
+        loop_of(NonlinearPlant(aircraft, point), GainPolicy(zero(len(INPUTS))), scenario, point),
+    )
+    constants = gain_constants(gain)
+    return absolute(loop, point, scenario, lambda _: constants)
+
+
+def scenario_of(point: OperatingPoint, **given: Any) -> Scenario:
     initial = np.array([START.get(name, value) for name, value in point.states._asdict().items()]) - point.states
-    follow = zero(len(LINEAR_STATES))
-    if with_policy:
-        follow = Signal(np.eye(6)[0] * 0.5, np.zeros(6), ())
-    scenario = Scenario(duration=SECONDS, step=STEP, tick=0.1, initial=initial, reference=follow)
-    loop = loop_of(NonlinearPlant(what.aircraft, point), GainPolicy(zero(len(INPUTS))), scenario, point)
-    constants = gain_constants(what.gain if with_policy else np.zeros((5, 6)))
-    flight = CompiledLoop(loop).fly(
-        initial, lambda _: constants, step=STEP, steps_per_tick=100, ticks=600, compile_code=False
+    return Scenario(duration=SECONDS, step=STEP, tick=0.1, initial=initial, **given)
+
+
+def absolute(
+    loop: CompiledLoop, point: OperatingPoint, scenario: Scenario, constants: Any, memory: np.ndarray | None = None
+) -> np.ndarray:
+    flight = loop.fly(
+        scenario.initial, constants, step=STEP, steps_per_tick=100, ticks=600, memory=memory, compile_code=False
     )
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 
-def test_60_seconds_are_ours(unit: tuple[Path, bool], what: CModel) -> None:
-    path, with_policy = unit
-    start: dict[str, Any] = START | ({"reference_speed": 0.5} if with_policy else {})
-    known = ours(what, with_policy)
+def test_60_seconds_are_ours(unit: Unit) -> None:
+    assert len(unit.known) == 601
     for kind, solver in (("CoSimulation", {}), ("ModelExchange", {"relative_tolerance": 1e-12})):
         found = fmpy.simulate_fmu(
-            str(path), fmi_type=kind, stop_time=SECONDS, output_interval=0.1, start_values=start, **solver
+            str(unit.path), fmi_type=kind, stop_time=SECONDS, output_interval=0.1, start_values=unit.start, **solver
         )
         states = np.array([found[name] for name in STATES]).T
-        np.testing.assert_allclose(states, known, rtol=1e-8, atol=1e-8, err_msg=kind)
-    assert abs(known[-1, 0] - known[0, 0]) > 0.1  # it moved
+        np.testing.assert_allclose(states, unit.known, rtol=1e-8, atol=1e-8, err_msg=kind)
+    assert abs(unit.known[-1, 0] - unit.known[0, 0]) > 0.1  # it moved
 
 
-def test_the_validator_is_content(unit: tuple[Path, bool]) -> None:
-    path, with_policy = unit
+def test_the_validator_is_content(unit: Unit) -> None:
+    path = unit.path
     assert fmpy.validation.validate_fmu(str(path)) == []
     read = fmpy.read_model_description(str(path))
-    assert {each.name: each.unit for each in read.modelVariables}["speed"] == "ft/s"
-    assert ("reference_speed" in {each.name for each in read.modelVariables}) == with_policy
+    units = {each.name: each.unit for each in read.modelVariables}
+    assert units["speed"] == "ft/s"
+    assert ("reference_speed" in units) == (unit.kind == "gain")
+    assert ("controller_dihedral_integral" in units) == (unit.kind == "controller")
+    assert units.get("command_dihedral", "rad") == "rad"
     with zipfile.ZipFile(path) as archive:
         assert {Path(name).parts[0] for name in archive.namelist()} == {
             *("modelDescription.xml", "binaries", "resources", "sources")
@@ -87,30 +132,31 @@ def test_the_validator_is_content(unit: tuple[Path, bool]) -> None:
         assert {each.date_time for each in archive.infolist()} == {(2026, 9, 21, 14, 13, 20)}
 
 
-def test_a_planted_fault_is_seen_by_the_validator(what: CModel, tmp_path: Path) -> None:
-    text = description(what, ORIGIN, "0", with_policy=False).replace('<Unit name="ft/s">', '<Unit name="knot">')
+def test_a_planted_fault_is_seen_by_the_validator(unit: Unit, tmp_path: Path) -> None:
+    text = description(unit.loop, ORIGIN, "0").replace('<Unit name="ft/s">', '<Unit name="knot">')
     with zipfile.ZipFile(tmp_path / "wrong.fmu", "w") as archive:
         archive.writestr("modelDescription.xml", text)
     assert fmpy.validation.validate_fmu(str(tmp_path / "wrong.fmu"))
 
 
-def test_a_state_is_kept_and_a_wrong_guid_refused(unit: tuple[Path, bool], tmp_path: Path) -> None:
-    path, _ = unit
+def test_a_state_is_kept_and_a_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
+    path, states = unit.path, len(unit.loop.states)
+    count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
     read, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / "unit"))
     instance = fmpy.instantiate_fmu(folder, read, "CoSimulation")
     instance.setupExperiment(startTime=0.0)
     instance.enterInitializationMode()
     instance.exitInitializationMode()
     instance.doStep(0.0, 0.5)
-    kept, seen = instance.getFMUState(), instance.getReal(range(26))
+    kept, seen = instance.getFMUState(), instance.getReal(range(count))
     kept = instance.deserializeFMUState(instance.serializeFMUState(kept))
     instance.doStep(0.5, 0.5)
-    assert instance.getReal(range(26)) != seen
+    assert instance.getReal(range(count)) != seen
     instance.setFMUState(kept)
-    assert instance.getReal(range(26)) == seen
+    assert instance.getReal(range(count)) == seen
     for call in (
-        lambda: instance.setReal([7], [0.0]),
-        lambda: instance.getReal([26]),
+        lambda: instance.setReal([states], [0.0]),
+        lambda: instance.getReal([count]),
         lambda: instance.getInteger([0]),
         lambda: instance.doStep(1.0, -1.0),
     ):
@@ -122,27 +168,31 @@ def test_a_state_is_kept_and_a_wrong_guid_refused(unit: tuple[Path, bool], tmp_p
         fmpy.instantiate_fmu(folder, read, "CoSimulation")
 
 
-def test_variables_are_in_order(what: CModel) -> None:
-    listed = variables(what, True)
-    assert [each.reference for each in listed] == list(range(26))
+def test_variables_are_in_order(unit: Unit) -> None:
+    listed, n = variables(unit.loop), len(unit.loop.states)
+    assert [each.reference for each in listed] == list(range(len(listed)))
     assert [each.name for each in listed if each.rate_of == 7] == ["der(dihedral_rate)"]
+    assert [each.name for each in listed[:n]] == [each.name.removeprefix("der(")[:-1] for each in listed[n : 2 * n]]
+    assert (
+        len({each.name for each in listed}) == len(listed) == {"aircraft": 20, "gain": 26, "controller": 47}[unit.kind]
+    )
 
 
-def test_the_sources_have_no_warning(unit: tuple[Path, bool], tmp_path: Path) -> None:
+def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
     compiler = shutil.which("gcc")
     if compiler is None:
         pytest.skip("there is no gcc")
-    with zipfile.ZipFile(unit[0]) as archive:
+    with zipfile.ZipFile(unit.path) as archive:
         archive.extractall(tmp_path)
-    words = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "fmi2_aircraft.c"]
+    words = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE]
     assert subprocess.run([compiler, *words], cwd=tmp_path / "sources", capture_output=True).stderr == b""
 
 
 @pytest.mark.parametrize(("compiler", "said"), [(None, "needs a C compiler"), ("/bin/false", "cannot compile the FMU")])
 def test_without_a_compiler_nothing_is_written(
-    compiler: str | None, said: str, what: CModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    compiler: str | None, said: str, unit: Unit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(fmu, "c_compiler", lambda: compiler)
     with pytest.raises(NoSolutionError, match=said):
-        write_fmu(what, tmp_path / "a.fmu", ORIGIN, with_policy=False)
+        write_fmu(unit.loop, tmp_path / "a.fmu", ORIGIN)
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model.jobs.store import Array, Layout, checksum, open_store
+from hfa_model.jobs.store import Array, Layout, checksum, described, open_store
 from hfa_model.jobs.stream import stream
 from hfa_model.support.errors import BadInputError
 
@@ -27,8 +27,13 @@ def squares(start: int, stop: int) -> Mapping[str, np.ndarray]:
 class Job:
     @cached_property
     def layout(self) -> Layout:
-        arrays = {"square": Array((2,), "float64", np.nan), "empty": Array((), "float64", np.nan)}
-        return Layout("test/1", "test", ROWS, CHUNK, {"rows": ROWS}, "same", arrays, {"units": ["ft", "rad"]})
+        arrays = {
+            "square": Array((2,), "float64", np.nan, ("side",), described("a square", "ft^2")),
+            "empty": Array((), "float64", np.nan, (), {}),
+        }
+        labels = {"side": ("side", ("left", "right")), "nothing": ("nothing", ())}
+        units = {"units": ["ft", "rad"]}
+        return Layout("test/1", "test", ROWS, "row", CHUNK, {"rows": ROWS}, "same", arrays, labels, units)
 
     function = staticmethod(squares)
 

@@ -1,0 +1,137 @@
+"""A scheduled controller as a pair of C files: what a flight computer runs between its sensors and its servos."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from controller.design.design import SHORT_PERIOD
+from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from controller.export.c_model import c_positions, c_table, comment_lines
+from controller.export.given import GivenCommands, GivenOutputs
+from controller.policy.commands import CommandSteps
+from controller.policy.policies import Seen
+from controller.policy.servo_policy import ServoPolicy, servo_law
+from hfa_model.aircraft import Aircraft
+from hfa_model.native.c_code import c_function
+from hfa_model.outputs import OUTPUTS
+from hfa_model.support.files import write_text
+from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
+from trim.point.operating_point import OperatingPoint
+
+HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
+#: rad/s and damping of the command filter where the controller knows none.
+_FILTER = (0.5, 2.0)
+
+
+def commandable(controller: ScheduledController) -> tuple[str, ...]:
+    """Outputs that the controller can be commanded."""
+    value = COMMAND_SIGNALS[0]
+    return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
+
+
+def filter_rates(controller: ScheduledController, r: ca.SX, slope: ca.SX, goal: ca.SX) -> ca.SX:
+    """[r'; r''] of r'' = ω² (goal - r) - 2 ζ ω r', the filter of `CommandSteps`."""
+    bandwidth, damping = controller.command_filter or _FILTER
+    return ca.vertcat(slope, bandwidth**2 * (goal - r) - 2 * damping * bandwidth * slope)
+
+
+def unit_of_output(name: str) -> str:
+    """Unit of a state, an output, or an actuator's position or rate."""
+    for suffix, behind in (("_position", ""), ("_rate", "/s")):
+        if name.removesuffix(suffix) in INPUTS:
+            return f"{UNITS[name.removesuffix(suffix)]}{behind}"
+    plain = name.removesuffix(SHORT_PERIOD)
+    return UNITS.get(plain) or OUTPUTS[plain].unit
+
+
+def controller_function(policy: ServoPolicy) -> ca.Function:
+    """(dihedral, measured, memory, command, lowest, highest) -> (u, memory'), u within the limits.
+
+    memory = [controller; r; r'], command: what r is on its way to. Deviations from trim; the dihedral absolute, rad.
+    """
+    made, names = policy.controller, commandable(policy.controller)
+    sizes = {"measured": len(made.measurements), "memory": len(made.states) + 2 * len(names)}
+    dihedral, command = ca.SX.sym("dihedral"), ca.SX.sym("command", len(names))
+    lowest, highest = (ca.SX.sym(name, len(INPUTS)) for name in ("lowest", "highest"))
+    measured, memory = (ca.SX.sym(name, size) for name, size in sizes.items())
+    own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
+    told = replace(policy, commands=GivenCommands(names, r, slope, command), outputs=GivenOutputs(measured))
+    states = ca.SX(len(LINEAR_STATES), 1)
+    states[LINEAR_STATES.index("dihedral")] = dihedral - policy.dihedral
+    nothing = ca.SX(0, 1)
+    seen, t = Seen(states, states, nothing, nothing), ca.SX.sym("t")
+    u = ca.fmin(ca.fmax(told.control(t, seen, own, nothing), lowest), highest)
+    rate = ca.vertcat(told.memory_rate(t, seen, own, nothing, u), filter_rates(made, r, slope, command))
+    arguments = [dihedral, measured, memory, command, lowest, highest]
+    return ca.Function("controller", arguments, [ca.densify(u), ca.densify(rate)], {"cse": True})
+
+
+def trimmed_policy(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> ServoPolicy:
+    """The controller about a trim, without commands.
+
+    BadInputError when it was made for another aircraft or other angles.
+    """
+    law = servo_law(controller, CommandSteps((), np.zeros(0), np.zeros((0, 0))), aircraft, point)
+    assert isinstance(law.policy, ServoPolicy)
+    return law.policy
+
+
+def longest_step(controller: ScheduledController) -> float:
+    """1 ms, or less where the fastest mode of the controller asks for it, s."""
+    return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
+
+
+def write_c_controller(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, origin: str, folder: Path
+) -> tuple[Path, ...]:
+    """Write header and source into a folder, made if need be. origin: where it comes from, lines of text.
+
+    BadInputError as in `trimmed_policy`.
+    """
+    made, names = controller, commandable(controller)
+    policy, longest = trimmed_policy(controller, aircraft, point), longest_step(controller)
+    arguments = ("dihedral", "measured", "memory", "command", "lowest", "highest")
+    memory = [*made.states, *(f"{name}{signal}" for signal in COMMAND_SIGNALS[:2] for name in names)]
+    names_and_units = {
+        "measured": (made.measurements, [unit_of_output(name) for name in made.measurements]),
+        "command": (names, [unit_of_output(name) for name in names]),
+    }
+    tables = [
+        c_table(f"const char *const hfa_{kind}_{what}", [f'"{word}"' for word in words])
+        for kind, both in names_and_units.items()
+        for what, words in zip(("name", "unit"), both, strict=True)
+    ]
+    texts = {
+        HEADER: _filled(
+            "hfa_controller.h.in",
+            origin=comment_lines(origin),
+            name=comment_lines(made.name),
+            lowest=float(np.degrees(made.dihedrals[0])),
+            highest=float(np.degrees(made.dihedrals[-1])),
+            memory=c_positions(memory, [""] * len(memory), "MEMORY_"),
+            measured=c_positions(*names_and_units["measured"], "MEASURED_"),
+            command=c_positions(*names_and_units["command"], "COMMAND_"),
+            inputs=len(INPUTS),
+            longest=longest,
+        ),
+        SOURCE: _filled(
+            "hfa_controller.c.in",
+            origin=comment_lines(origin),
+            tables="\n".join(tables),
+            function=c_function(controller_function(policy), "controller", arguments, ("u", "rate")),
+            longest=repr(longest),
+        ),
+    }
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    return tuple(folder / name for name in texts)
+
+
+def _filled(template: str, **values: object) -> str:
+    return files(__package__).joinpath(template).read_text("utf-8").format(**values)

@@ -1,0 +1,181 @@
+"""A scheduled controller in C: compiled without a warning, the same numbers as the flown one, a static footprint."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from controllers import small_controller
+
+from controller.design.scheduled_controller import ScheduledController
+from controller.export.exported_controller import (
+    HEADER,
+    SOURCE,
+    commandable,
+    longest_step,
+    unit_of_output,
+    write_c_controller,
+)
+from controller.policy.commands import CommandSteps
+from controller.policy.policies import Seen
+from controller.policy.servo_policy import ServoPolicy, servo_law
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES
+from trim.point.operating_point import OperatingPoint
+
+COMPILER = shutil.which("gcc")
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
+FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+POINTS, STATES, HIGHEST = 1000, 4, 0.3
+Z = "vertical_acceleration_short_period"
+
+
+@pytest.fixture(scope="module")
+def controller(published_aircraft: Aircraft) -> ScheduledController:
+    """Two inputs, four states, three measured numbers of which one is an actuator's, two commands, random matrices."""
+    random = np.random.default_rng(3)
+    shapes = {"A": (STATES, STATES), "B": (STATES, 9), "C": (2, STATES), "D": (2, 9), "W": (STATES, 2)}
+    stacks = {name: random.normal(size=(3, *shape)) for name, shape in shapes.items()}
+    return small_controller(
+        published_aircraft,
+        **stacks,
+        states=tuple("abcd"),
+        measurements=(Z, "dihedral", "aileron_outer_position"),
+        commands=tuple(f"{name}{signal}" for signal in ("_command", "_command_rate", "_command_end")
+                       for name in ("dihedral", Z)),
+        inputs=("aileron_outer", "elevator_center"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(
+    controller: ScheduledController,
+    published_aircraft: Aircraft,
+    point: OperatingPoint,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    made = tmp_path_factory.mktemp("c")
+    write_c_controller(controller, published_aircraft, point, "from */ here", made)
+    compiled(made, "-shared", "-fPIC", SOURCE, "-o", "controller.so")
+    return made
+
+
+@pytest.fixture(scope="module")
+def library(folder: Path) -> ctypes.CDLL:
+    return ctypes.CDLL(str(folder / "controller.so"))
+
+
+def compiled(folder: Path, *words: str) -> None:
+    subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
+
+
+def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> None:
+    def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
+        return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
+
+    getattr(library, name)(*map(passed, values))
+
+
+def answered(
+    library: ctypes.CDLL, dihedral: float, measured: np.ndarray, memory: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    limits = np.full(5, HIGHEST)
+    u, rate = np.empty(5), np.empty(len(memory))
+    called(library, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate)
+    return u, rate
+
+
+def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> ca.Function:
+    """(t, x, a, memory) -> y, commands, u and memory' of the law that `fly` flies, with steps of both commands."""
+    commands = CommandSteps(commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]]))
+    policy = servo_law(controller, commands, aircraft, point).policy
+    assert isinstance(policy, ServoPolicy)
+    t, x, a, m = ca.SX.sym("t"), ca.SX.sym("x", 6), ca.SX.sym("a", 5), ca.SX.sym("m", STATES)
+    seen = Seen(x, x, a, ca.SX(5, 1))
+    limited = ca.fmin(ca.fmax(policy.control(t, seen, m, ca.SX(0, 1)), -HIGHEST), HIGHEST)
+    told = [policy.outputs.at(seen), commands.at(t), commands.rate(t), commands.end(t)]
+    rate = policy.memory_rate(t, seen, m, ca.SX(0, 1), limited)
+    return ca.Function("flown", [t, x, a, m], [*told, limited, rate])
+
+
+def test_it_is_the_flown_controller_at_1000_states(
+    library: ctypes.CDLL, controller: ScheduledController, published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    law, random = flown(controller, published_aircraft, point), np.random.default_rng(5)
+    worst, limited = 0.0, 0
+    for t in random.uniform(0.0, 5.0, POINTS):
+        x, a, m = (random.normal(size=size) for size in (6, 5, STATES))
+        x[LINEAR_STATES.index("dihedral")] = random.uniform(-0.3, 0.2)  # beyond both ends of the table too
+        y, r, slope, goal, known_u, known = (np.array(each).ravel() for each in law(t, x, a, m))
+        dihedral = point.states.dihedral + x[LINEAR_STATES.index("dihedral")]
+        u, rate = answered(library, float(dihedral), y, np.concatenate([m, r, slope]), goal)
+        worst = max(worst, np.abs(u - known_u).max(), np.linalg.norm(rate[:STATES] - known) / np.linalg.norm(known))
+        limited += int(np.abs(known_u).max() == HIGHEST)
+        np.testing.assert_allclose(rate[STATES : STATES + 2], slope, rtol=0, atol=0)
+        np.testing.assert_allclose(rate[STATES + 2 :], 0.25 * (goal - r) - 2.0 * slope, rtol=1e-14, atol=1e-15)
+    assert worst <= 1e-14
+    assert limited > 100
+
+
+def test_the_matrices_are_those_of_the_table(library: ctypes.CDLL, controller: ScheduledController) -> None:
+    """Linear between the angles, by NumPy; a planted wrong angle is seen."""
+    dihedral, memory, nothing = float(np.radians(7.3)), np.zeros(STATES + 4), np.zeros(2)
+    memory[:STATES] = [0.01, -0.02, 0.01, 0.03]
+    u, _ = answered(library, dihedral, np.zeros(3), memory, nothing)
+    for angle, same in ((dihedral, True), (dihedral + 1e-3, False)):
+        _, _, C, _ = controller.at(angle)
+        assert np.allclose(u[[2, 3]], C @ memory[:STATES], rtol=1e-13, atol=0) == same
+    assert not u[[0, 1, 4]].any()
+
+
+def test_a_step_is_the_exponential(library: ctypes.CDLL, controller: ScheduledController, folder: Path) -> None:
+    """With nothing measured and u within its limits, x' = A x: the filter and the states after 10 ms."""
+    from scipy.linalg import expm
+
+    dihedral, limits, u = float(np.radians(8.0)), np.full(5, 1e9), np.empty(5)
+    memory, start = np.zeros(STATES + 4), np.array([0.4, -0.2, 0.1, 0.3])
+    memory[:STATES] = start
+    arguments = (np.zeros(3), np.zeros(2), -limits, limits, 0.01, u)
+    called(library, "hfa_controller_step", memory, dihedral, *arguments)
+    A, _, C, _ = controller.at(dihedral)
+    np.testing.assert_allclose(memory[:STATES], expm(0.01 * A) @ start, rtol=1e-12)
+    np.testing.assert_allclose(u[[2, 3]], C @ memory[:STATES], rtol=1e-12)
+    assert longest_step(controller) == 1e-3
+    assert "0.001 s or less" in (folder / HEADER).read_text("utf-8")
+
+
+def test_the_footprint_is_static_and_the_names_are_there(folder: Path) -> None:
+    compiled(folder, "-c", SOURCE, "-o", "controller.o")
+    asked = subprocess.run(["nm", "-u", folder / "controller.o"], check=True, capture_output=True, text=True).stdout
+    assert {line.split()[-1] for line in asked.splitlines()} <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
+    sizes = subprocess.run(["size", folder / "controller.o"], check=True, capture_output=True, text=True).stdout
+    text, data, bss = map(int, sizes.splitlines()[1].split()[:3])
+    assert text < 16_000
+    assert (data, bss) <= (256, 0)
+    header = (folder / HEADER).read_text("utf-8")
+    assert f"HFA_MEASURED_{Z.upper()}, /* ft/s^2 */" in header
+    assert "HFA_COMMAND_DIHEDRAL, /* rad */" in header
+    assert "from * / here" in header
+    assert "5 to 20 deg" in header
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("pitch_rate", "rad/s"), ("throttle_rate", "1/s"), ("elevator_outer_position", "rad"), (Z, "ft/s^2")],
+)
+def test_units(name: str, unit: str) -> None:
+    assert unit_of_output(name) == unit
+
+
+def test_a_controller_of_another_aircraft_is_refused(
+    controller: ScheduledController, point: OperatingPoint, tmp_path: Path
+) -> None:
+    with pytest.raises(BadInputError, match="was designed for published dynamics"):
+        write_c_controller(controller, Aircraft(dynamics="newton"), point, "", tmp_path / "c")
+    assert list(tmp_path.iterdir()) == []
