@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all fuzz lint bench notebooks lock clean
+.PHONY: report test test-all fuzz mutants lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -26,6 +26,12 @@ FUZZ_SECONDS ?= 3600
 fuzz: .venv/ready
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
 	$(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
+
+# Small mistakes in the packages, one at a time, each of which a test must find; continued like the above.
+MUTANTS ?= 400
+MUTANT_SECONDS ?= 7200
+mutants: .venv/ready
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutants.py --count $(MUTANTS) --seconds $(MUTANT_SECONDS) --write
 
 lint: .venv/ready
 	$(BIN)/ruff check .

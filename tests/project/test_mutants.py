@@ -1,0 +1,73 @@
+"""`make mutants`: what it plants, that it sees tests which cannot fail, and what docs/promises.md says of it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from import_graph import ROOT
+from mutations import mutations, same_types
+
+SCRIPT = ROOT / "tests" / "support" / "mutants.py"
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("y = a < b", ["y = (a <= b)", "y = (a >= b)"]),
+        ("y = a is not b", ["y = (a is b)"]),
+        ("y = a * b", ["y = (a / b)"]),
+        ("y = A @ B", ["y = (B @ A)"]),
+        ("y -= η", ["y += η", "pass"]),
+        ("y = -0.5", ["y = (0.5)", "y = -(1.5)"]),
+        ("y = not a", ["y = (a)"]),
+        ("y = a and b or True", ["y = ((a and b) and True)", "y = (a or b) or True", "y = a and b or (False)"]),
+        ("y = b if a else c", ["y = b if (not a) else c"]),
+        ("y = [x for x in a if x]", ["y = [x for x in a if (not x)]"]),
+        ("y = arctan2(η, b)", ["y = (arctan2(b, η))"]),
+        ("set_it(a)", ["pass"]),
+        ("y[a] = b", ["pass"]),
+        ("raise ValueError(f'{a + 1} is more than {2}')", ["pass"]),
+        ("'''Text.'''", []),
+        ("y: Length[3] = a", []),
+        ("y = f'{a + 1}' + 'b'", []),
+        ("if TYPE_CHECKING:\n    y = 1 < 2", []),
+    ],
+)
+def test_the_mistakes_that_are_planted(source: str, expected: list[str]) -> None:
+    assert [each.applied(source) for each in mutations(source)] == expected
+
+
+def test_arguments_are_swapped_where_their_types_agree() -> None:
+    alike = same_types(
+        ["def f(a: int, b: int): ...\ndef g(a: int, b: str): ...\nclass A:\n  def h(self, a: A, b: A): ..."]
+    )
+    swapped = [each.new for each in mutations("f(x, y)\ng(x, y)\no.h(x, y)", alike) if each.kind == "arguments swapped"]
+    assert swapped == ["(f(y, x))", "(o.h(y, x))"]
+
+
+def toy(folder: Path, test: str) -> str:
+    """What the script says of a project of one line whose test file is this; what it knows stays in `folder`."""
+    for path, text in {
+        "toy/one.py": "def larger(a, b):\n    return a if a > b else b - 0\n",
+        "tests/toy/test_one.py": f"from toy.one import larger\n\n\ndef test_it():\n    {test}\n",
+        "pyproject.toml": '[tool.pytest.ini_options]\npythonpath = ["."]\nmarkers = ["slow"]\n',
+    }.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    command = [sys.executable, SCRIPT, "--root", folder, "--packages", "toy", "--folder", folder / "out"]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout
+
+
+@pytest.mark.slow
+def test_a_test_that_cannot_fail_is_seen_and_one_that_can_finds_the_mistakes(tmp_path: Path) -> None:
+    assert "4 mutants, 0 killed" in toy(tmp_path, "assert larger")
+    found = toy(tmp_path, "assert larger(1, 2) == 2 == larger(2, 1)")
+    assert "4 mutants, 2 killed" in found
+    assert "a > b -> (a <= b) (1 tests: killed by tests/toy/test_one.py::test_it)" in found
+    assert "b - 0 -> (b + 0) (1 tests: SURVIVED)" in found
+    again = toy(tmp_path, "assert larger(1, 2) == 2 == larger(2, 1)")
+    assert "4 mutants, 2 killed" in again
+    assert "tests:" not in again, "nothing is tried twice"
