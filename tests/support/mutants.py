@@ -38,7 +38,7 @@ _LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "out", "report", "build", "*
 
 
 class Mutant(NamedTuple):
-    """A mistake in a function of a module; the key is the same as long as the line is."""
+    """A mistake in a function of a module; the key is the same as long as its line is, also in another module."""
 
     module: str
     function: str
@@ -67,7 +67,7 @@ def _of_module(module: str, source: str, found: Iterable[Mutation], seed: int) -
         around = ".".join(one.name for one in scopes if one.lineno <= each.line <= (one.end_lineno or 0))
         line = source.splitlines()[each.line - 1].strip()
         change = " ".join(f"{source.encode()[each.start : each.end].decode()} -> {each.new}".split())
-        key = hashlib.sha256(f"{seed} {module} {line} {change}".encode()).hexdigest()[:16]
+        key = hashlib.sha256(f"{seed} {around} {line} {change}".encode()).hexdigest()[:16]
         made.append(Mutant(module, around, change, each, key))
     return made
 
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
             known[mutant.key] = {**tried(mutant, tests, options.limit), "state": state}
             keep(folder / "outcomes.json", known)
             print(_line(mutant), _said(known[mutant.key]), flush=True)
-    tried_ones = [one for one in wanted[: options.count] if one.key in known]
+    tried_ones = [one for one in wanted if one.key in known]
     killed = [one for one in tried_ones if known[one.key]["killed"]]
     print(f"{len(tried_ones)} mutants, {len(killed)} killed; not killed:")
     print(*[_line(one) for one in tried_ones if one not in killed], sep="\n")
