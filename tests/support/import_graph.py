@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -63,8 +63,8 @@ def project_sources() -> dict[str, str]:
     return found
 
 
-def imports_of(module: str, sources: Mapping[str, str], *, at_start_only: bool = False) -> set[str]:
-    """Modules of `sources` that a module imports anywhere in its text, or only those that importing it loads.
+def imports_of(module: str, sources: Mapping[str, str]) -> set[str]:
+    """Modules of `sources` that a module imports anywhere in its text.
 
     A name imported from a package is the submodule of that name where there is one, else the package itself.
     """
@@ -72,7 +72,7 @@ def imports_of(module: str, sources: Mapping[str, str], *, at_start_only: bool =
     is_package = any(name.startswith(f"{module}.") for name in sources)
     base = module.split(".") if is_package else module.split(".")[:-1]
     found = set()
-    for node in _executed(tree) if at_start_only else ast.walk(tree):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -87,17 +87,6 @@ def room_of(module: str, sources: Mapping[str, str]) -> str:
     """The folder that a module lies in, dotted; a package is its own room."""
     is_package = any(name.startswith(f"{module}.") for name in sources)
     return module if is_package or "." not in module else module.rpartition(".")[0]
-
-
-def _executed(node: ast.AST) -> Iterator[ast.AST]:
-    """Statements that run when the module is imported: not in functions, not for type checkers only."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
-            continue
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            continue
-        yield child
-        yield from _executed(child)
 
 
 def reachable(start: str, sources: Mapping[str, str]) -> set[str]:

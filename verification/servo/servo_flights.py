@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
-from controller.flight.tracking import Tracked, fastest_inputs, tracked
+from controller.flight.tracking import fastest_inputs, tracked
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.jobs.finished import finished, stamp
@@ -23,34 +22,11 @@ from hfa_model.support.jsonable import records_text
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.servo.cases import CASES, DURATION, TRIM_DEG, Flown, laws_of, scenario_of, simvfa_commands
+from verification.servo.servo_result import ServoFlight, servo_figure
 
 SCHEMA = "hfa.servo/1"
 #: Told what is flown, and how many flights of how many are done.
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class ServoFlight:
-    """A law in a case. lost_at: s, None when it held; left: the state that left its envelope first. fastest: largest
-    |ΔU / Δt| of the surfaces, rad/s. tracked: each commanded output."""
-
-    law: str
-    times: np.ndarray
-    tracked: tuple[Tracked, ...]
-    fastest: float
-    lost_at: float | None
-    left: str | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """English units and radians."""
-        return {
-            "law": self.law,
-            "rms_error": {each.name: each.rms for each in self.tracked},
-            "largest_error": {each.name: each.largest for each in self.tracked},
-            "fastest_surface": self.fastest,
-            "lost_at": self.lost_at,
-            "left": self.left,
-        }
 
 
 def fly_case(
@@ -101,8 +77,6 @@ def run_case(
 
     resume: one that this version finished for the same aircraft, controllers and duration is not flown again.
     """
-    from verification.servo.servo_figure import servo_figure
-
     target, picture = folder / f"{name}.json", folder / f"{name}.png"
     decides = _decides(aircraft, name, controllers, duration)
     known = finished(target, decides) if resume and picture.is_file() else None

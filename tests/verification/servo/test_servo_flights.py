@@ -30,8 +30,9 @@ from verification.servo.cases import (
     simvfa_commands,
 )
 from verification.servo.reference_model import reference_servo
-from verification.servo.servo_flights import ServoFlight, fly_case, run_case
+from verification.servo.servo_flights import fly_case, run_case
 from verification.servo.servo_report import servo_report
+from verification.servo.servo_result import ServoFlight
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
@@ -134,7 +135,7 @@ def test_a_finished_case_is_kept_and_known_again(
     assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "simvfa-2 adaptive", "servo", "ours", "paper"]
     flown = []
     monkeypatch.setattr(servo_flights, "fly_case", lambda *given: flown.append(given) or ())
-    monkeypatch.setattr("verification.servo.servo_figure.servo_figure", lambda *_: pytest.fail("drawn again"))
+    monkeypatch.setattr("verification.servo.servo_flights.servo_figure", lambda *_: pytest.fail("drawn again"))
     again = run_case(published_aircraft, "order-2", own, tmp_path / "out", duration=4.0, resume=True)
     assert again == first
     with pytest.raises(pytest.fail.Exception):

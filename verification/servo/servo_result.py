@@ -1,13 +1,15 @@
-"""The picture of a case of `hfa servo`; draws, computes nothing."""
+"""What a law does in a case of `hfa servo`, and the picture of all laws in it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
+from controller.flight.tracking import Tracked
 from hfa_model.outputs import unit_of
 from hfa_model.reporting.figure import new_figure
 from hfa_model.reporting.text import shown_unit
@@ -15,7 +17,29 @@ from hfa_model.reporting.text import shown_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from verification.servo.servo_flights import ServoFlight
+
+@dataclass(frozen=True, eq=False)
+class ServoFlight:
+    """A law in a case. lost_at: s, None when it held; left: the state that left its envelope first. fastest: largest
+    |ΔU / Δt| of the surfaces, rad/s. tracked: each commanded output."""
+
+    law: str
+    times: np.ndarray
+    tracked: tuple[Tracked, ...]
+    fastest: float
+    lost_at: float | None
+    left: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """English units and radians."""
+        return {
+            "law": self.law,
+            "rms_error": {each.name: each.rms for each in self.tracked},
+            "largest_error": {each.name: each.largest for each in self.tracked},
+            "fastest_surface": self.fastest,
+            "lost_at": self.lost_at,
+            "left": self.left,
+        }
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
