@@ -11,7 +11,7 @@ from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 
-#: Behind the name of an output: only its dependence on alpha and the inputs is integrated (the peer's A_z).
+#: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
 SHORT_PERIOD = "_short_period"
 #: Where the disturbance of the game enters.
 DISTURBANCES = ("states", "updraft", "commands")

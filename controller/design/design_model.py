@@ -155,7 +155,7 @@ def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], 
 def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
     """C, D, F of the named outputs, rows of zeros for other names, and E of the updraft, (6, 1).
 
-    Of a short-period output alpha and the inputs count only.
+    Of a short-period output alpha, the inputs and the air count only.
     """
     plain = [name.removesuffix(SHORT_PERIOD) for name in names]
     known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
@@ -166,7 +166,7 @@ def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> 
             source = found.outputs.index(output)
             C[row], D[row], F[row] = found.C[source], found.D[source], found.F[source]
         if name.endswith(SHORT_PERIOD):
-            C[row, [state != "alpha" for state in LINEAR_STATES]] = F[row] = 0.0
+            C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
     return C, D, F, found.E
 
 

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from controller import Game, published_game
-from controller.design.design import Actuator, Design, Feedforward
+from controller.design.design import SHORT_PERIOD, Actuator, Design, Feedforward
 from controller.design.design_file import NAMED, load_design
 from controller.design.design_model import DesignModel, design_model
+from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import Aircraft, BadInputError
+from hfa_model.outputs import moment_of, outputs_of
+from hfa_model.vectors import LINEAR_STATES
 from trim import find_operating_point, level_flight, linearize
 from trim.linear.output_model import output_model
 from verification import solve_game
@@ -74,6 +77,32 @@ def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircr
     assert gusty.E[-1, 0] == pytest.approx(found.F[0, 0])
     assert found.F[0, 0] == pytest.approx(68.0 * found.E[1, 0], rel=1e-9)  # V alpha'
     assert gusty.E[6:-1].any() == np.False_
+
+
+def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
+    """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per ft/s."""
+    point, h = built.model.point, 1e-4
+    up, down = (
+        moment_of(point.states, point.inputs, aircraft.parameters, aircraft.variant, side * h) for side in (1.0, -1.0)
+    )
+    plain = [name.removesuffix(SHORT_PERIOD) for name in built.design.integrals]
+    rates = [(getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES]
+    outputs = zip(outputs_of(up, tuple(plain)), outputs_of(down, tuple(plain)), strict=True)
+    return np.array([float(each) for each in (*rates, 0.0, 0.0, *((a - b) / (2 * h) for a, b in outputs))])
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("name", ["servo", "simvfa-1"])
+def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str, name: str) -> None:
+    """As in flight: e' = ... + F w. Left out, as it once was, the differences show it."""
+    aircraft = Aircraft(dynamics=dynamics)
+    built = design_at(aircraft, load_design(name), 11.0)
+    found = _gust_by_differences(aircraft, built)
+    np.testing.assert_allclose(built.gust[:, 0], found, rtol=1e-6, atol=1e-9)
+    flown = MeasuredOutputs(aircraft, built.model.point, built.design.integrals).F
+    np.testing.assert_allclose(built.gust[-2:, 0], flown.sum(axis=1), rtol=1e-12)
+    without = np.append(built.gust[:-1, 0], 0.0)
+    assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
 
 
 def test_sensors_are_states_or_outputs_in_the_order_of_their_names(published_aircraft: Aircraft) -> None:
