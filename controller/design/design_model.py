@@ -22,12 +22,12 @@ RANK = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class DesignModel:
-    """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of `model`.
+    """z' = A z + B u + E w,  y = C z + D u + F w + noise,  of `design` about the operating point of `model`.
 
     z: the states of the linear model, then actuator positions and rates, sensors with a lag, integrals (`states`).
     A: (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity. C: (p, n),
-    D: (p, m) of the sensors. gust: (n, 1), the column of an updraft of 1 ft/s, whether E has it or not. Units: those
-    of the linear model; an integral has its output's times s.
+    D: (p, m) of the sensors. gust: (n, 1), F: (p, 1), the columns of an updraft of 1 ft/s, whether E has it or not.
+    Units: those of the linear model; an integral has its output's times s.
     """
 
     design: Design
@@ -38,6 +38,7 @@ class DesignModel:
     C: np.ndarray
     D: np.ndarray
     gust: np.ndarray
+    F: np.ndarray
     state_units: tuple[str, ...]
     input_units: tuple[str, ...]
 
@@ -136,7 +137,7 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
     E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
     units = dict(zip(model.inputs, model.input_units, strict=True))
     of_inputs = tuple(units[name] for name in design.inputs)
-    return DesignModel(design, model, A, B, E, C[k:], D[k:], gust, _units(design, model), of_inputs)
+    return DesignModel(design, model, A, B, E, C[k:], D[k:], gust, of_w[k:], _units(design, model), of_inputs)
 
 
 def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], name: str, design: Design) -> None:

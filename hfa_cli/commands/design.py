@@ -24,7 +24,7 @@ from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from verification.synthesis.tuning_file import load_tuning, save_design, tuning_report
+from verification.synthesis.tuning_file import load_tuning, save_design
 
 #: A second or two each.
 _MOST_POINTS = 1000
@@ -84,7 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     """Tune; exit 1 when no evaluation kept the constraints."""
-    from verification.synthesis.tuning import tune
+    from verification.synthesis.tuning_report import tuning_report
+    from verification.synthesis.tuning_search import tune
 
     options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
     target = arguments.output

@@ -19,7 +19,10 @@ from verification.riccati.spectrum import spectrum
 
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
-    """x' = A x + B u, y = C x of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y, the commands at rest."""
+    """x' = A x + B u + gust w, y = C x + F w of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.
+
+    w: an updraft, ft/s. The commands are at rest.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -28,11 +31,18 @@ class ServoLoop:
     Bk: np.ndarray
     Ck: np.ndarray
     Dk: np.ndarray
+    gust: np.ndarray
+    F: np.ndarray
 
     @property
     def closed(self) -> np.ndarray:
         """The matrix of [x; x_c] with the loop closed."""
         return np.block([[self.A + self.B @ self.Dk @ self.C, self.B @ self.Ck], [self.Bk @ self.C, self.Ak]])
+
+    @property
+    def disturbed(self) -> np.ndarray:
+        """The column of w in the rates of [x; x_c] with the loop closed."""
+        return np.vstack([self.gust + self.B @ self.Dk @ self.F, self.Bk @ self.F])
 
     @property
     def abscissa(self) -> float:
@@ -77,7 +87,7 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
         closing = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D)
         Ck, Dk = closing @ Ck, closing @ Dk
         Ak, Bk = Ak + Bk @ plant.D @ Ck, Bk @ (np.eye(measured) + plant.D @ Dk)
-    return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk)
+    return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk, plant.gust, plant.F)
 
 
 def _margin(A: np.ndarray, B: np.ndarray, K: np.ndarray) -> DiskMargin:

@@ -1,4 +1,4 @@
-"""The file that says what a search over a design may change, what it flies and what it must keep; and its result."""
+"""The file that says what a search over a design may change, what it simulates and what it must keep."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
-from hfa_model.reporting.checks import at_most, checks_block
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
 from hfa_model.support.toml_file import finite_number, names_of, table_of
-from verification.synthesis.tuning import Case, Tuned, Tuning, Variable
+from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
 
-SCHEMA = "hfa.design-search/1"
-_KEYS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "variables", "objective", "cases")
-_CASE = ("dihedral", "order", "bandwidth", "damping", "effectiveness", "each", "ends")
+_SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest")
+_KEYS = (*_SETTINGS, "variables", "objective", "cases", "turbulence", "gusts")
+_ACTUATOR = ("order", "bandwidth", "damping", "effectiveness")
+_CASE = ("dihedral", *_ACTUATOR, "each", "ends")
+_TURBULENCE = ("dihedral", *_ACTUATOR, "intensity", "scale", "objective")
+_GUST = ("dihedral", *_ACTUATOR, "length", "peak")
 #: Evaluations of a file that does not say how many.
 _EVALUATIONS = 1000
 
@@ -33,7 +33,10 @@ def load_tuning(path: str) -> Tuning:
     angles: deg, where the corners are closed. abscissa: largest allowed there, 1/s, below 0. rate: largest allowed rate
     of an input, deg/s. [variables.NAME]: entries (of the design file), low, high. [objective]: output = cost of an rms
     error of 1 in its unit. [[cases]]: dihedral (deg), order, bandwidth, damping, effectiveness, each (s, time of a
-    step), [cases.ends]: output = list of commands (angles in deg). BadInputError names the entry that is wrong.
+    step), [cases.ends]: output = list of commands (angles in deg). margin: smallest allowed disk margin, fastest:
+    largest pole of the controller, 1/s. [[turbulence]]: dihedral and actuator as above, intensity (ft/s), scale (ft),
+    [turbulence.objective]: state = cost of an rms of 1. [[gusts]]: the same, length (ft), peak (ft/s) to be stood.
+    BadInputError names the entry that is wrong.
     """
     try:
         data = read_toml(path)
@@ -69,58 +72,15 @@ def load_tuning(path: str) -> Tuning:
         rate=math.radians(_number(path, data, "rate", math.inf, positive=True)),
         evaluations=int(_number(path, data, "evaluations", _EVALUATIONS, positive=True)),
         seed=int(_number(path, data, "seed", 0.0)),
+        turbulence=tuple(_turbulence(path, *each, design.plant_states) for each in _list(path, data, "turbulence")),
+        gusts=tuple(_gust(path, *each) for each in _list(path, data, "gusts")),
+        margin=_number(path, data, "margin", 0.0, positive="margin" in data),
+        fastest=_number(path, data, "fastest", math.inf, positive=True),
     )
     if not found.angles:
         raise BadInputError(f"{path}: angles is empty; name at least one angle where the corners are closed")
     design_of(path, found.entries_at(found.first_values()))
     return found
-
-
-def tuning_report(tuning: Tuning, found: Tuned) -> Report:
-    """Variables and figures, of the start and of the best; the constraints as checks."""
-    outputs = tuple(tuning.objective)
-    variables = [
-        (variable.name, f"{first:.6g}", f"{best:.6g}", f"{variable.low:g} to {variable.high:g}")
-        for variable, first, best in zip(tuning.variables, found.first, found.best, strict=True)
-    ]
-    rows = [
-        (
-            f"{which} {number}",
-            *(f"{_shown(errors[name], name):.4g}" for name in outputs),
-            f"{math.degrees(rate):.3g}",
-        )
-        for which, evaluation in (("start", found.first_evaluation), ("best", found.best_evaluation))
-        for number, (errors, rate) in enumerate(zip(evaluation.errors, evaluation.rates, strict=True), 1)
-    ]
-    best = found.best_evaluation
-    rate = max(best.rates, default=math.inf)
-    checks = (
-        at_most("abscissa", best.abscissa, tuning.abscissa, f"the worst corner has {best.abscissa:.3g} 1/s"),
-        at_most("rate", rate, tuning.rate, f"an input moves at {math.degrees(rate):.3g} deg/s"),
-    )
-    return Report(
-        f"Search over {len(tuning.variables)} variables of {tuning.name}: cost {found.first_evaluation.cost:.6g} at "
-        f"first, {best.cost:.6g} after {found.evaluations} evaluations",
-        (
-            Table(("variable", "start", "best", "limits"), variables),
-            Table(("case", *(f"rms {_shown_name(name)}" for name in outputs), "rate deg/s"), rows),
-            checks_block(checks),
-        ),
-        data={
-            "schema": SCHEMA,
-            "ok": all(check.ok for check in checks),
-            "evaluations": found.evaluations,
-            "variables": {
-                variable.name: {"start": first, "best": value}
-                for variable, first, value in zip(
-                    tuning.variables, found.first.tolist(), found.best.tolist(), strict=True
-                )
-            },
-            "start": found.first_evaluation._asdict(),
-            "best": best._asdict(),
-            "checks": [check.to_dict() for check in checks],
-        },
-    )
 
 
 def save_design(path: Path, entries: Mapping[str, Any]) -> None:
@@ -165,12 +125,41 @@ def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> Case
     steps = [[_internal(finite_number(where, name, value), key) for value in ends[key]] for key in outputs]
     if len({len(each) for each in steps}) != 1 or not steps[0]:
         raise BadInputError(f"{where}: {name}: the lists of ends differ in length; give as many steps to each")
-    settings = {key: table[key] for key in ("order", "bandwidth", "damping", "effectiveness") if key in table}
+    each = _number(where, table, "each", 70.0, positive=True)
+    return Case(*_place(where, name, table), each, np.array(steps).T)
+
+
+def _turbulence(where: str, name: str, table: Any, states: tuple[str, ...]) -> InTurbulence:
+    _known(where, name, table, _TURBULENCE)
+    objective = {key: finite_number(where, f"{name}.objective", size) for key, size in _some(where, table, "objective")}
+    for key in objective:
+        if key not in states:
+            raise BadInputError(f"{where}: {name}: {key} is no state of the plant; choose from {', '.join(states)}")
+    intensity = _number(where, table, "intensity", 3.0, positive=True)
+    scale = _number(where, table, "scale", 1750.0, positive=True)
+    return InTurbulence(*_place(where, name, table), intensity, scale, objective)
+
+
+def _gust(where: str, name: str, table: Any) -> InGust:
+    _known(where, name, table, _GUST)
+    length, peak = (_number(where, table, key, math.nan, positive=True) for key in ("length", "peak"))
+    return InGust(*_place(where, name, table), length, peak)
+
+
+def _place(where: str, name: str, table: Mapping[str, Any]) -> tuple[float, Actuator]:
+    """Angle, rad, and actuator of a case."""
+    settings = {key: table[key] for key in _ACTUATOR if key in table}
     for key, value in settings.items():
         finite_number(where, f"{name}.{key}", value)
-    angle = finite_number(where, f"{name}.dihedral", table.get("dihedral"))
-    each = _number(where, table, "each", 70.0, positive=True)
-    return Case(math.radians(angle), Actuator(**settings), each, np.array(steps).T)
+    return math.radians(finite_number(where, f"{name}.dihedral", table.get("dihedral"))), Actuator(**settings)
+
+
+def _list(where: str, data: Mapping[str, Any], key: str) -> list[tuple[str, Any]]:
+    """The tables [[key]], each with its name for messages."""
+    tables = data.get(key, [])
+    if not isinstance(tables, list):
+        raise BadInputError(f"{where}: {key} is no list of tables; write [[{key}]]")
+    return [(f"{key} {number}", table) for number, table in enumerate(tables, 1)]
 
 
 def _number(where: str, table: Mapping[str, Any], key: str, default: float, *, positive: bool = False) -> float:
@@ -197,11 +186,3 @@ def _known(where: str, what: str, table: Any, keys: tuple[str, ...]) -> None:
 
 def _internal(value: float, output: str) -> float:
     return math.radians(value) if output == "dihedral" else value
-
-
-def _shown(value: float, output: str) -> float:
-    return in_degrees(value) if output == "dihedral" else value
-
-
-def _shown_name(output: str) -> str:
-    return f"{output} deg" if output == "dihedral" else output

@@ -30,7 +30,7 @@ def test_margins_of_state_feedback_are_those_of_its_gain(published_aircraft: Air
 def test_margins_of_a_loop_that_can_be_solved_by_hand() -> None:
     """y = u/(s + 1), u = -k y/(s + 1): S - 1/2 at both breaks is the same, its peak that of (1 - L)/(1 + L)/2."""
     one = np.ones((1, 1))
-    loop = ServoLoop(-one, one, one, -one, one, -4.0 * one, 0.0 * one)
+    loop = ServoLoop(-one, one, one, -one, one, -4.0 * one, 0.0 * one, one, one)
     L = 4.0 / (1.0 + 1j * np.geomspace(0.01, 100.0, 20001)) ** 2
     expected = 1.0 / np.abs((1.0 - L) / (1.0 + L) / 2.0).max()
     assert loop.margin_at_inputs().disk == pytest.approx(expected, rel=1e-3)

@@ -1,0 +1,73 @@
+"""A tuning file: what it says is what is searched, and what is wrong in it is named."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from servo_cases import A_Z, write_tuning
+
+from hfa_model import BadInputError
+from verification.synthesis.tuning_file import load_tuning
+
+AIR = """
+[[turbulence]]
+dihedral = 9
+effectiveness = 0.5
+intensity = 2
+[turbulence.objective]
+dihedral = 50.0
+speed = 0.1
+
+[[gusts]]
+dihedral = 13
+order = 2
+length = 250
+peak = 5
+"""
+
+
+def with_air(folder: Path, **changed: object) -> Path:
+    path = write_tuning(folder, margin=0.2, fastest=150.0, **changed)
+    path.write_text(path.read_text(encoding="utf-8") + AIR, encoding="utf-8")
+    return path
+
+
+def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
+    found = load_tuning(str(with_air(tmp_path)))
+    (air,), (gust,) = found.turbulence, found.gusts
+    assert (air.dihedral, air.actuator.effectiveness) == (math.radians(9), 0.5)
+    assert (air.intensity, air.scale, dict(air.objective)) == (2.0, 1750.0, {"dihedral": 50.0, "speed": 0.1})
+    assert (gust.dihedral, gust.actuator.order, gust.length, gust.peak) == (math.radians(13), 2, 250.0, 5.0)
+    assert (found.margin, found.fastest) == (0.2, 150.0)
+    assert len(found.places) == 3
+    plain = load_tuning(str(write_tuning(tmp_path)))
+    assert (plain.turbulence, plain.gusts, plain.margin, plain.fastest) == ((), (), 0.0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "named"),
+    [
+        ("[[gusts]]", "[gusts]", "gusts is no list of tables; write [[gusts]]"),
+        ("length = 250", "long = 250", "unknown entry 'long'; gusts 1 has dihedral, order"),
+        ("peak = 5", "peak = -5", "peak is -5; give a positive number"),
+        ("peak = 5", "", "peak is missing; give a positive number"),
+        ("speed = 0.1", "sped = 0.1", "turbulence 1: sped is no state of the plant; choose from speed, alpha"),
+        ("[turbulence.objective]\ndihedral = 50.0\nspeed = 0.1", "", "[objective] is empty"),
+        ("margin = 0.2", "margin = 0", "margin is 0; give a positive number"),
+        ("order = 2", "order = 3", "the order of an actuator is 3"),
+        ("dihedral = 100.0", "pitch = 1.0", "objective pitch is not integrated; choose from dihedral"),
+        ("low = 5.0", "low = 5000.0", "variables.effort: give entries, and low below high"),
+        (f"{A_Z} = [-1.0, 0.5]", f"{A_Z} = [-1.0]", "cases 1: the lists of ends differ in length"),
+        ("angles = [11]", "angles = []", "angles is empty"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, right: str, wrong: str, named: str) -> None:
+    path = with_air(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    assert text.count(right) == 1
+    path.write_text(text.replace(right, wrong), encoding="utf-8")
+    with pytest.raises(BadInputError) as caught:
+        load_tuning(str(path))
+    assert named in str(caught.value)

@@ -1,0 +1,85 @@
+"""What a search over a design found: variables and figures, of the start and of the best; the constraints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from hfa_model.reporting.checks import Check, at_least, at_most, checks_block
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table, in_degrees
+from hfa_model.vectors import STATE_UNITS, STATES
+from verification.synthesis.tuning import Evaluation, Tuned, Tuning
+
+SCHEMA = "hfa.design-search/1"
+
+
+def tuning_report(tuning: Tuning, found: Tuned) -> Report:
+    """Start and best beside each other."""
+    variables = [
+        (variable.name, f"{first:.6g}", f"{best:.6g}", f"{variable.low:g} to {variable.high:g}")
+        for variable, first, best in zip(tuning.variables, found.first, found.best, strict=True)
+    ]
+    best, checks = found.best_evaluation, tuple(_checks(tuning, found.best_evaluation))
+    both = [_figures(tuning, each) for each in (found.first_evaluation, best)]
+    names = list(both[1] or both[0])
+    rows = [(name, *(f"{each[name]:.4g}" if name in each else "unstable" for each in both)) for name in names]
+    return Report(
+        f"Search over {len(tuning.variables)} variables of {tuning.name}: cost {found.first_evaluation.cost:.6g} at "
+        f"first, {best.cost:.6g} after {found.evaluations} evaluations",
+        (
+            Table(("variable", "start", "best", "limits"), variables),
+            Table(("figure", "start", "best"), rows),
+            checks_block(checks),
+        ),
+        data={
+            "schema": SCHEMA,
+            "ok": all(check.ok for check in checks),
+            "evaluations": found.evaluations,
+            "variables": {
+                variable.name: {"start": first, "best": value}
+                for variable, first, value in zip(
+                    tuning.variables, found.first.tolist(), found.best.tolist(), strict=True
+                )
+            },
+            "start": found.first_evaluation._asdict(),
+            "best": best._asdict(),
+            "checks": [check.to_dict() for check in checks],
+        },
+    )
+
+
+def _figures(tuning: Tuning, found: Evaluation) -> dict[str, float]:
+    """Name and unit -> figure of everything that was simulated; empty where a loop is unstable."""
+    figures: dict[str, float] = {}
+    for number, (errors, rate) in enumerate(zip(found.errors, found.rates, strict=True), 1):
+        figures |= {f"case {number}, rms {_name(name)}": _shown(errors[name], name) for name in tuning.objective}
+        figures[f"case {number}, rate deg/s"] = math.degrees(rate)
+    for number, rms in enumerate(found.rms, 1):
+        figures |= {f"turbulence {number}, rms {_name(name)}": _shown(each, name) for name, each in rms.items()}
+    figures |= {f"gust {number}, stood ft/s": stood for number, stood in enumerate(found.stood, 1)}
+    return figures
+
+
+def _checks(tuning: Tuning, best: Evaluation) -> Iterator[Check]:
+    yield at_most("abscissa", best.abscissa, tuning.abscissa, f"the worst corner has {best.abscissa:.3g} 1/s")
+    rate = max(best.rates, default=math.inf)
+    yield at_most("rate", rate, tuning.rate, f"an input moves at {math.degrees(rate):.3g} deg/s")
+    if tuning.margin:
+        yield at_least("margin", best.margin, tuning.margin, f"the smallest disk margin is {best.margin:.3g}")
+    if math.isfinite(tuning.fastest):
+        yield at_most("fastest", best.fastest, tuning.fastest, f"the controller has a pole of {best.fastest:.4g} 1/s")
+    for number, (gust, peak) in enumerate(zip(tuning.gusts, best.stood or (0.0,) * len(tuning.gusts), strict=True), 1):
+        yield at_least(f"gust_{number}", peak, gust.peak, f"gust {number} is stood up to {peak:.3g} ft/s")
+
+
+def _shown(value: float, name: str) -> float:
+    return in_degrees(value) if _angle(name) else value
+
+
+def _name(name: str) -> str:
+    return f"{name} deg" if _angle(name) else name
+
+
+def _angle(name: str) -> bool:
+    return name in STATES and getattr(STATE_UNITS, name) == "rad"

@@ -1,0 +1,97 @@
+"""The search for the weights of a design: scipy.optimize, every evaluation on record."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_model.aircraft import Aircraft
+from hfa_model.jobs.finished import stamp
+from hfa_model.provenance import parameter_hash
+from hfa_model.support.errors import BadInputError
+from verification.synthesis.design_evaluation import DesignEvaluation
+from verification.synthesis.tuning import Evaluation, Tuned, Tuning
+
+
+def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[int, int], None] | None = None) -> Tuned:
+    """Differential evolution on the logarithms of the variables, the start among its first members.
+
+    record: a file of every evaluation; a search that was interrupted reads it and goes on where it ended, with the
+    same result as without the interruption. BadInputError when it belongs to another search.
+    Source: Storn and Price, J. Global Optimization 11 (1997), as implemented in SciPy.
+    """
+    from scipy.optimize import differential_evolution
+
+    evaluation = DesignEvaluation(aircraft, tuning)
+    known = _read_record(record, aircraft, tuning)
+    bounds = [(math.log(variable.low), math.log(variable.high)) for variable in tuning.variables]
+    first = tuning.first_values()
+    seen: list[tuple[np.ndarray, Evaluation]] = []
+
+    def cost(logarithms: np.ndarray) -> float:
+        values = np.exp(logarithms)
+        key = json.dumps(values.tolist())
+        if key not in known:
+            known[key] = evaluation.at(values)
+            with record.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([values.tolist(), *known[key]]) + "\n")
+        seen.append((values, known[key]))
+        if progress is not None:
+            progress(min(len(seen), tuning.evaluations), tuning.evaluations)
+        return known[key].cost
+
+    cost(np.log(first))
+    members = max(5, min(15 * len(bounds), tuning.evaluations // 8))
+    # Half of the first members lie around the start: a good start is worth more than the middle of the limits.
+    chance = np.random.default_rng(tuning.seed)
+    lows, highs = np.array(bounds).T
+    near = np.log(first) + 0.1 * (highs - lows) * chance.standard_normal((members, len(bounds)))
+    members_at = np.where(chance.random((members, 1)) < 0.5, near, chance.uniform(lows, highs, near.shape))
+    members_at[0] = np.log(first)
+    differential_evolution(
+        cost,
+        bounds,
+        init=np.clip(members_at, lows, highs),
+        maxiter=max(0, (tuning.evaluations - 1) // members - 1),
+        rng=chance,
+        tol=0.0,
+        polish=False,
+    )
+    best = min(seen, key=lambda each: each[1].cost)
+    return Tuned(first, seen[0][1], *best, len(seen))
+
+
+def _read_record(path: Path, aircraft: Aircraft, tuning: Tuning) -> dict[str, Evaluation]:
+    """Values -> evaluation, of the lines of the file; a new file begins with what decides the results."""
+    settings = {**tuning.__dict__, "variables": [variable._asdict() for variable in tuning.variables]}
+    for kind in ("cases", "turbulence", "gusts"):
+        settings[kind] = [each._asdict() | {"actuator": asdict(each.actuator)} for each in settings[kind]]
+    settings["cases"] = [case | {"ends": case["ends"].tolist()} for case in settings["cases"]]
+    decides = stamp(settings | {"dynamics": aircraft.variant.name, "parameters": parameter_hash(aircraft.parameters)})
+    if not path.exists():
+        path.write_text(json.dumps(decides) + "\n", encoding="utf-8")
+        return {}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    if not lines or lines[0] != json.dumps(decides):
+        raise BadInputError(f"{path}: this is the record of another search; remove it, or choose another output")
+    return {json.dumps(values): found for values, found in map(_evaluation, _whole(lines[1:]))}
+
+
+def _whole(lines: list[str]) -> Iterator[Any]:
+    """The lines that were written whole."""
+    for line in lines:
+        try:
+            yield json.loads(line)
+        except ValueError:
+            return
+
+
+def _evaluation(row: list[Any]) -> tuple[list[float], Evaluation]:
+    values, cost, abscissa, errors, rates, rms, stood, *rest = row
+    return values, Evaluation(cost, abscissa, tuple(errors), tuple(rates), tuple(rms), tuple(stood), *rest)
