@@ -208,7 +208,10 @@ def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
     assert_refused(hfa("lpv", "--dihedral", "14:14.5", "-o", "x.txt"), 2, "unknown suffix")
 
 
-def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design() -> None:
+def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert hfa("design", "--design", "servo", "--dihedral", "11:11.5:0.5", "-o", "servo.npz").code == 0
     words = ("prove", "schedule", "--dihedral", "11:11.5", "--table", "servo.npz", "--design")
     proved = hfa(*words, "simvfa-1", "-o", "certificate.json")
