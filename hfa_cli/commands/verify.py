@@ -27,7 +27,7 @@ from hfa_model.support.errors import BadInputError
 from verification.critic.candidate import from_stored, from_weights
 from verification.critic.check_result import CriticCheck, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
-from verification.critic.ordinary_box import ordinary_box
+from verification.critic.critic_errors import ordinary_box
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

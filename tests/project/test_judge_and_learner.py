@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from import_graph import imports_of, project_sources
 
-from verification.critic.ordinary_box import ORDINARY_DEVIATIONS
+from verification.critic.critic_errors import ORDINARY_DEVIATIONS
 from verification.experiments.configuration import section5_configuration
 
 #: Values, bases and files: what a critic is made of.

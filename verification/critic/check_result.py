@@ -13,9 +13,9 @@ from hfa_model.reporting.report import Block, Report, Reported
 from hfa_model.reporting.text import Table, numbered
 from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate
+from verification.critic.critic_errors import Box
 from verification.critic.critic_history import HistoryErrors
 from verification.critic.flight_cost import FlightCost
-from verification.critic.ordinary_box import Box
 from verification.meaning.margins import DiskMargin
 from verification.riccati.gare import GameSolution
 

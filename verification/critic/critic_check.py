@@ -15,11 +15,10 @@ from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_least, at_most, below
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import CriticCheck
-from verification.critic.critic_errors import critic_errors
+from verification.critic.critic_errors import Box, critic_errors, ordinary_box
 from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
 from verification.critic.flight_cost import SIGNLESS, flight_cost
-from verification.critic.ordinary_box import Box, ordinary_box
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
 from verification.meaning.margins import disk_margin
 from verification.meaning.saddle import CHANGE, saddle_checks

@@ -17,8 +17,7 @@ from hfa_model.reporting.report import Block
 from hfa_model.reporting.text import Table
 from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import from_stored
-from verification.critic.critic_errors import critic_errors
-from verification.critic.ordinary_box import Box
+from verification.critic.critic_errors import Box, critic_errors
 from verification.critic.run_checks import settled_at
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution

@@ -6,8 +6,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check
-from verification.meaning.cost import cost_checks
-from verification.meaning.saddle import saddle_checks
+from verification.meaning.saddle import cost_checks, saddle_checks
 from verification.riccati.l2_gain import gain_checks
 
 

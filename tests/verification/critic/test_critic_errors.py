@@ -13,12 +13,12 @@ from controller.game.zero_sum import Game
 from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
 from verification.critic.critic_check import LIMIT, check_critic
 from verification.critic.critic_errors import (
+    ORDINARY_DEVIATIONS,
     box_errors,
     entry_error,
     gain_errors,
     value_errors,
 )
-from verification.critic.ordinary_box import ORDINARY_DEVIATIONS
 from verification.riccati.gare import solve_game
 
 GAME = game_models()["published-15"]

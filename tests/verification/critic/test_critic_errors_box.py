@@ -11,7 +11,7 @@ from cli import hfa
 
 from controller.game.zero_sum import Game
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from verification.critic.ordinary_box import ORDINARY_DEVIATIONS, ordinary_box
+from verification.critic.critic_errors import ORDINARY_DEVIATIONS, ordinary_box
 from verification.riccati.units import balanced_units
 
 GAME = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), np.diag([1.0, 1e6, 1, 1, 1, 1]), np.eye(5), 5.0)

@@ -8,9 +8,8 @@ from game_samples import INITIAL, failed_names
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.meaning.cost import cost_checks, cost_matrix, simulated_cost
 from verification.meaning.linear_flight import simulate
-from verification.meaning.saddle import saddle_checks
+from verification.meaning.saddle import cost_checks, cost_matrix, saddle_checks, simulated_cost
 from verification.riccati.gare import solve_game
 
 
