@@ -14,7 +14,7 @@ from hfa_model.support.files import write_text
 
 _HEAD = """# Formats of the outputs
 
-What every command prints with `--json` and writes as `.json`, key by key, in ft, slug, lbf, s and rad unless a name
+What every command prints with `--json` and writes into files, key by key, in ft, slug, lbf, s and rad unless a name
 ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
 
 ```console

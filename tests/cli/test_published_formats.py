@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from cli import hfa
+import zarr
+from cli import hfa, written_json
+from controllers import small_controller
 from import_graph import ROOT, project_sources
 from jsonschema import Draft202012Validator
-from published_formats import complaints_about
+from published_formats import assert_published, complaints_about
 
+from controller.design.controller_file import save_controller
 from hfa_cli.formats import formats, formats_markdown
+from hfa_model import Aircraft
+from hfa_model.support.jsonable import jsonable
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +33,14 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     published = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if "title" in each}
     sources = " ".join(project_sources().values())
     assert {name for name in published if f'"{name}"' not in sources} == set()
+    parts = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if _has_schema(each)}
+    assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, "publish it in hfa_cli/formats.json"
     outputs = {entry["$ref"] for entry in formats()["oneOf"]}
     assert {f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each} == outputs
+
+
+def _has_schema(definition: dict[str, Any]) -> bool:
+    return "schema" in definition.get("properties", {})
 
 
 def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:
@@ -51,6 +64,25 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
 def test_a_missing_key_is_seen(trim: dict[str, Any]) -> None:
     left = {key: value for key, value in trim.items() if key != "provenance"}
     assert complaints_about(left) == ["$: 'provenance' is a required property"]
+
+
+def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path, published_aircraft: Aircraft) -> None:
+    save_controller(tmp_path / "a.npz", small_controller(published_aircraft))
+    kept = jsonable(dict(np.load(tmp_path / "a.npz")))
+    assert complaints_about(kept) == []
+    assert complaints_about(kept | {"A": [[1.0]]}) != []
+    assert hfa("sweep", "--dihedral", "5,15", "-o", str(tmp_path / "a.zarr")).code == 0
+    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
+    assert complaints_about(attributes) == []
+    assert complaints_about(attributes | {"rows": "2"}) != []
+
+
+def test_a_file_without_its_format_is_seen(tmp_path: Path) -> None:
+    """The command passes here; the check of what lies beside its output fails."""
+    (tmp_path / "other.json").write_text('{"schema": "hfa.other/1"}', encoding="utf-8")
+    assert written_json(("servo", "-o", str(tmp_path))) == [tmp_path / "other.json"]
+    with pytest.raises(AssertionError, match=r"hfa\.other/1 is not published"):
+        assert_published((tmp_path / "other.json").read_text(encoding="utf-8"))
 
 
 def test_the_document_is_that_of_the_command(tmp_path: Path) -> None:

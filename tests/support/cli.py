@@ -7,6 +7,7 @@ import io
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,14 +37,23 @@ class Terminal(io.StringIO):
 def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
     """`hfa words...` in this process; what it says goes to `err` and `out`, which are no terminals unless said.
 
-    JSON that it prints must have the published format.
+    JSON that it prints, and that it writes into -o, must have the published format.
     """
     out, err = io.StringIO() if out is None else out, io.StringIO() if err is None else err
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     if "--json" in words and out.getvalue():
         assert_published(out.getvalue())
+    for path in written_json(words):
+        assert_published(path.read_text(encoding="utf-8"))
     return Result(code, out.getvalue(), err.getvalue())
+
+
+def written_json(words: tuple[str, ...]) -> list[Path]:
+    """The .json files that -o names, or that lie in the folder that it names."""
+    targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
+    inside = [path for folder in targets if folder.suffix == "" and folder.is_dir() for path in folder.rglob("*.json")]
+    return [path for path in targets if path.suffix == ".json" and path.is_file()] + inside
 
 
 def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
