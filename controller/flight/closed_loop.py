@@ -37,11 +37,11 @@ _BLOCK = 10_000
 class Expressions(NamedTuple):
     """A loop at (t, y, p): y' and what is seen of it; error z without noise, inputs u, disturbance d, updraft w."""
 
-    rate: Any
-    error: Any
-    inputs: Any
-    disturbance: Any
-    updraft: Any
+    rate: ca.SX
+    error: ca.SX
+    inputs: ca.SX
+    disturbance: ca.SX
+    updraft: ca.SX
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class ClosedLoop:
             if size != _Z:
                 raise BadInputError(f"the {name} has {size} channels; it must have {_Z}")
 
-    def symbols(self) -> tuple[Any, Any, Any]:
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """t, y and p to write the loop out in."""
         return ca.SX.sym("t"), ca.SX.sym("y", sum(self._y_sizes)), ca.SX.sym("p", sum(self._p_sizes))
 
@@ -89,7 +89,7 @@ class ClosedLoop:
         if actuators is not None:
             position, speed = actuators.position(moved, self.trim), actuators.rates(moved)
         updraft = self.updraft(t, y, p)
-        moving_air = ca.SX(0, 1) if self.gust is None else updraft
+        moving_air = ca.SX(0, 1) if self.gust is None else ca.SX(updraft)
         seen = Seen(error + noise, self.plant.seen(x) + noise, position, speed, moving_air)
         command = self.policy.control(t, seen, memory, of_policy)
         reachable = command if actuators is None else actuators.reachable(command, self.trim)
@@ -103,11 +103,11 @@ class ClosedLoop:
         rate_of_plant = self.plant.rate(x, u, d, updraft, of_plant)
         return Expressions(ca.vertcat(rate_of_plant, *rates), error, u, d, ca.SX(updraft))
 
-    def updraft(self, t: Any, y: Any, p: Any) -> Any:
+    def updraft(self, t: ca.SX, y: ca.SX, p: ca.SX) -> ca.SX | float:
         """w, ft/s, a scalar or (2,) at center and outer panels; the number 0.0 in still air."""
         if self.gust is None:
             return 0.0
-        return self.gust.updraft(t, y[sum(self._y_sizes[:-1]) :], p[sum(self._p_sizes[:-1]) :])
+        return ca.SX(self.gust.updraft(t, y[sum(self._y_sizes[:-1]) :], p[sum(self._p_sizes[:-1]) :]))
 
     def start(self, initial: np.ndarray, memory: np.ndarray | None = None) -> np.ndarray:
         """y(0) for x(0) = `initial`, actuators at trim; memory: of the policy at the start, 0 unless given."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Memoryless
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import Quantity
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
 #: the air as it was to rounding.
@@ -33,10 +34,10 @@ class Gust(Protocol):
     def constants_size(self) -> int:
         """Length of p."""
 
-    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """w(t), a scalar or (2,)."""
 
-    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+    def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
         """d(memory)/dt, (memory_size,)."""
 
     def start(self) -> np.ndarray:
@@ -71,7 +72,7 @@ class OneMinusCosine(Memoryless):
         """Nothing changes from tick to tick: 0."""
         return 0
 
-    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """The gust at t; expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
@@ -134,12 +135,12 @@ class Dryden:
         """One sample of the noise."""
         return 1
 
-    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """sigma/sqrt(τ) (x1 + √3 τ x2) min(t/fade, 1) in the states of `memory_rate`."""
         w = self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
         return w * ca.fmin(t / self.fade, 1.0) if self.fade else w
 
-    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+    def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ: the filter in controllable form, n scaled to make w ft/s."""
         A, b = self._filter
         return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p

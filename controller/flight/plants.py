@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,7 @@ from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 from hfa_model.winds import Air, Wind, Winds
 from trim.point.operating_point import OperatingPoint
 
@@ -35,10 +35,10 @@ class Plant(Protocol):
     def constants_size(self) -> int:
         """Length of p."""
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """dx/dt."""
 
-    def seen(self, x: Any) -> Any:
+    def seen(self, x: ca.SX) -> ca.SX:
         """The deviations of `LINEAR_STATES`, (6,)."""
 
 
@@ -59,7 +59,7 @@ class SevenStates:
         """All seven states."""
         return STATES
 
-    def seen(self, x: Any) -> Any:
+    def seen(self, x: ca.SX) -> ca.SX:
         """The six states of the linear model."""
         return ca.mtimes(ca.DM(spread().T), x)
 
@@ -79,13 +79,13 @@ class LinearPlant(_Known):
         """The six states of the paper's linear model."""
         return LINEAR_STATES
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + d."""
         if not (isinstance(updraft, float) and updraft == 0.0):
             raise BadInputError("the six-state linear model has no gust input: use the linearized or nonlinear one")
         return ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + d
 
-    def seen(self, x: Any) -> Any:
+    def seen(self, x: ca.SX) -> ca.SX:
         """The whole state."""
         return x
 
@@ -107,7 +107,7 @@ class NonlinearPlant(SevenStates, _Known):
     aircraft: Aircraft | Equations
     point: OperatingPoint
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """f(X0 + x, U0 + u, w), disturbed."""
         X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
         U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
@@ -115,7 +115,7 @@ class NonlinearPlant(SevenStates, _Known):
         return rate + ca.mtimes(ca.DM(spread()), d)
 
 
-def _air(updraft: Any) -> Air:
+def _air(updraft: Quantity) -> Air:
     """A uniform updraft as it is; (2,): the wind at each panel."""
     if isinstance(updraft, ca.SX) and updraft.numel() == 2:
         center, outer = ca.vertsplit(updraft)
@@ -150,7 +150,7 @@ class LinearizedAircraft(SevenStates, _Known):
         A, B, gust, outer_gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0, 0))
         return cls(A, B, gust.ravel(), outer_gust.ravel())
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + b w + b_o (w_o - w), disturbed."""
         center, *outer = ca.vertsplit(ca.SX(updraft))
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * center

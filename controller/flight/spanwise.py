@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from controller.flight.gusts import Dryden, Gust
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import Quantity
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class SpanwiseGust:
         """What all sources are handed."""
         return sum(source.constants_size for source in self.sources)
 
-    def updraft(self, t: Any, memory: Any, p: Any) -> Any:
+    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """(w_c, w_o), (2,)."""
         each = [source.updraft(t, *own) for source, own in zip(self.sources, self._own(memory, p), strict=True)]
         rows = (self.center, self.outer)
         return ca.vertcat(*(sum(share * w for share, w in zip(row, each, strict=True)) for row in rows))
 
-    def memory_rate(self, t: Any, memory: Any, p: Any) -> Any:
+    def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
         """Of all filters, one after the other."""
         pairs = zip(self.sources, self._own(memory, p), strict=True)
         return ca.vertcat(*(source.memory_rate(t, *own) for source, own in pairs))
@@ -56,7 +56,7 @@ class SpanwiseGust:
         """p of a tick."""
         return np.concatenate([source.constants(tick) for source in self.sources])
 
-    def _own(self, memory: Any, p: Any) -> list[tuple[Any, Any]]:
+    def _own(self, memory: ca.SX, p: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
         """Memory and p of each source."""
         found, m, k = [], 0, 0
         for source in self.sources:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from controller.flight.integrator import runge_kutta_step
 from hfa_model.kinematics import angle_of_attack
 from hfa_model.native.bound import BoundFunction
 from hfa_model.native.machine_code import machine_code
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Quantity, State
 from trim.point.operating_point import OperatingPoint
 
 _X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)
@@ -116,8 +116,8 @@ def _watched_step(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: 
     rate = ca.Function("rate", [t, y, p], [ca.densify(now.rate)])
     moved = runge_kutta_step(rate)(ca.vertcat(t, y), p, step)
 
-    def limited(t: Any, y: Any) -> State:
-        X = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
+    def limited(t: ca.SX, y: ca.SX) -> State[Quantity]:
+        X: State[Quantity] = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
         updraft = loop.updraft(t, y, p)
         if not isinstance(updraft, ca.SX):
             return X._replace(alpha=angle_of_attack(X, updraft))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model.vectors import LINEAR_STATES, Quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +46,15 @@ class CommandSteps:
             if not (math.isfinite(value) and value > 0.0):
                 raise BadInputError(f"the {name} of the command filter is {value:g}; it must be a positive number")
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Quantity) -> ca.SX:
         """r(t), (k,), at a CasADi expression."""
         return self._summed(t, self._response)
 
-    def rate(self, t: Any) -> Any:
+    def rate(self, t: Quantity) -> ca.SX:
         """r'(t), (k,)."""
         return self._summed(t, self._response_rate)
 
-    def end(self, t: Any) -> Any:
+    def end(self, t: Quantity) -> ca.SX:
         """r_step(t), (k,): what the filter is on its way to."""
         return self._summed(t, lambda late: late >= 0.0, shift=0.0)
 
@@ -63,7 +64,7 @@ class CommandSteps:
         function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
-    def _summed(self, t: Any, response: Any, shift: float | None = None) -> Any:
+    def _summed(self, t: Quantity, response: Callable[[Quantity], Quantity], shift: float | None = None) -> ca.SX:
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
@@ -71,7 +72,7 @@ class CommandSteps:
             total = total + ca.DM(jump) * response(late if shift is not None else ca.fmax(late, 0.0))
         return total
 
-    def _response(self, tau: Any) -> Any:
+    def _response(self, tau: Quantity) -> Quantity:
         w, z = self.bandwidth, self.damping
         if z == 1.0:
             return 1 - (1 + w * tau) * ca.exp(-w * tau)
@@ -81,7 +82,7 @@ class CommandSteps:
         slow, fast = self._poles
         return 1 - (fast * ca.exp(-slow * tau) - slow * ca.exp(-fast * tau)) / (fast - slow)
 
-    def _response_rate(self, tau: Any) -> Any:
+    def _response_rate(self, tau: Quantity) -> Quantity:
         w, z = self.bandwidth, self.damping
         if z == 1.0:
             return w**2 * tau * ca.exp(-w * tau)
@@ -112,7 +113,7 @@ class CommandedStates:
         """The six states of the linear model."""
         return len(LINEAR_STATES)
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Quantity) -> ca.SX:
         """x_d(t)."""
         names = self.commands.names
         chosen = np.array([[float(name == state) for name in names] for state in LINEAR_STATES])

@@ -71,7 +71,7 @@ class CriticPolicy:
         push = ca.mtimes(regressors.T, powers(residuals, *self.law.gains, self.law.settings.eta))
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
-    def _current(self, t: Any, z: Any, memory: Any) -> tuple[Any, Any]:
+    def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
         """σ and e of the flown state (Eq. 32-33): policies of the current weights."""
         e = self.law.equations
         y = z / self._scales
@@ -83,7 +83,7 @@ class CriticPolicy:
         return sigma, ca.dot(memory, sigma) + ca.bilin(ca.DM(e.Q), y, y) + 0.25 * ca.dot(value_gradient, pushed)
 
     @property
-    def _scales(self) -> Any:
+    def _scales(self) -> ca.DM:
         return ca.DM(self.law.equations.scales)
 
 
@@ -98,21 +98,20 @@ def forcing(A: np.ndarray, reference: Signal) -> Signal:
     return reference.through(A).plus(reference.rate().through(-np.eye(reference.size)))
 
 
-def gradient(basis: Basis, z: Any) -> Any:
+def gradient(basis: Basis, z: ca.SX) -> ca.SX:
     """∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
-    z = ca.vertsplit(z)
-    rows = []
+    parts, rows = ca.vertsplit(z), []
     for exponents in basis.exponents:
         powers_ = [int(power) for power in exponents]
-        rows.append(ca.horzcat(*[_derivative(z, powers_, i) for i in range(basis.states)]))
+        rows.append(ca.horzcat(*[_derivative(parts, powers_, i) for i in range(basis.states)]))
     return ca.vertcat(*rows)
 
 
-def _derivative(z: list[Any], exponents: list[int], channel: int) -> Any:
+def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
     """∂/∂z_channel of Π z_i^exponents[i]; a structural zero when the channel does not occur."""
     if exponents[channel] == 0:
         return ca.SX(1, 1)
-    value: Any = exponents[channel]
+    value = ca.SX(exponents[channel])
     for i, power in enumerate(exponents):
         lowered = power - (i == channel)
         if lowered:
@@ -121,7 +120,7 @@ def _derivative(z: list[Any], exponents: list[int], channel: int) -> Any:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry."""
+    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry; of SX or MX."""
     magnitude = ca.fabs(residuals)
     low = magnitude ** (1.0 - eta)
     # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0 both are 0.

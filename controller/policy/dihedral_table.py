@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hfa_model.vectors import Quantity
 
-def interpolated(dihedrals: np.ndarray, rows: np.ndarray, at: Any) -> Any:
+
+def interpolated(dihedrals: np.ndarray, rows: np.ndarray, at: Quantity) -> ca.SX | ca.DM:
     """row_0 + Σ_i (row_i+1 - row_i) sat((η - η_i)/(η_i+1 - η_i), 0, 1), (k,), at η = `at`, rad; rows: (N, k)."""
-    value = ca.DM(rows[0])
+    value: ca.SX | ca.DM = ca.DM(rows[0])
     for low, high, difference in zip(dihedrals[:-1], dihedrals[1:], np.diff(rows, axis=0), strict=True):
         share = ca.fmin(ca.fmax((at - float(low)) / float(high - low), 0.0), 1.0)
         value = value + ca.sparsify(ca.DM(difference)) * share

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from controller.policy.dihedral_table import interpolated
 from controller.policy.policies import Memoryless, Seen
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Quantity
 from trim.point.operating_point import OperatingPoint
 
 _N, _M = len(LINEAR_STATES), len(INPUTS)
@@ -52,20 +51,20 @@ class Schedule:
         inputs = np.array([point.inputs for point in points])
         return cls(states[:, STATES.index("dihedral")], states, inputs, np.array(gains))
 
-    def states_at(self, dihedral: Any) -> Any:
+    def states_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
         """X0(η), (7,), as a CasADi column."""
         return self._at(self.states, dihedral)
 
-    def inputs_at(self, dihedral: Any) -> Any:
+    def inputs_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
         """U0(η), (5,), as a CasADi column."""
         return self._at(self.inputs, dihedral)
 
-    def gain_at(self, dihedral: Any) -> Any:
+    def gain_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
         """K(η), (5, 6), as a CasADi matrix."""
         flat = self.gains.transpose(0, 2, 1).reshape(len(self.gains), _M * _N)
         return ca.reshape(self._at(flat, dihedral), _M, _N)
 
-    def _at(self, table: np.ndarray, dihedral: Any) -> Any:
+    def _at(self, table: np.ndarray, dihedral: Quantity) -> ca.SX | ca.DM:
         return interpolated(self.dihedrals, table, dihedral)
 
 
@@ -86,17 +85,17 @@ class DihedralChange:
         if not (np.isfinite(self.duration) and self.duration > 0.0):
             raise BadInputError(f"the change of dihedral takes {self.duration} s; give a positive number")
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Quantity) -> ca.SX:
         """η_d(t)."""
         tau = self._progress(t)
         return self.start + (self.end - self.start) * tau**3 * (10 - 15 * tau + 6 * tau**2)
 
-    def rate(self, t: Any) -> Any:
+    def rate(self, t: Quantity) -> ca.SX:
         """η_d'(t)."""
         tau = self._progress(t)
         return (self.end - self.start) / self.duration * 30 * tau**2 * (1 - tau) ** 2
 
-    def _progress(self, t: Any) -> Any:
+    def _progress(self, t: Quantity) -> ca.SX:
         return ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0)
 
 
@@ -113,7 +112,7 @@ class ScheduledReference:
         """The six states of the linear model."""
         return _N
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Quantity) -> ca.SX:
         """x_d(t); a CasADi column."""
         deviation = self.schedule.states_at(self.change.at(t)) - ca.DM(np.array(self.base.states))
         rows = [deviation[row] for row in _ROWS]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from trim.linear.output_model import output_model
 from trim.point.operating_point import OperatingPoint
 
@@ -40,13 +40,13 @@ class Commands(Protocol):
     def names(self) -> tuple[str, ...]:
         """Outputs that are commanded."""
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Quantity) -> ca.SX:
         """The value r, (k,)."""
 
-    def rate(self, t: Any) -> Any:
+    def rate(self, t: Quantity) -> ca.SX:
         """Its rate, (k,)."""
 
-    def end(self, t: Any) -> Any:
+    def end(self, t: Quantity) -> ca.SX:
         """What r is on its way to."""
 
 

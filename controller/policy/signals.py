@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 
 class TimeVector(Protocol):
@@ -17,7 +20,7 @@ class TimeVector(Protocol):
     def size(self) -> int:
         """Number of channels."""
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: ca.SX) -> ca.SX:
         """The value, (n,), at a number or a CasADi expression."""
 
 
@@ -54,6 +57,7 @@ class Signal:
         """Number of channels."""
         return len(self.constant)
 
+    # NumPy's answer to a number and CasADi's to an expression have no type in common.
     def at(self, t: Any) -> Any:
         """s(t): (n,) at a number, a CasADi column at a CasADi expression."""
         import casadi as ca
