@@ -1,0 +1,73 @@
+"""The two tours of ARCHITECTURE.md: what they name is what runs."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from types import FrameType
+
+import pytest
+from cli import hfa
+from game_files import small, stored
+from import_graph import LAYERS, ROOT
+
+from controller.game.basis import basis
+from controller.game.model_file import load_game
+from hfa_cli.main import DONE
+from verification.riccati.gare import solve_game
+
+TOURS = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## Two tours")[2].partition("\n## ")[0]
+GUST, CRITIC = re.split(r"\nA critic's weight", TOURS)
+#: All that runs of these stands in the tour of the critic.
+_ROOMS = ("controller/game/", "verification/")
+
+
+def stations(tour: str) -> list[str]:
+    """The files on the way, those beside it left out."""
+    return re.findall(r"^\d+\. `(\S+\.py)`", tour, re.MULTILINE)
+
+
+def named(tour: str) -> set[str]:
+    """Every file of a tour that is named with its folder."""
+    return set(re.findall(r"`(\S+/\S+\.py)`", tour))
+
+
+def executed(*words: str) -> set[str]:
+    """Files of the project in which a command calls a function."""
+    found = set()
+    hfa(*words)  # what importing executes is not on the way
+
+    def look(frame: FrameType, event: str, _: object) -> None:
+        if event == "call":
+            found.add(frame.f_code.co_filename)
+
+    sys.setprofile(look)
+    try:
+        assert hfa(*words).code == DONE
+    finally:
+        sys.setprofile(None)
+    paths = {Path(name).resolve() for name in found if not name.startswith("<")}
+    inside = {path.relative_to(ROOT).as_posix() for path in paths if path.is_relative_to(ROOT)}
+    return {path for path in inside if path.split("/")[0] in LAYERS}
+
+
+def test_every_station_of_a_gust_runs() -> None:
+    assert len(stations(GUST)) <= 8
+    assert (
+        named(GUST) - executed("fly", "--dihedral", "15", "--law", "exact", "--gust", "100:5", "--duration", "0.02")
+        == set()
+    )
+
+
+def test_the_tour_of_a_critic_is_what_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exact = solve_game(load_game(small("plant.json")))
+    critic = stored("critic.json", W=basis("quadratic", 2).weights(exact.P))
+    ran = executed("verify", "--model", "plant.json", "--weights", critic)
+    assert len(stations(CRITIC)) <= 15
+    assert named(CRITIC) - ran == set()
+    of_the_judge = {path for path in ran if path.startswith(_ROOMS)}
+    assert of_the_judge - named(CRITIC) == set()
+    left_out = "verification/meaning/margins.py"
+    assert of_the_judge - named(CRITIC.replace(left_out, "margins.py")) == {left_out}
