@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 
@@ -22,6 +23,18 @@ from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.riccati.gare import solve_game
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--order", metavar="SEED", help="run the files, and the tests of each, in a random order")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if (seed := config.getoption("--order")) is not None:
+        items.sort(
+            key=lambda item: [hashlib.sha256(f"{seed} {it}".encode()).digest() for it in (item.path, item.nodeid)]
+        )
 
 
 @pytest.fixture(scope="session")

@@ -97,13 +97,16 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
     if len(M) == 1:
         return start
     size = float(scaled_norm(M, start))
-    found = minimize(
-        lambda free: float(scaled_norm(M, np.append(free, 0.0))),
-        start[:-1] - start[-1],
-        method="Nelder-Mead",
-        options={"xatol": 1e-7, "fatol": 1e-10 * max(size, 1e-300), "maxiter": 4000},
-    )
+    # BFGS ends well at kinks too, where two singular values are the largest.
+    found = minimize(_norm_and_slope, start[:-1] - start[-1], (M,), "BFGS", jac=True, options={"gtol": 1e-9 * size})
     return np.append(found.x, 0.0) if found.fun < size else start
+
+
+def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
+    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are u, v; D_m = 1."""
+    D = np.exp(np.append(free, 0.0))
+    u, sizes, v = np.linalg.svd(D[:, None] * M / D)
+    return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
 
 
 def _loop_margin(game: Game, K: np.ndarray, i: int, largest: float) -> LoopMargin:
