@@ -198,8 +198,7 @@ class CertifiedLaw:
         return {
             "time": self.time(tick),
             "weights": self.equations.unscaled(here.weights),
-            "residual_norm": self.equations.relative_cost_residual(here.weights),
-            "settling_residual": self.equations.settling_residual(here.weights),
+            **self.equations.reported_residuals(here.weights),
             "law_residual_norm": self._law_residual(here, normaliser),
             "solves": here.solves,
         }

@@ -198,8 +198,7 @@ class IntegralLearning:
         return {
             "time": (self.intervals + tick) * self.settings.interval,
             "weights": self.equations.unscaled(memory["weights"]),
-            "residual_norm": self.equations.relative_cost_residual(memory["weights"]),
-            "settling_residual": self.equations.settling_residual(memory["weights"]),
+            **self.equations.reported_residuals(memory["weights"]),
             "law_residual_norm": float(memory["misfit"]),
         }
 

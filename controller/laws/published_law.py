@@ -257,8 +257,7 @@ class PublishedLaw:
         return {
             "time": min(self.steps_done(tick) * self.settings.step, self.settings.predefined_time),
             "weights": self.equations.unscaled(weights),
-            "residual_norm": self.equations.relative_cost_residual(weights),
-            "settling_residual": self.equations.settling_residual(weights),
+            **self.equations.reported_residuals(weights),
             "law_residual_norm": float(np.linalg.norm(self.history.at(weights).residuals)),
         }
 

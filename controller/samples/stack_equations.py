@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -92,18 +93,35 @@ class StackEquations:
         return self.S_control - problem.share * self.S_disturbance
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
-        """Regressors and residuals of all samples at scaled weights (M,)."""
+        """Regressors and residuals of all samples at scaled weights (M,), which are not written to afterwards.
+
+        The last answer is kept: a law asks for the same weights several times a tick.
+        """
+        asked, of, found = self._last
+        if asked is weights and of == problem:
+            return found
         pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
         regressors = self.along(self.drifts - problem.discount * self.states - pushed)
-        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
-        change = regressors @ weights
-        return Residuals(regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost))
+        change, cost = regressors @ weights, self.state_cost
+        found = Residuals(regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost))
+        self._last[:] = weights, problem, found
+        return found
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        """Weights, problem and answer of the last `at`."""
+        return [None, None, None]
+
+    @cached_property
+    def state_cost(self) -> np.ndarray:
+        """z_j'Q z_j, (N_h,)."""
+        return np.asarray(np.einsum("ji,ji->j", self.states @ self.Q, self.states))
 
     def _policies(self, half_gradient: np.ndarray, problem: PartialGame) -> tuple[np.ndarray, np.ndarray]:
         """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
         inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
         pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
-        return pushed, np.sum(inputs**2, axis=1) - problem.share * np.sum(gusts**2, axis=1)
+        return pushed, (inputs * inputs).sum(axis=1) - problem.share * (gusts * gusts).sum(axis=1)
 
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
@@ -144,18 +162,18 @@ class StackEquations:
         """Weights of y = z / scales -> weights of the model's coordinates z."""
         return weights / self.basis.scaling(self.scales)
 
-    def relative_cost_residual(self, weights: np.ndarray) -> float:
-        """|e| / |z'Qz| over the stack at the game itself: the residual norm that all laws report."""
-        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
-        return float(np.linalg.norm(self.game_residuals(weights)[0]) / np.linalg.norm(cost))
+    def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
+        """What all laws report of |e| at the game itself.
 
-    def settling_residual(self, weights: np.ndarray) -> float:
-        """|e| over the size of the terms that cancel in it, in [0, 1]: what tells a settled critic.
-
-        Against z'Qz alone, rounding would never count as settled where Q is small beside the value.
+        residual_norm: over |z'Qz|. settling_residual: over the size of the terms that cancel in e, in [0, 1]: it tells
+        a settled critic; against z'Qz alone, rounding would never count as settled where Q is small beside the value.
         """
         residuals, size = self.game_residuals(weights)
-        return float(np.linalg.norm(residuals) / np.linalg.norm(size))
+        norm = np.linalg.norm(residuals)
+        return {
+            "residual_norm": float(norm / np.linalg.norm(self.state_cost)),
+            "settling_residual": float(norm / np.linalg.norm(size)),
+        }
 
     def game_residuals(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual of the game's Hamilton-Jacobi-Isaacs equation with all of ∇V = ∂ψ'W, and its size, (N_h,) each.
@@ -165,7 +183,7 @@ class StackEquations:
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts
-        cost = np.einsum("ji,ji->j", self.states @ self.Q, self.states)
+        cost = self.state_cost
         _, policy_cost = self._policies(0.5 * gradient, GAME)
         return change.sum(axis=1) + cost - policy_cost, np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
 

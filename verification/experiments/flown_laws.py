@@ -121,7 +121,7 @@ def _published(
 
     def critic(memory: np.ndarray) -> Critic:
         weights = np.array([law.equations.unscaled(row) for row in memory])
-        residual = np.array([law.equations.relative_cost_residual(row) for row in memory])
+        residual = np.array([law.equations.reported_residuals(row)["residual_norm"] for row in memory])
         facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
         return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
 
