@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import sys
 
 # Matrices of six rows gain nothing from threads; must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Outputs bear the date of their making; with this they are the same in every run.
 os.environ["SOURCE_DATE_EPOCH"] = "1790000000"
+# Else each process compiles all modules anew, and each worker rewrites the assertions of all tests: five seconds each.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
 import pytest
@@ -23,6 +26,8 @@ from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.riccati.gare import solve_game
+
+sys.dont_write_bytecode = False  # as above, for this process
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import TypeGuard
 
 import pytest
-from import_graph import ROOT, project_sources
+from import_graph import ROOT, project_sources, tree_of
 
 LONGEST_FILE = 300
 #: Made, not written: their content is not the project's text.
@@ -22,13 +24,16 @@ _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 def project_files() -> Iterator[Path]:
     """Every file of the project that a person or a command of the project wrote."""
-    for path in sorted(ROOT.rglob("*")):
-        parts = path.relative_to(ROOT).parts
-        made = any(part in GENERATED or part.endswith((".egg-info", "_cache")) for part in parts)
-        if path.is_file() and not made:
-            yield path
+    for folder, folders, names in os.walk(ROOT):
+        folders[:] = sorted(name for name in folders if not _is_made(name))
+        yield from (Path(folder, name) for name in sorted(names) if not _is_made(name))
 
 
+def _is_made(name: str) -> bool:
+    return name in GENERATED or name.endswith((".egg-info", "_cache"))
+
+
+@cache
 def python_files() -> dict[str, str]:
     """Path relative to the root -> source."""
     return {str(path.relative_to(ROOT)): path.read_text("utf-8") for path in project_files() if path.suffix == ".py"}
@@ -45,7 +50,7 @@ def undocumented(sources: Mapping[str, str]) -> list[str]:
     """Public modules, classes, functions and methods whose docstring does not begin with a statement."""
     found = []
     for module, source in sources.items():
-        tree = ast.parse(source)
+        tree = tree_of(source)
         documented: list[tuple[str, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]] = [
             (module, tree),
             *((f"{module}.{name}", node) for name, node in _public(tree)),
@@ -90,7 +95,7 @@ class A:
 def assertion_free_tests(sources: Mapping[str, str]) -> list[str]:
     """Tests that neither assert nor expect an exception, themselves or in a helper of the tests."""
     functions = [
-        (path, node) for path, source in sources.items() for node in ast.walk(ast.parse(source)) if _is_function(node)
+        (path, node) for path, source in sources.items() for node in ast.walk(tree_of(source)) if _is_function(node)
     ]
     helpers = {node.name: node for _, node in functions if not node.name.startswith("test_")}
 
@@ -99,7 +104,7 @@ def assertion_free_tests(sources: Mapping[str, str]) -> list[str]:
             if isinstance(node, ast.Assert):
                 return True
             if isinstance(node, ast.Call):
-                called = ast.unparse(node.func).rpartition(".")[2]
+                called = _called(node)
                 if called.startswith("assert_") or called == "raises":
                     return True
                 if called in helpers and called not in seen and checks(helpers[called], seen | {called}):
@@ -107,6 +112,11 @@ def assertion_free_tests(sources: Mapping[str, str]) -> list[str]:
         return False
 
     return [f"{path}: {node.name}" for path, node in functions if node.name.startswith("test_") and not checks(node)]
+
+
+def _called(node: ast.Call) -> str:
+    """The last name of what is called."""
+    return getattr(node.func, "attr", getattr(node.func, "id", ""))
 
 
 def _is_function(node: ast.AST) -> TypeGuard[ast.FunctionDef | ast.AsyncFunctionDef]:
@@ -117,14 +127,11 @@ def hollow_assertions(sources: Mapping[str, str]) -> list[str]:
     """Assertions that always hold: `assert SomeError(...)`, a tuple in parentheses, a constant."""
     found = []
     for path, source in sources.items():
-        for node in ast.walk(ast.parse(source)):
+        for node in ast.walk(tree_of(source)):
             if isinstance(node, ast.Assert):
-                text = ast.unparse(node.test)
-                is_error = isinstance(node.test, ast.Call) and re.search(
-                    r"(Error|Exception)$", ast.unparse(node.test.func)
-                )
+                is_error = isinstance(node.test, ast.Call) and _called(node.test).endswith(("Error", "Exception"))
                 if is_error or isinstance(node.test, (ast.Tuple, ast.Constant)):
-                    found.append(f"{path}:{node.lineno}: assert {text}")
+                    found.append(f"{path}:{node.lineno}: assert {ast.unparse(node.test)}")
     return found
 
 
@@ -132,7 +139,7 @@ def repeated_test_names(sources: Mapping[str, str]) -> list[str]:
     """Tests that a later test of the same name in the same file replaces, so that they never run."""
     found = []
     for path, source in sources.items():
-        names = [node.name for node in ast.parse(source).body if isinstance(node, _FUNCTIONS)]
+        names = [node.name for node in tree_of(source).body if isinstance(node, _FUNCTIONS)]
         found += [f"{path}: {name}" for name in sorted({name for name in names if names.count(name) > 1})]
     return found
 
@@ -211,7 +218,7 @@ def writers(sources: Mapping[str, str], name: str) -> list[str]:
     """Modules that name a file in their code (not in a docstring or an error message alone) and can write files."""
     found = []
     for module, source in sources.items():
-        tree = ast.parse(source)
+        tree = tree_of(source)
         docstrings = {
             id(node.body[0].value)
             for node in ast.walk(tree)
@@ -226,7 +233,7 @@ def writers(sources: Mapping[str, str], name: str) -> list[str]:
             and id(node) not in docstrings
             for node in ast.walk(tree)
         )
-        calls = {ast.unparse(node.func).rpartition(".")[2] for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        calls = {_called(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
         if named and calls & {"write_text", "write_bytes", "written_whole", "open", "dump", "save", "savez"}:
             found.append(module)
     return found

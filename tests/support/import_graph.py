@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -63,30 +64,49 @@ def project_sources() -> dict[str, str]:
     return found
 
 
+@cache
+def tree_of(source: str) -> ast.Module:
+    """The syntax tree of a source, which several tests look at and none changes."""
+    return ast.parse(source)
+
+
 def imports_of(module: str, sources: Mapping[str, str]) -> set[str]:
     """Modules of `sources` that a module imports anywhere in its text.
 
     A name imported from a package is the submodule of that name where there is one, else the package itself.
     """
-    tree = ast.parse(sources[module])
-    is_package = any(name.startswith(f"{module}.") for name in sources)
-    base = module.split(".") if is_package else module.split(".")[:-1]
+    base = module.split(".") if _is_package(module, sources) else module.split(".")[:-1]
     found = set()
-    for node in ast.walk(tree):
+    for node in _imports_in(sources[module]):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             above = base[: len(base) - node.level + 1] if node.level else []
             origin = ".".join([*above, *([node.module] if node.module else [])])
             names = {f"{origin}.{alias.name}" for alias in node.names}
             found |= {name if name in sources else origin for name in names}
-    return {name for name in found if name.split(".")[0] in {each.split(".")[0] for each in sources}}
+    tops = {each.partition(".")[0] for each in sources}
+    return {name for name in found if name.partition(".")[0] in tops}
+
+
+@cache
+def _imports_in(source: str) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    return tuple(node for node in ast.walk(tree_of(source)) if isinstance(node, (ast.Import, ast.ImportFrom)))
 
 
 def room_of(module: str, sources: Mapping[str, str]) -> str:
     """The folder that a module lies in, dotted; a package is its own room."""
-    is_package = any(name.startswith(f"{module}.") for name in sources)
-    return module if is_package or "." not in module else module.rpartition(".")[0]
+    return module if _is_package(module, sources) or "." not in module else module.rpartition(".")[0]
+
+
+def _is_package(module: str, sources: Mapping[str, str]) -> bool:
+    return module in _packages(frozenset(sources))
+
+
+@cache
+def _packages(modules: frozenset[str]) -> frozenset[str]:
+    parts = (module.split(".") for module in modules)
+    return frozenset(".".join(each[:end]) for each in parts for end in range(1, len(each)))
 
 
 def reachable(start: str, sources: Mapping[str, str]) -> set[str]:
