@@ -72,6 +72,17 @@ def import_cycle(sources: Mapping[str, str]) -> list[str]:
     return []
 
 
+def imports_by_name(sources: Mapping[str, str]) -> list[str]:
+    """Modules that import what stands in a string, where nothing above sees it."""
+    by_name = ("import_module", "__import__")
+    return [module for module, source in sources.items() if any(word in source for word in by_name)]
+
+
+def test_only_the_doors_and_the_command_import_by_name() -> None:
+    assert imports_by_name(project_sources()) == ["hfa_model.support.door", "hfa_cli.main"]
+    assert imports_by_name({"trim.a": 'importlib.import_module("trim.b")', "trim.b": ""}) == ["trim.a"]
+
+
 def test_every_package_is_read() -> None:
     sources = project_sources()
     assert {name.split(".")[0] for name in sources} == set(LAYERS)

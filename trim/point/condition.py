@@ -42,6 +42,8 @@ LIMITS: dict[str, tuple[float, float]] = STATE_LIMITS._asdict() | CONTROL_LIMITS
 
 #: The paper calls its linear model applicable up to this dihedral angle (Section 5.1), rad.
 PAPER_RANGE = math.radians(15.0)
+#: The same with room for rounding: what lies beyond it is warned of.
+PAPER_LIMIT = PAPER_RANGE * (1 + 1e-12)
 
 
 @dataclass(frozen=True)

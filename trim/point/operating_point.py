@@ -29,7 +29,7 @@ from hfa_model.vectors import (
     Input,
     State,
 )
-from trim.point.condition import PAPER_RANGE
+from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 
 if TYPE_CHECKING:
     import control
@@ -86,7 +86,7 @@ class OperatingPoint(Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        if abs(self.states.dihedral) <= PAPER_RANGE * (1 + 1e-12):
+        if abs(self.states.dihedral) <= PAPER_LIMIT:
             return []
         return [
             f"dihedral {angle_text(self.states.dihedral)} lies beyond the paper's range, "

@@ -7,11 +7,8 @@ import math
 import numpy as np
 
 from hfa_model.reporting.text import angle_text
-from trim.point.condition import PAPER_RANGE
+from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 from trim.sweeps.sweep_plan import Steps, SweepPlan
-
-#: The paper's range of dihedral with room for rounding, rad.
-_LIMIT = PAPER_RANGE * (1 + 1e-12)
 
 
 def range_warnings(dihedral: np.ndarray) -> list[str]:
@@ -29,14 +26,14 @@ def plan_warnings(plan: SweepPlan) -> list[str]:
     if not isinstance(dihedral, Steps):
         return _warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)), plan.count)
     # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
-    first = max(math.ceil((-_LIMIT - dihedral.start) / dihedral.step), 0)
-    last = min(math.floor((_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
+    first = max(math.ceil((-PAPER_LIMIT - dihedral.start) / dihedral.step), 0)
+    last = min(math.floor((PAPER_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
     beyond = dihedral.count - max(last - first + 1, 0)
     return _warnings(beyond * (plan.count // dihedral.count), plan.count)
 
 
 def _beyond(dihedral: np.ndarray) -> int:
-    return int(np.count_nonzero(np.abs(dihedral) > _LIMIT))
+    return int(np.count_nonzero(np.abs(dihedral) > PAPER_LIMIT))
 
 
 def _warnings(beyond: int, count: int) -> list[str]:
