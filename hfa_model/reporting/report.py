@@ -91,10 +91,11 @@ class Report:
 
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from elsewhere."""
-        heading = [f"<h{level}>{html.escape(_one_line(self.title))}</h{level}>"] if self.title else []
+        first, *others = self.title.split("\n")
+        heading = [f"<h{level}>{html.escape(first)}</h{level}>"] if first else []
         shown = [_html(part, level) for part in self.parts]
         said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n".join([*heading, *shown, *(f"<p>{html.escape(line)}</p>" for line in said)])
+        return "\n".join([*heading, *map(_paragraph, others), *shown, *map(_paragraph, said)])
 
     def latex(self, level: int = 1) -> str:
         """A fragment, sections from `level` on, every word escaped; pictures by their names (graphicx)."""
@@ -228,6 +229,10 @@ def _latex(part: Part, level: int) -> str:
 
 def _cell(cell: Any) -> str:
     return str(cell).replace("|", "\\|")
+
+
+def _paragraph(line: str) -> str:
+    return f"<p>{html.escape(line)}</p>"
 
 
 def _one_line(title: str) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_model.reporting.figure import new_figure
+from verification.experiments.first_second import Line, draw_inset
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, INTEGRAL, MODIFIED, PRINTED
 
 if TYPE_CHECKING:
@@ -46,15 +48,6 @@ _CYCLE: tuple[dict[str, Any], ...] = (
 )
 #: For the lines of a bundle, which need not be told apart.
 _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """x: (N,), y: (N,) or (N, k) for a bundle without names of its own."""
-
-    label: str
-    x: np.ndarray
-    y: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +116,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         _scale_by_asinh(axes, panel)
     else:
         axes.set_yscale(panel.scale)
-    for index, line in enumerate(panel.lines):
-        bundle = line.y.ndim == 2
-        style = _STYLES.get(line.label.partition(LOST)[0], _CYCLE[index % len(_CYCLE)])
-        if bundle:
-            axes.plot(line.x, line.y[:, :1], label=line.label, **_BUNDLE)
-            axes.plot(line.x, line.y[:, 1:], **_BUNDLE)
-        else:
-            axes.plot(line.x, line.y, label=line.label, **style)
+    _draw_lines(axes, panel.lines)
     if any(line.y.ndim == 2 for line in panel.lines):  # named lines of one panel are not those of the next
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
     for time, _ in panel.marked:
@@ -148,6 +134,19 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     if len(drawn):  # of all values, also those that a logarithmic axis leaves out
         margin = 0.02 * float(np.ptp(drawn)) or 1.0
         axes.set_xlim(float(drawn.min()) - margin, float(drawn.max()) + margin)
+    if panel.scale == "linear":
+        draw_inset(axes, panel.lines, _draw_lines)
+
+
+def _draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
+    for index, line in enumerate(lines):
+        bundle = line.y.ndim == 2
+        style = _STYLES.get(line.label.partition(LOST)[0], _CYCLE[index % len(_CYCLE)])
+        if bundle:
+            axes.plot(line.x, line.y[:, :1], label=line.label, **_BUNDLE)
+            axes.plot(line.x, line.y[:, 1:], **_BUNDLE)
+        else:
+            axes.plot(line.x, line.y, label=line.label, **style)
 
 
 def _scale_by_asinh(axes: Axes, panel: Panel) -> None:

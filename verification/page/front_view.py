@@ -31,7 +31,7 @@ def front_view(aircraft: Aircraft, points: tuple[TrimmedAngle, ...], name: str) 
     first = next(i for i, panels in enumerate(drawn) if panels is not None)
     low, high = _heights(moving)
     wide = 1.5 * span + 12.0
-    x = axis("ft", -wide, wide, constrain="domain")
+    x = axis("ft", -wide, wide, constrain="domain", showgrid=False, zeroline=False)  # lines would cross the texts
     y = axis("ft", low, high, scaleanchor="x", scaleratio=1, constrain="domain")
     data = [fixed | changed for fixed, changed in zip(_FIXED, moving[first], strict=True)]
     where = f"dihedral {angle_text(points[first].dihedral)}" if len(points) == 1 else "the chosen dihedral angle"
@@ -81,7 +81,7 @@ def _traces(
         *(_line([each for start, force in kind for each in (start, start + scale * force, gap)]) for kind in forces),
         _line(hinges),
         _line([*ends, hinges[0] - [0.0, 0.1 * half]])
-        | {"text": [*sizes, f"{moment:.1f} ft lbf"], "textposition": [*beside, "bottom right"]},
+        | {"text": [*sizes, f"{moment:.1f} ft lbf"], "textposition": [*beside, "bottom center"]},
     ]
 
 

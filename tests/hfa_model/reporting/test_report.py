@@ -55,7 +55,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     drawn: list[str] = []
     found = report(drawn)
     html = found.html(2)
-    assert html.startswith("<h2>Title &amp; more of it</h2>\n<p>first</p>\n<h3>Inner</h3>\n")
+    assert html.startswith("<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n")
     assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
     assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
     assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
