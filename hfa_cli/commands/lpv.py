@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     low, high = interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))
     if arguments.certificate is not None:
-        certify(grid, family, arguments.tolerance, arguments.certificate)
+        certify(grid, family, arguments.certificate)
     target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid))

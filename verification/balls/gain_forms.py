@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game, published_game
 from verification.balls.ball_function import Undecided
-from verification.balls.balls import doubles, exact, map_entries, matrix, norm, symmetric
+from verification.balls.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
 from verification.balls.game_balls import lyapunov_operator, proved_modes
 from verification.balls.trim_branch import ModelForms
 from verification.riccati.gare import solve_game
@@ -22,19 +22,20 @@ Polynomial = list["arb_mat"]
 #: How much wider than what Newton's step shows the solution is sought.
 _REACH = 4.0
 #: ... and how much wider a certificate states it, and the contraction that leaves the checker room.
-_STATED, _CONTRACTION = 50.0, 0.8
+_STATED, _CONTRACTION = 36.0, 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class GainForm:
     """K(τ) within rest, entry by entry, of K_0 + K_1 τ + K_2 τ²: coefficients (3, 5, 6), rest (5, 6), τ in degrees.
 
-    proof: what a certificate says of P on the box.
+    proof: what a certificate says of P on the box. loose: how far from K, Frobenius, that leaves whoever checks it.
     """
 
     coefficients: np.ndarray
     rest: np.ndarray
     proof: dict[str, Any]
+    loose: float
 
 
 def gain_form(forms: ModelForms) -> GainForm:
@@ -91,7 +92,10 @@ def gain_form(forms: ModelForms) -> GainForm:
         "H": modes.H,
         "turn": modes.turn,
     }
-    return GainForm(np.array([doubles(each) for each in gains[:3]]), bounds, proof)
+    loose = R_inverse * B[0].transpose() * filled(n, n, symmetric(proof["reach"])) * down
+    return GainForm(
+        np.array([doubles(each) for each in gains[:3]]), bounds, proof, float(norm(loose.entries()).upper())
+    )
 
 
 def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.ndarray]:

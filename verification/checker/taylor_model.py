@@ -1,6 +1,5 @@
 """Taylor models of second order in balls, and a CasADi function run on them: the arithmetic of the checker.
 
-No part of the prover is used: it has its own instructions and another enclosure (power series, `ball_function.py`).
 Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4 (2003).
 """
 
@@ -15,8 +14,10 @@ from flint import arb, arb_mat, arb_series
 
 from hfa_model.support.errors import NoSolutionError
 
-#: {s² : |s| <= 1}; s⁴ has the same values.
-_SQUARE = arb(0.5, 0.5)
+#: {s : |s| <= 1} and {s² : |s| <= 1}.
+_ALL, _SQUARE = arb(0, 1), arb(0.5, 0.5)
+#: Control points of s² on the four quarters of [-1, 1]: their hull holds (s, s²).
+_HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0, 1.0))
 
 
 class Rejected(NoSolutionError):
@@ -47,12 +48,8 @@ class TaylorModel:
 
     def __mul__(self, other: TaylorModel) -> TaylorModel:
         (a0, a1, a2, rest, *za), (b0, b1, b2, other_rest, *zb) = self.parts, other.parts
-        move, other_move = _ball(a1) + _SQUARE * a2, _ball(b1) + _SQUARE * b2
-        errors, other_errors = self.errors(), other.errors()
-        cut = (
-            _ball(a1 * b2 + a2 * b1) + _SQUARE * (a2 * b2) + move * other_errors + errors * (other_move + other_errors)
-        )
-        rest = cut + rest * other.range() + (a0 + move + errors) * other_rest
+        # What is kept of the product of the two aways is a1 b1 s².
+        rest = rest * b0 + a0 * other_rest + self.away(0) * other.away() + _ALL * a1 * other.away(0)
         z = map(sum, zip_longest((x * b0 for x in za), (a0 * y for y in zb), fillvalue=0))
         return TaylorModel(a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a1 * b1 + a2 * b0, rest, *z)
 
@@ -60,14 +57,18 @@ class TaylorModel:
         """Of a matrix."""
         return self.map(arb_mat.transpose)
 
-    def errors(self) -> Any:
-        """Every value of Σ z_k t_k."""
-        return sum(map(_ball, self.parts[4:]), 0 * self.parts[0])
+    def away(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
+        """Every value less c_0, at some s and s²."""
+        _, c1, c2, rest, *z = self.parts
+        return s * c1 + square * c2 + sum((_ALL * each for each in z), rest)
 
     def range(self) -> Any:
         """Every value on the box."""
-        c0, c1, c2, rest = self.parts[:4]
-        return c0 + _ball(c1) + _SQUARE * c2 + rest + self.errors()
+        return self.parts[0] + self.away()
+
+    def corners(self) -> list[Any]:
+        """Enclosures whose convex hull holds every value."""
+        return [self.parts[0] + self.away(arb(s), arb(square)) for s, square in _HULL]
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
         """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
@@ -75,52 +76,46 @@ class TaylorModel:
         far = function(arb_series([self.range(), 1], prec=4))
         delta = TaylorModel(arb(0), *self.parts[1:])
         square = delta * delta
-        last = TaylorModel(near[0], arb(0), arb(0), far[3] * square.range() * delta.range())
+        last = TaylorModel(near[0], arb(0), arb(0), far[3] * square.range() * self.away())
         return delta.map(lambda part: part * near[1]) + square.map(lambda part: part * near[2]) + last
 
 
-def _ball(value: Any) -> Any:
-    """{s value : |s| <= 1}, entry by entry."""
-    return arb(0, 1) * value
-
-
-def _inverse(x: TaylorModel) -> TaylorModel:
-    return x.through(lambda series: 1 / series)
-
-
-def _choice(x: TaylorModel, y: TaylorModel, first: TaylorModel, second: TaylorModel) -> TaylorModel:
-    """The first where x <= y is certain, the second where x > y is."""
+def _at_most(x: TaylorModel, y: TaylorModel) -> bool:
+    """x <= y, when that is certain or its contrary is."""
     low, high = x.range(), y.range()
     if not (low <= high or low > high):
         raise Rejected("a branch of the equations is not decided")
-    return first if low <= high else second
+    return bool(low <= high)
+
+
+def _over(x: TaylorModel, y: TaylorModel) -> TaylorModel:
+    return x * y.through(lambda series: 1 / series)
 
 
 def _arctangent(y: TaylorModel, x: TaylorModel) -> TaylorModel:
     if not x.range() > 0:
         raise Rejected("atan2 outside the right half plane")
-    return (y * _inverse(x)).through(arb_series.atan)
+    return _over(y, x).through(arb_series.atan)
 
 
 _OPERATIONS: dict[int, Callable[..., TaylorModel]] = {
     ca.OP_ADD: lambda x, y: x + y,
     ca.OP_SUB: lambda x, y: x - y,
     ca.OP_MUL: lambda x, y: x * y,
-    ca.OP_DIV: lambda x, y: x * _inverse(y),
+    ca.OP_DIV: _over,
     ca.OP_NEG: lambda x: -x,
     ca.OP_TWICE: lambda x: x + x,
     ca.OP_SQ: lambda x: x * x,
-    ca.OP_INV: _inverse,
     ca.OP_SQRT: lambda x: x.through(arb_series.sqrt),
     ca.OP_EXP: lambda x: x.through(arb_series.exp),
     ca.OP_SIN: lambda x: x.through(arb_series.sin),
     ca.OP_COS: lambda x: x.through(arb_series.cos),
     ca.OP_ASIN: lambda x: x.through(arb_series.asin),
     ca.OP_ATAN2: _arctangent,
-    ca.OP_CONSTPOW: lambda x, y: (y * x.through(arb_series.log)).through(arb_series.exp),
-    ca.OP_FMIN: lambda x, y: _choice(x, y, x, y),
-    ca.OP_FMAX: lambda x, y: _choice(x, y, y, x),
-    ca.OP_LE: lambda x, y: _choice(x, y, TaylorModel(arb(1)), TaylorModel(arb(0))),
+    ca.OP_CONSTPOW: lambda x, y: x.through(lambda series: series ** y.range()),
+    ca.OP_FMIN: lambda x, y: x if _at_most(x, y) else y,
+    ca.OP_FMAX: lambda x, y: y if _at_most(x, y) else x,
+    ca.OP_LE: lambda x, y: TaylorModel(arb(_at_most(x, y))),
 }
 
 

@@ -41,7 +41,7 @@ def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
     return {
         "dynamics": family.aircraft.variant.name,
         "parameters": parameters,
-        "spread": dict(zip(parameters, family.spread or [0.0] * len(parameters), strict=True)),
+        "spread": {name: width for name, width in zip(parameters, family.spread or (), strict=False) if width > 0.0},
         "imposed": {name: value for name, value in condition.imposed.items() if name != "dihedral"},
         "limits": {name: condition.limits_of(name) for name in (*INPUTS, *condition.free)},
         "dihedral_deg": [low, high],
@@ -50,7 +50,7 @@ def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
 
 def box_entry(box: DihedralBox, model: StatedModel, decimals: bool, **more: Any) -> dict[str, Any]:
     """The trims and the linear model on one box, and what is proved of them."""
-    own = {name: getattr(model, name) for name in ("trim", "radius", "A", "B")}
+    own = {name: getattr(model, name) for name in ("trim", "A", "B")}
     return {"dihedral_deg": [box.low, box.high], "decimals": decimals, "unstable": 0, "rate": 0.0} | own | more
 
 
@@ -118,6 +118,6 @@ class ScheduleCertificate:
 
 
 def _box(entry: dict[str, Any]) -> ProvedBox:
-    model = StatedModel(entry["trim"], entry["radius"], np.array(entry["A"]), np.array(entry["B"]))
+    model = StatedModel(entry["trim"], np.array(entry["A"]), np.array(entry["B"]))
     H, turn = np.array(entry["H"]), np.array(entry["turn"])
     return ProvedBox(DihedralBox(*entry["dihedral_deg"]), entry["unstable"], entry["rate"], H, turn, model)

@@ -35,9 +35,10 @@ def _schedule(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:
     lines = [f"decay rate of the loop: {found.rate:.6g} 1/s"]
     if "motion" in runs:
         lines.append(f"stable while the dihedral moves by at most {claim['dihedral_rate']:.4g} deg/s, however it does")
-    uncertain = sum(width > 0.0 for width in claim["spread"].values())
-    if uncertain:
-        lines.append(f"for every value of {uncertain} parameters within the half widths that the certificate states")
+    if claim["spread"]:
+        lines.append(
+            f"for every value of {len(claim['spread'])} parameters within the half widths that the certificate states"
+        )
     whole = [(*claim["dihedral_deg"], 0)]
     tables = [
         Table((head, "unstable modes"), [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in runs[name]])
@@ -64,7 +65,7 @@ def _game(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:
 
 
 def _lpv(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:
-    error = found.statement["error"]
+    error = {name: most for name, (_, most) in found.statement["distances"].items()}
     table = Table(("error at every angle between, at most", "bound"), [(k, f"{v:.3g}") for k, v in error.items()])
-    nodes = len(found.statement["nodes"]["dihedral_deg"])
+    nodes = len(found.statement["table"]["dihedral_deg"])
     return f"linear interpolation of {nodes} models, ", [table], {"error": error, "nodes": nodes}

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.balls.balls import map_entries, matrix, norm, symmetric
+from verification.balls.balls import doubles, map_entries, matrix, norm, symmetric
 from verification.balls.game_balls import BallGame, enclose_solution, proved_modes
 from verification.balls.steady_flights import Family
 from verification.balls.trim_branch import TrimBranch
@@ -38,7 +38,7 @@ def solution_claim(proof: SolutionProof, family: Family | None, degrees: float |
     about = _About(proof.game, family, degrees)
     wide, sharp = about.wide, about.sharp
     claim = about.claim | {
-        "given": {"P": proof.P},
+        "table": _table(wide.gain_of(matrix(proof.P)), {"P": proof.P}),
         "distances": {"P": [0.0, _WIDER * proof.radius]},
         "delta_min": [proof.delta.refused, proof.delta.value],
     }
@@ -59,10 +59,17 @@ def critic_claim(proof: CriticProof, family: Family | None, degrees: float | Non
     given = {name: value[:, None] if name == "W" else value for name, value in proof.given.items()}
     gain = matrix(given["K"]) if "K" in given else about.sharp.gain_of(matrix(given["P"]))
     distances = {name: _widened(found) for name, found in proof.distances.items()}
-    return about.claim | {"given": given, "distances": distances}, {
+    return about.claim | {"table": _table(gain, given), "distances": distances}, {
         "solution": [about.point(False) | about.solution(about.sharp)],
         "loop": [about.point(False) | _modes(about.sharp.A - about.sharp.B * gain)],
     }
+
+
+def _table(gain: arb_mat, given: dict[str, np.ndarray]) -> dict[str, Any]:
+    """What is compared with the exact solution, and u = -K x, K rounded to doubles, as a loop without memory."""
+    K = doubles(gain)
+    n = K.shape[1]
+    return {"K": K, "M": np.zeros((n, n)), "N": np.zeros((n, n)), "X": np.zeros((n, n))} | given
 
 
 def _widened(found: Distance) -> list[float]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.game.zero_sum import published_game
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import INPUT_SCALES
 from verification.balls.ball_function import Undecided
 from verification.balls.balls import symmetric
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 _CELL = 2.0**-4
 #: Narrower cells are not tried.
 _NARROWEST = 2.0**-8
-#: Bounds in a certificate over those proved: the checker encloses in another way.
-_STATED = 1.5
+#: Part of the tolerance that a certificate may leave open about K.
+_LOOSE = 0.5
 #: What rounding of a node's entries to doubles may add to the error, relative.
 _ROUNDING = 1e-12
 
@@ -78,7 +79,7 @@ def coarsest_grid(
     count = max(1, round((high - low) / _CELL))
     edges = np.linspace(low, high, count + 1).tolist()
     for index in range(count):
-        cells += _cells(branch, DihedralBox(edges[index], edges[index + 1]))
+        cells += _cells(branch, DihedralBox(edges[index], edges[index + 1]), _LOOSE * tolerance)
         if progress is not None:
             progress(index + 1, count)
     nodes, errors, first = [low], [], 0
@@ -103,26 +104,33 @@ def coarsest_grid(
     return LpvGrid(np.array(nodes), A, B, inputs[..., 0], K, bounds, tuple(cell.entry for cell in cells))
 
 
-def certify(grid: LpvGrid, family: Family, tolerance: float, path: Path) -> None:
-    """Write the certificate of a grid: all errors are within the tolerance, or the largest bound a little wider."""
+def certify(grid: LpvGrid, family: Family, path: Path) -> None:
+    """Write the certificate of a grid; it states the errors that the checker finds: it encloses in another way."""
+    from verification.checker.checked_game import distances
+
     game = published_game(grid.A[0], grid.B[0])
     nodes = {name: getattr(grid, name) for name in ("dihedral_deg", "A", "B", "K")} | {"inputs": grid.inputs[..., None]}
     claim = flights_claim(family, float(grid.dihedral_deg[0]), float(grid.dihedral_deg[-1])) | {
         "game": {name: getattr(game, name) for name in ("Q", "R", "E", "delta")},
-        "nodes": nodes,
-        "error": dict.fromkeys(grid.error, max(tolerance, _STATED * max(grid.error.values()))),
+        "table": nodes,
     }
+    claim = jsonable(claim)
+    found = [distances(claim, jsonable(cell)) for cell in grid.cells]
+    claim["distances"] = {name: [0.0, _wider(max(float(each[name][1]) for each in found))] for name in grid.error}
     write_certificate(path, "lpv", claim, {"cells": list(grid.cells)})
 
 
-def _cells(branch: TrimBranch, box: DihedralBox) -> list[_Cell]:
-    """The bounds of a box, or of its parts when it is too wide for them."""
+def _cells(branch: TrimBranch, box: DihedralBox, loose: float) -> list[_Cell]:
+    """The bounds of a box, or of its parts when it is too wide for them, or for a check of K within `loose`."""
     try:
-        return [_cell(branch.forms(box), branch)]
-    except Undecided:
-        if box.high - box.low <= _NARROWEST:
-            raise NoSolutionError(f"the models from {box.low:g} to {box.high:g} deg could not be enclosed") from None
-        return [cell for half in box.halves() for cell in _cells(branch, half)]
+        found, why = _cell(branch.forms(box), branch), None
+    except Undecided as error:
+        found, why = None, error
+    if found is not None and (found.gain.loose <= loose * found.size["K"] or box.high - box.low <= _NARROWEST):
+        return [found]
+    if box.high - box.low <= _NARROWEST:
+        raise NoSolutionError(f"the models from {box.low:g} to {box.high:g} deg could not be enclosed") from why
+    return [cell for half in box.halves() for cell in _cells(branch, half, loose)]
 
 
 def _cell(forms: ModelForms, branch: TrimBranch) -> _Cell:

@@ -38,32 +38,30 @@ _LEAST = 10.0
 class StatedModel:
     """A: (6, 6, 2), B: (6, 5, 2): lowest and highest value of each entry on the box.
 
-    trim: unknown -> row; radius: unknown -> number. The unknown is sought within its radius of row · (1, τ, τ², t),
-    τ from the middle of the box in degrees, t the errors of the parameters in their half widths; whoever checks the
+    trim: unknown -> (c_0, c_1, c_2, radius, z_1, ..). The unknown is sought within its radius of c_0 + c_1 s + c_2 s²
+    + Σ z_k t_k, s from -1 to 1 over the box, t the errors of the parameters in their half widths; whoever checks the
     certificate proves it (the prover's own enclosure is Lagrange's, which is wider).
     """
 
     trim: dict[str, list[float]]
-    radius: dict[str, float]
     A: np.ndarray
     B: np.ndarray
 
 
 def stated(model: ModelForms, free: tuple[str, ...]) -> StatedModel:
     """The statement of a box, from its Taylor forms."""
-    angle, cube = float(radians(model.box.radius)), model.box.radius**3
-    trim, radius = {}, {}
+    angle, r, trim = float(radians(model.box.radius)), model.box.radius, {}
     for i, name in enumerate(free):
         parts = [each[i, 0] for each in model.unknowns.coefficients]
         slopes = [each.unknowns[i, 0] for each in model.errors]
-        trim[name] = [float(part.mid()) for part in (*parts, *slopes)]
         rest = 6 * abs(model.next_unknowns[i]).upper() + _BEYOND * abs(model.unknowns.last[i, 0]).upper()
         reading = 10 * parts[0].rad() + _READING * abs(parts[0].mid())
         around = _AROUND * sum((slope.rad() for slope in slopes), exact(0.0))
-        radius[name] = float(rest * cube + reading + around) + _LEAST * angle**3 * SCALES[name]
+        radius = float(rest * r**3 + reading + around) + _LEAST * angle**3 * SCALES[name]
+        polynomial = [part * r**power for power, part in enumerate(parts)]
+        trim[name] = [*(float(c.mid()) for c in polynomial), radius, *(float(slope.mid()) for slope in slopes)]
     return StatedModel(
         trim,
-        radius,
         _ends(model.A, [each.A for each in model.errors]),
         _ends(model.B, [each.B for each in model.errors]),
     )
@@ -75,8 +73,10 @@ def stated_point(degrees: float, branch: TrimBranch) -> dict[str, Any]:
     return {
         "dihedral_deg": [degrees, degrees],
         "decimals": branch.family.decimals,
-        "trim": {name: [value.mid().str(_DIGITS, radius=False), 0.0, 0.0] for name, value in found.items()},
-        "radius": {name: 2 * float(value.rad()) + _FINEST * SCALES[name] for name, value in found.items()},
+        "trim": {
+            name: [value.mid().str(_DIGITS, radius=False), 0.0, 0.0, 2 * float(value.rad()) + _FINEST * SCALES[name]]
+            for name, value in found.items()
+        },
     }
 
 

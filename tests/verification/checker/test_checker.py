@@ -105,6 +105,24 @@ def _lyapunov(content: Content) -> None:
     content["statement"]["lyapunov"]["P"] = (P * np.linspace(1.0, 2.0, len(P))[:, None, None]).tolist()
 
 
+def _still(content: Content) -> None:
+    """As if every box were at 14 deg."""
+    content["statement"]["imposed"]["dihedral"] = np.radians(14.0)
+
+
+def _imposed(content: Content) -> None:
+    """A throttle that is no unknown of its trims."""
+    content["statement"]["imposed"]["throttle"] = 3.0
+
+
+def _unlimited(content: Content) -> None:
+    del content["statement"]["limits"]["throttle"]
+
+
+def _other_error(content: Content) -> None:
+    content["statement"]["spread"] = {"wing_color": 1.0}
+
+
 def _missing(content: Content) -> None:
     del content["boxes"]["loop"][0]["H"]
 
@@ -126,6 +144,10 @@ def _missing(content: Content) -> None:
         _limit,
         _motion,
         _lyapunov,
+        _still,
+        _imposed,
+        _unlimited,
+        _other_error,
         _missing,
     ],
 )
