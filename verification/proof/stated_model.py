@@ -26,7 +26,7 @@ _BEYOND = 0.1
 #: Part of an input that the rounding of what was read may move it by.
 _READING = 1e-14
 #: Part of what is seen of products of the parameters' errors that the radius of a trim allows for.
-_AROUND = 0.3
+_AROUND = 0.6
 #: Decimals of a trim at one angle, and its least radius in units of the variable.
 _DIGITS, _FINEST = 55, 1e-46
 #: Least radius of a trim in units of the input, over the cube of the box's radius in radians: an enclosure sees sizes
