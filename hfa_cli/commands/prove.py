@@ -75,8 +75,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
     unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) not in (0.0, False))
     options.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
-    if arguments.rate and arguments.design is not None:
-        raise BadInputError("--rate takes a table of gains K of the states; leave --design or --rate out")
     if arguments.file is not None and arguments.statement != "critic":
         raise BadInputError("a FILE goes with `hfa prove critic` alone; leave it out")
     return {"schedule": _schedule, "solution": _solution, "critic": _critic}[arguments.statement](arguments)

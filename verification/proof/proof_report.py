@@ -13,7 +13,7 @@ SCHEMA = "hfa.proof/1"
 
 def schedule_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
     """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
-    loop, modes = _runs(proof.loop), _runs(proof.modes)
+    loop, modes = _runs(proof.loop), _runs(proof.modes, proof.crossings)
     where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {proof.family.aircraft.variant.name} dynamics"
     data = {
         "schema": SCHEMA,
@@ -23,7 +23,13 @@ def schedule_report(proof: ScheduleProof, motion: RateProof | None = None) -> Re
         "dihedral_deg": [proof.low, proof.high],
         "decay_rate": proof.rate,
         "loop": _data(proof.loop),
-        "modes": _data(proof.modes),
+        "modes": _data(proof.modes)
+        | {
+            "open": [
+                {"from_deg": low, "to_deg": high, "at_least": least, "at_most": most}
+                for low, high, (least, most) in proof.crossings
+            ]
+        },
         "refuted": [{"from_deg": low, "to_deg": high, "unstable": count} for low, high, count in proof.refuted],
         "boxes": [
             {"dihedral_deg": [each.box.low, each.box.high], "A": each.model.A, "B": each.model.B}
@@ -70,9 +76,11 @@ def _motion(motion: RateProof) -> str:
     return f"stable while the dihedral moves by at most {motion.rate:.4g} deg/s, however it does"
 
 
-def _runs(cover: Cover) -> list[tuple[str, str]]:
+def _runs(cover: Cover, crossings: list[tuple[float, float, tuple[int, int]]] | None = None) -> list[tuple[str, str]]:
     rows = [(low, f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in cover.counts]
-    rows += [(low, f"{low:.10g} to {high:.10g}", "open") for low, high in cover.gaps]
+    if crossings is None:
+        rows += [(low, f"{low:.10g} to {high:.10g}", "open") for low, high in cover.gaps]
+    rows += [(low, f"{low:.10g} to {high:.10g}", f"{a} to {b}") for low, high, (a, b) in crossings or ()]
     return [(where, count) for _, where, count in sorted(rows)]
 
 

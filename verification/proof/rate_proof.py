@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import published_game
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.linearize import linearize
 from trim.point.solve import find_operating_point
@@ -24,8 +24,8 @@ from verification.proof.gain_table import GainTable
 from verification.proof.stated_model import StatedModel, stated
 from verification.riccati.gare import solve_game
 
-#: Largest distance between two angles at which P is given, deg.
-_STEP = 0.5
+#: Largest distance between two angles at which P is given, deg; a loop with memory changes faster.
+_STEP, _STEP_WITH_MEMORY = 0.5, 0.125
 #: Parts of the rate that points suggest, tried until one is proved on the whole interval.
 _SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 #: Narrower boxes, deg, are not tried.
@@ -99,14 +99,19 @@ def prove_rate(
 ) -> RateProof:
     """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
 
-    P is the game's at some angles, linear between: V is continuous, and its derivative is the above where η is inside
-    a piece. changes: of the published game that gives P.
+    P is given at some angles and linear between: V is continuous, and its derivative is the above where η is inside a
+    piece. It is the game's for gains of the states, that of `_loop_P` for a loop with memory. changes: of the
+    published game that gives P.
     """
-    if table.K.shape[-1] != len(LINEAR_STATES):
-        raise BadInputError("a rate is proved for gains of the states alone, without memory")
     branch = TrimBranch(family)
-    angles = _angles(table.segments(low, high))
-    P = np.array([_game_P(family, angle, changes or {}) for angle in angles])
+    memory = table.K.shape[-1] > len(LINEAR_STATES)
+    angles = _angles(table.segments(low, high), _STEP_WITH_MEMORY if memory else _STEP)
+    P = np.array(
+        [
+            _loop_P(_loop_at(branch, table, angle)) if memory else _game_P(family, angle, changes or {})
+            for angle in angles
+        ]
+    )
     boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]
 
     def piece(index: int, box: DihedralBox) -> tuple[ModelForms, _Piece]:
@@ -148,14 +153,32 @@ def prove_rate(
     return RateProof(0.0, np.array(angles), P)
 
 
-def _angles(segments: list[DihedralBox]) -> list[float]:
-    parts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / _STEP) + 1)[:-1] for s in segments]
+def _angles(segments: list[DihedralBox], step: float) -> list[float]:
+    parts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in segments]
     return [*np.concatenate(parts).tolist(), segments[-1].high]
 
 
 def _game_P(family: Family, degrees: float, changes: Mapping[str, Any]) -> np.ndarray:
     model = linearize(family.aircraft, find_operating_point(family.aircraft, family.condition(degrees)))
     return solve_game(published_game(model.A, model.B, **changes)).P
+
+
+def _loop_at(branch: TrimBranch, table: GainTable, degrees: float) -> np.ndarray:
+    """The loop with memory at an angle, in doubles."""
+    end = min(degrees, float(table.dihedral_deg[-1]) - _NARROWEST)
+    return doubles(table.close(branch.forms(DihedralBox(end, end + _NARROWEST)))[0].coefficients[0])
+
+
+def _loop_P(loop: np.ndarray) -> np.ndarray:
+    """A_c'P + P A_c = -T⁻ᵀ T⁻¹ with eigenvectors T of norm 1: it changes as smoothly as distinct modes do."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    try:
+        inverse = np.linalg.inv(np.linalg.eig(loop)[1])
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError("the loop has dependent modes; no rate is proved for it, leave --rate out") from error
+    found = solve_continuous_lyapunov(loop.T, -(inverse.conj().T @ inverse).real)
+    return np.asarray((found + found.T) / 2)
 
 
 def _narrow(box: DihedralBox) -> DihedralBox:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES
 from verification.balls.ball_function import Undecided
 from verification.balls.balls import doubles
 from verification.balls.inertia import candidates, unstable_count
@@ -21,6 +23,8 @@ from verification.proof.stated_model import StatedModel, stated
 
 if TYPE_CHECKING:
     from flint import arb_mat
+
+Said = TypeVar("Said")
 
 #: Narrower boxes, deg, are not tried: the angle stays open. With errors of the parameters, which do not become smaller
 #: with the box, one gives up earlier.
@@ -67,20 +71,23 @@ class Cover:
         return [run[:2] for run in joined([(each.low, each.high, 0) for each in self.open])]
 
 
-def joined(runs: list[tuple[float, float, int]]) -> list[tuple[float, float, int]]:
-    """Low, high and number: neighbours with the same number as one."""
-    found: list[tuple[float, float, int]] = []
-    for low, high, count in runs:
-        if found and found[-1][1:] == (low, count):
-            found[-1] = (found[-1][0], high, count)
+def joined(runs: list[tuple[float, float, Said]]) -> list[tuple[float, float, Said]]:
+    """Low, high and what is said, such as a number: neighbours of which the same is said as one."""
+    found: list[tuple[float, float, Said]] = []
+    for low, high, said in runs:
+        if found and found[-1][1:] == (low, said):
+            found[-1] = (found[-1][0], high, said)
         else:
-            found.append((low, high, count))
+            found.append((low, high, said))
     return found
 
 
 @dataclass(frozen=True, eq=False)
 class ScheduleProof:
-    """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg."""
+    """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg.
+
+    crossings: where the modes of A are not counted, low and high, deg, and the least and the most that may be unstable.
+    """
 
     family: Family
     table: GainTable
@@ -88,6 +95,7 @@ class ScheduleProof:
     high: float
     loop: Cover
     modes: Cover
+    crossings: list[tuple[float, float, tuple[int, int]]]
 
     @property
     def refuted(self) -> list[tuple[float, float, int]]:
@@ -144,7 +152,15 @@ def prove_schedule(
                 save(*covers)
             if progress is not None:
                 progress(round(500 * (index + (found.frontier(low) - low) / (high - low))), 1000)
-    return ScheduleProof(family, table, low, high, *covers)
+
+    def bounds(box: DihedralBox) -> tuple[int, int]:
+        try:
+            return _least_and_most(forms(box).A, [each.A for each in forms(box).errors])
+        except Undecided:
+            return 0, len(LINEAR_STATES)
+
+    crossings = joined([(box.low, box.high, bounds(box)) for box in covers[1].open])
+    return ScheduleProof(family, table, low, high, covers[0], covers[1], crossings)
 
 
 def _covered(
@@ -177,6 +193,25 @@ def _covered(
         else:
             found = Cover(found.proved, (*found.open, box))
         yield found
+
+
+def _least_and_most(form: TaylorForm, errors: list[arb_mat]) -> tuple[int, int]:
+    """Bounds of the number of unstable modes: of those right of some a > 0, and of those right of some a < 0."""
+    middle, corners = doubles(form.coefficients[0]), list(form.corners())
+    values = sorted(np.linalg.eigvals(middle).real.tolist())
+    cuts = sorted(((a + b) / 2 for a, b in pairwise(values) if b > a), key=abs)
+
+    def first(tried: list[float]) -> int | None:
+        """Modes right of the first cut that is proved to have no mode on it."""
+        for cut in tried:
+            for H, congruence in candidates(middle, -cut, errors):
+                count = unstable_count(corners, H, congruence, -cut, errors)
+                if count is not None:
+                    return count
+        return None
+
+    least, most = first([cut for cut in cuts if cut > 0.0]), first([cut for cut in cuts if cut < 0.0])
+    return least or 0, len(values) if most is None else most
 
 
 def _prove(

@@ -14,6 +14,7 @@ from hfa_model.support.errors import BadInputError
 from verification.checker.checker import check_certificate
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.gain_table import GainTable
+from verification.proof.proof_report import schedule_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined, prove_schedule
 from verification.riccati.spectrum import spectrum
 
@@ -68,7 +69,18 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
     (gap,) = proof.modes.gaps
     assert 16.68 < gap[0] < gap[1] < 16.70
     assert gap[1] - gap[0] < 0.005
+    assert proof.crossings == [(*gap, (2, 3))]
     assert proof.proved
+
+
+def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
+    """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four are far left."""
+    known = default_parameters()
+    spread = tuple(known.standard_errors.get(name, 0.0) for name in known.values._fields)
+    proof = prove_schedule(replace(family(), spread=spread), exact_table(11.5, 11.53125), 11.5, 11.53125)
+    assert proof.crossings == [(11.5, 11.53125, (0, 2))]
+    rows = schedule_report(proof).data["modes"]
+    assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
 
 
 def test_what_was_covered_is_not_proved_again() -> None:

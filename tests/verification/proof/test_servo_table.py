@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,8 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 from verification.balls.balls import doubles
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch
-from verification.checker.checker import check_certificate
+from verification.checker.checker import check_certificate, digest
+from verification.checker.taylor_model import Rejected
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.gain_table import GainTable
 from verification.proof.rate_proof import prove_rate
@@ -101,6 +104,24 @@ def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
     assert found.rate == proof.rate
 
 
+def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path: Path) -> None:
+    """Modes apart from each other: filters and actuators of different speed."""
+    controller, path = filtered(), tmp_path / "certificate.json"
+    speeds = np.diag(np.linspace(400.0, 600.0, len(SENSORS)))
+    controller = replace(controller, A=-np.array([speeds, speeds]), B=np.array([speeds, speeds]))
+    actuators = {name: Actuator(order=1, bandwidth=200.0 + 20.0 * i) for i, name in enumerate(INPUTS)}
+    table = servo_table(controller, actuators, 68.0)
+    proof, motion = prove_schedule(family(), table, 14.0, 14.125), prove_rate(family(), table, 14.0, 14.125)
+    assert motion.rate > 0.1
+    ScheduleCertificate(family(), table, 14.0, 14.125, path).finish(proof, motion)
+    assert joined(check_certificate(path).covers["motion"]) == [(14.0, 14.125, 0)]
+    content = json.loads(path.read_text())
+    content["statement"]["dihedral_rate"] *= 3.0
+    path.write_text(json.dumps(content | {"digest": digest(content)}))
+    with pytest.raises(Rejected, match="motion from 14"):
+        check_certificate(path)
+
+
 def test_a_lag_that_is_too_long_is_refuted() -> None:
     proof = prove_schedule(family(), servo_table(filtered(lag=20.0), fast(), 68.0), 14.0, 14.25)
     assert proof.refuted
@@ -112,7 +133,5 @@ def test_what_a_proof_does_not_take_is_said() -> None:
         servo_table(filtered(), {}, 68.0)
     with pytest.raises(BadInputError, match="reaches the inputs at once"):
         servo_table(filtered(direct=1.0), fast(), 68.0)
-    with pytest.raises(BadInputError, match="without memory"):
-        prove_rate(family(), servo_table(filtered(), fast(), 68.0), 14.0, 15.0)
     with pytest.raises(BadInputError, match="M has shape"):
         GainTable(np.array([1.0, 2.0]), np.zeros((2, 5, 6)), np.zeros((2, 3, 3)))
