@@ -47,8 +47,8 @@ def stream(
     """Compute every row of the job that the store at `path` does not hold yet.
 
     count, scheduler: see `executors.workers`. resume: continue an interrupted job; else the store must be new.
-    provenance: of a new store. progress is called with (chunks done, chunks in all). The results do not depend on
-    where they were computed.
+    provenance: of a new store. progress is called with (chunks done, chunks in all), first at the start. The
+    results do not depend on where they were computed.
     """
     layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as crew:
@@ -57,6 +57,8 @@ def stream(
             _reopen_damaged(store, path)
         missing = store.missing()
         done = store.chunks - len(missing)
+        if progress is not None and missing:
+            progress(done, store.chunks)  # the first chunk may take a while: code is compiled
         with store.session() as mark:
             tasks = (
                 (number, (place, mark, number, job.function, _task(job, store.chunk, number))) for number in missing

@@ -57,9 +57,10 @@ def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, m
         stream_sweep(_plan(), tmp_path / "part.zarr", progress=stop_after_three)
     left = open_store(tmp_path / "part.zarr").missing()
     assert len(left) == 3
-    ran = []
+    ran, seen = [], []
     monkeypatch.setattr(stored_sweep, "run_chunk", lambda *task: ran.append(1) or run_chunk(*task))
-    resumed = stream_sweep(_plan(), tmp_path / "part.zarr", resume=True)
+    resumed = stream_sweep(_plan(), tmp_path / "part.zarr", resume=True, progress=lambda *now: seen.append(now))
+    assert seen == [(done, 6) for done in (3, 4, 5, 6)]  # the first before anything is computed
     assert len(ran) == len(left)
     assert _same(whole, resumed)
 
