@@ -11,6 +11,7 @@ beside its module have changed. Everything is loaded once, and forked for each m
 
 import argparse
 import ast
+import gc
 import hashlib
 import importlib
 import json
@@ -31,7 +32,17 @@ from mutations import Mutation, mutations, same_types
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("hfa_model", "trim", "controller", "verification")
 #: Loaded before the forks; of the project nothing is, for a fork must load the copy with the mistake.
-_LOADED = ("casadi", "control", "matplotlib.pyplot", "scipy.integrate", "scipy.io", "scipy.linalg", "scipy.optimize")
+_LOADED = (
+    "casadi",
+    "control",
+    "hypothesis",
+    "matplotlib.pyplot",
+    "zarr",
+    "scipy.integrate",
+    "scipy.io",
+    "scipy.linalg",
+    "scipy.optimize",
+)
 #: Modules and functions that draw: what is wrong there is seen, not computed.
 _DRAWING = re.compile(r"figure|plot|picture|draw|/graphs|/panels|front_view|interactive")
 _LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "out", "report", "build", "*_cache", "__pycache__", "*.egg-info")
@@ -97,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
     end = time.monotonic() + options.seconds
     for name in _LOADED:
         importlib.import_module(name)
+    gc.freeze()  # no fork looks through all of that again
     with tempfile.TemporaryDirectory() as scratch:
         copy = shutil.copytree(options.root, Path(scratch, "project"), ignore=_LEFT_OUT)
         os.chdir(copy)
