@@ -46,7 +46,7 @@ def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
     design = load_design(str(own))
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
     assert design.sensor_lags == {"pitch_rate": 0.1}
-    assert design.feedforward == Feedforward(share=0.5, actuator=Actuator(order=2, bandwidth=1.5))
+    assert design.feedforward == Feedforward(share=0.5, actuator=Actuator(2, 1.5, damping=0.7, effectiveness=1.0))
     assert load_design("simvfa-1").disturbances == {"states": 1.0}
     assert load_design("simvfa-1").feedforward is None
 

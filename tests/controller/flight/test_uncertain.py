@@ -12,6 +12,7 @@ from controller.flight import uncertain
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 
 
@@ -94,3 +95,22 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
     updrafts = [float(each.gust.updraft(0.0, each.gust.start(), np.zeros(1))) for each in members]
     assert np.std(updrafts) == pytest.approx(3.0, rel=0.15)
     assert members[0].gust.speed == plan.point.states.speed
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"errors": {"lift_slope": -0.1}}, "the standard deviation of lift_slope is -0.1; it must not be negative"),
+        ({"errors": {"lift_slope": np.nan}}, "the standard deviation of lift_slope is nan"),
+        ({"noise": {"alpha": np.inf}}, "the standard deviation of alpha is inf"),
+        ({"noise": {"altitude": 0.1}}, "unknown noise of state 'altitude'; choose from speed"),
+        ({"turbulence": (3.0, 0.0)}, "the turbulence has 0.0; intensity and scale must be positive numbers"),
+    ],
+)
+def test_what_no_spread_can_be_is_refused(given: dict[str, object], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        Uncertainty(**given)  # type: ignore[arg-type]
+
+
+def test_no_spread_at_all_is_the_nominal_aircraft() -> None:
+    assert Uncertainty(errors={"lift_slope": 0.0}).factors(1, 0).tolist() == [1.0]

@@ -199,3 +199,11 @@ def test_wrong_shapes_are_refused(servo: OutputGame) -> None:
         replace(servo, C=servo.C[:0], D=servo.D[:0], V=servo.V[:0, :0])
     with pytest.raises(BadInputError, match="R is not positive definite"):
         solve_output_feedback(replace(servo, V=np.zeros((3, 3))))
+
+
+def test_the_derivations_are_compared_relative_to_their_response() -> None:
+    """K = c b / (s + 1) for both but for one part in a thousand, whatever its size."""
+    for size in (1e-6, 1.0, 1e6):
+        one = (-np.eye(1), np.eye(1), size * np.eye(1))
+        other = (-np.eye(1), np.eye(1), 1.001 * size * np.eye(1))
+        assert output_feedback._response_difference(one, other) == pytest.approx(1e-3, rel=1e-9)

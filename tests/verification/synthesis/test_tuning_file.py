@@ -42,7 +42,14 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
     assert (gust.dihedral, gust.actuator.order, gust.length, gust.peak) == (math.radians(13), 2, 250.0, 5.0)
     assert (found.margin, found.fastest) == (0.2, 150.0)
     assert len(found.places) == 3
-    plain = load_tuning(str(write_tuning(tmp_path)))
+    plain = load_tuning(str(write_tuning(tmp_path, abscissa=-0.02)))
+    assert (plain.evaluations, plain.seed, plain.abscissa) == (12, 1, -0.02)
+    assert (plain.angles, plain.rate, dict(plain.objective)) == (
+        (math.radians(11),),
+        math.radians(1),
+        {"dihedral": 100},
+    )
+    assert [(each.name, each.low, each.high) for each in plain.variables] == [("effort", 5.0, 500.0)]
     assert (plain.turbulence, plain.gusts, plain.margin, plain.fastest) == ((), (), 0.0, math.inf)
 
 
@@ -61,6 +68,14 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
         ("low = 5.0", "low = 5000.0", "variables.effort: give entries, and low below high"),
         (f"{A_Z} = [-1.0, 0.5]", f"{A_Z} = [-1.0]", "cases 1: the lists of ends differ in length"),
         ("angles = [11]", "angles = []", "angles is empty"),
+        ("angles = [11]", "angels = [11]", "unknown entry 'angels'; a tuning has design, evaluations"),
+        ("rate = 1.0", "rate = 0.0", "rate is 0.0; give a positive number"),
+        ("rate = 1.0", "rate = 1.0\nabscissa = 0", "abscissa is 0; it must be below 0"),
+        ("evaluations = 12", "evaluations = 0", "evaluations is 0; give a positive number"),
+        ("low = 5.0", "low = 0.0", "low is 0.0; give a positive number"),
+        ("each = 20", "each = 0", "each is 0; give a positive number"),
+        (f"{A_Z} = [-1.0, 0.5]", "", "cases 1: give [cases.ends] with a list for each of dihedral"),
+        ("effectiveness = 0.7", 'effectiveness = "much"', "cases 1.effectiveness"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, right: str, wrong: str, named: str) -> None:
