@@ -9,7 +9,14 @@ import pytest
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import published_models
-from trim.linear.compare import matrices_beside_the_print, printed_at, regenerate
+from trim.linear.compare import (
+    EntryRow,
+    entries_records,
+    entries_table,
+    matrices_beside_the_print,
+    printed_at,
+    regenerate,
+)
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -57,3 +64,15 @@ def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None
 
 def tone_of(cell: str) -> str:
     return getattr(cell, "tone", "")
+
+
+def test_the_table_of_entries_leaves_out_what_is_zero_in_both_and_nothing_else() -> None:
+    off, zero = EntryRow("A", "speed", "alpha", -2.0, -2.0001, 5e-5), EntryRow("A", "speed", "dihedral", 0.0, 0.0, 5e-5)
+    small = EntryRow("B", "alpha", "throttle", 0.0, -2.6e-5, 5e-5)
+    table = entries_table("at 15 deg", {"first ": [off, zero, small]})
+    assert [tuple(each) for each in table.rows] == [
+        ("first A(speed, alpha)", "-2.0000", "-2.000100", "-2.00", "-0.0050"),
+        ("first B(alpha, throttle)", "0.0000", "-0.000026", "-0.52", "-"),
+    ]
+    records = entries_records({15.0: [off, zero]})
+    assert [each[:2] for each in records.rows] == [(15.0, "A(speed, alpha)"), (15.0, "A(speed, dihedral)")]

@@ -117,6 +117,14 @@ def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], 
         BallFunction(ca.Function("f", [x], [expression(x)]))([arb_series([arb(at, 0.1), arb(1)], prec=2)])
 
 
+@pytest.mark.parametrize("expression", [lambda x: x**0.3, lambda x: ca.atan2(1.0, x)], ids=["power", "atan2"])
+def test_exactly_zero_is_not_positive(expression: Callable[[Any], Any]) -> None:
+    flint_or_refusal()
+    x = ca.SX.sym("x")
+    with pytest.raises(Undecided):
+        BallFunction(ca.Function("f", [x], [expression(x)]))([arb(0)])
+
+
 def test_series_are_derivatives() -> None:
     flint_or_refusal()
     x = ca.SX.sym("x")

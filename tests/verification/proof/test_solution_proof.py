@@ -65,11 +65,12 @@ def test_a_root_that_does_not_stabilize_is_told() -> None:
     assert not wrong.is_value
 
 
-def test_delta_min_of_a_scalar_game_is_bracketed() -> None:
+@pytest.mark.parametrize("found", [4e-7, 4e-4])
+def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
     """p² s + 2 p - 1 = 0, s = 1 - 1/δ², has real roots as long as 1 + s >= 0: delta_min = 1/sqrt(2)."""
     flint_or_refusal()
     exact = 1.0 / np.sqrt(2.0)
-    bracket = prove_delta_min(BallGame.of(scalar_game(2.0)), DeltaMin(exact * (1 + 4e-7), exact * (1 - 4e-7)))
+    bracket = prove_delta_min(BallGame.of(scalar_game(2.0)), DeltaMin(exact * (1 + 3 * found), exact * (1 - found)))
     assert bracket is not None
     assert bracket.refused < exact <= bracket.value
     assert bracket.width <= 1e-6

@@ -13,7 +13,7 @@ from controller import design_model, load_design
 from hfa_model import Aircraft
 from verification import solve_game
 from verification.riccati.output_feedback import OutputGame, solve_output_feedback
-from verification.synthesis.gust_cost import estimated_gust_cost, gust_cost
+from verification.synthesis.gust_cost import GustCost, estimated_gust_cost, gust_cost
 
 
 def test_a_long_harmonic_updraft_of_the_worst_frequency_costs_what_is_said(published_aircraft: Aircraft) -> None:
@@ -59,3 +59,14 @@ def test_a_pulse_costs_less_than_the_worst(published_aircraft: Aircraft) -> None
         state = step @ state
         cost += 0.01 * state[:-1] @ paid @ state[:-1]
     assert 0.0 < cost < gust_cost(built, game, K).cost
+
+
+@pytest.mark.parametrize(
+    ("frequency", "dihedral", "said"),
+    [
+        (0.0, 0.01, "a steady one, costs 3, as much as 0.573 deg of dihedral for 1 s"),
+        (2.5, math.nan, "at 2.5 rad/s, costs 3"),
+    ],
+)
+def test_the_worst_updraft_is_said(frequency: float, dihedral: float, said: str) -> None:
+    assert GustCost(3.0, frequency, dihedral).text() == f"Worst updraft with the energy of 1 ft/s for 1 s: {said}"

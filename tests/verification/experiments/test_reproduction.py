@@ -1,0 +1,19 @@
+"""Which experiments there are, by name."""
+
+from __future__ import annotations
+
+import pytest
+
+from hfa_model.support.errors import BadInputError
+from verification.experiments.reproduction import ALL, EXPERIMENTS, experiments
+
+
+def test_a_section_is_one_experiment_and_all_are_all_of_them() -> None:
+    assert [each.section for each in experiments(ALL)] == list(EXPERIMENTS)
+    for name, experiment in EXPERIMENTS.items():
+        assert experiments(name) == (experiment,)
+
+
+def test_another_name_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(BadInputError, match="there is no experiment '5.9'; choose from 5.*, all$"):
+        experiments("5.9")
