@@ -15,5 +15,5 @@ def test_a_section_is_one_experiment_and_all_are_all_of_them() -> None:
 
 
 def test_another_name_is_refused_with_those_that_there_are() -> None:
-    with pytest.raises(BadInputError, match="there is no experiment '5.9'; choose from 5.*, all$"):
+    with pytest.raises(BadInputError, match=r"there is no experiment '5\.9'; choose from 5.*, all$"):
         experiments("5.9")
