@@ -69,6 +69,7 @@ def test_the_linear_model_follows_small_gusts(newton: FlownCase) -> None:
         result = flown(newton, Scenario(duration=1.0, gust=gust))
         assert result.differences is not None
         errors.append(result.differences[STATES.index("dihedral")])
+        assert result.report().data["largest_difference_from_linear"]["dihedral"] == errors[-1]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 

@@ -11,7 +11,7 @@ import pytest
 from experiment_configurations import COARSE, NOTHING, Changes, changed
 
 from hfa_model.support.errors import BadInputError
-from verification.experiments.configuration import SECTIONS, section5_configuration
+from verification.experiments.configuration import SECTIONS, SignalSettings, section5_configuration
 from verification.experiments.experiment_flights import FlightPlan, simulate_plan
 from verification.experiments.flown_laws import EXACT
 from verification.experiments.setting import make_setting
@@ -85,3 +85,9 @@ def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(said: st
     error = simulate_plan(setting, FlightPlan(5.0, EXACT), "5.1").metrics.relative_error["alpha"]
     assert error > 10.0 * setting.configuration.criteria.close
     assert said.format(f"{error:.3g}") in " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+
+
+def test_a_signal_has_as_many_amplitudes_as_frequencies() -> None:
+    zero = (0.0,) * 6
+    with pytest.raises(ValueError, match="zip"):
+        SignalSettings(zero, zero, (1.0, 2.0), (zero,), (zero,)).signal  # noqa: B018

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
+from verification.experiments.experiment import CASE_I, CASE_II
 from verification.experiments.reproduction import ALL, EXPERIMENTS, experiments
 
 
@@ -17,3 +19,7 @@ def test_a_section_is_one_experiment_and_all_are_all_of_them() -> None:
 def test_another_name_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(BadInputError, match=r"there is no experiment '5\.9'; choose from 5.*, all$"):
         experiments("5.9")
+
+
+def test_the_two_cases_are_the_printed_aircraft() -> None:
+    assert [CASE_I, CASE_II] == [model.dihedral_deg for model in published_models()]
