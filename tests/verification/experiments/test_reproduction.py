@@ -22,4 +22,4 @@ def test_another_name_is_refused_with_those_that_there_are() -> None:
 
 
 def test_the_two_cases_are_the_printed_aircraft() -> None:
-    assert [CASE_I, CASE_II] == [model.dihedral_deg for model in published_models()]
+    assert [model.dihedral_deg for model in published_models()] == [CASE_I, CASE_II]
