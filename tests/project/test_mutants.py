@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from import_graph import ROOT
+from mutant_results import FILE, OPEN, PAGE, record, table
 from mutations import mutations, same_types
 
 SCRIPT = ROOT / "tests" / "support" / "mutants.py"
@@ -71,3 +74,28 @@ def test_a_test_that_cannot_fail_is_seen_and_one_that_can_finds_the_mistakes(tmp
     again = toy(tmp_path, "assert larger(1, 2) == 2 == larger(2, 1)")
     assert "4 mutants, 2 killed" in again
     assert "tests:" not in again, "nothing is tried twice"
+
+
+def found() -> dict[str, Any]:
+    return dict(json.loads(FILE.read_bytes()))
+
+
+def test_the_page_shows_what_was_found() -> None:
+    assert table(found()) in PAGE.read_text(encoding="utf-8")
+
+
+def test_every_survivor_has_its_cause_and_a_reason() -> None:
+    without = [each for each in found()["survivors"] if each["cause"] == OPEN or not each["reason"]]
+    assert without == []
+
+
+def test_a_new_survivor_is_open_and_a_known_one_keeps_its_cause() -> None:
+    first = {"module": "a/b.py", "function": "f", "change": "1 -> (2)", "killed": False}
+    outcomes = {"k1": first, "k2": {**first, "killed": True}}
+    known = record(outcomes, {})
+    assert known["packages"] == {"a": {"mutants": 2, "killed": 1}}
+    assert [(each["key"], each["cause"]) for each in known["survivors"]] == [("k1", OPEN)]
+    known["survivors"][0] |= {"cause": "same result", "reason": "r"}
+    assert record({**outcomes, "k3": first}, known)["survivors"][0]["reason"] == "r"
+    assert "| a | 2 | 1 | 50.0% |" in table(known)
+    assert "| same result | 1 |" in table(known)

@@ -5,7 +5,9 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-FILE = Path(__file__).parents[2] / "docs" / "results" / "mutants.json"
+_DOCS = Path(__file__).parents[2] / "docs"
+FILE, PAGE = _DOCS / "results" / "mutants.json", _DOCS / "promises.md"
+_HEADER = "| package | mutants | found by a test | share |"
 #: What a survivor is until somebody has looked at it.
 OPEN = "not looked at"
 
@@ -13,7 +15,7 @@ OPEN = "not looked at"
 def record(outcomes: dict[str, dict[str, Any]], known: dict[str, Any]) -> dict[str, Any]:
     """Counts of a package, and the survivors with the cause that `known` (an earlier record) gives them."""
     packages: dict[str, dict[str, int]] = {}
-    for each in outcomes.values():
+    for each in sorted(outcomes.values(), key=lambda one: str(one["module"])):
         counts = packages.setdefault(each["module"].partition("/")[0], {"mutants": 0, "killed": 0})
         counts["mutants"] += 1
         counts["killed"] += each["killed"]
@@ -27,17 +29,21 @@ def record(outcomes: dict[str, dict[str, Any]], known: dict[str, Any]) -> dict[s
     return {"packages": packages, "survivors": survivors}
 
 
-def written(outcomes: dict[str, dict[str, Any]], path: Path = FILE) -> None:
-    """Bring the file of results up to date; the causes in it stay."""
-    known = json.loads(path.read_bytes()) if path.exists() else {}
-    path.write_text(json.dumps(record(outcomes, known), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+def written(outcomes: dict[str, dict[str, Any]]) -> None:
+    """Bring the file of results and the page up to date; the causes in the file stay."""
+    known = json.loads(FILE.read_bytes()) if FILE.exists() else {}
+    found = record(outcomes, known)
+    FILE.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
+    begin = text.index(_HEADER)
+    PAGE.write_text(text[:begin] + table(found) + "\n" + text[text.index("\n## ", begin) :], encoding="utf-8")
 
 
 def table(found: dict[str, Any]) -> str:
     """The table of the page: how many of each package, and why the others were not found."""
     packages = {**found["packages"]}
     packages["all"] = {name: sum(each[name] for each in packages.values()) for name in ("mutants", "killed")}
-    rows = ["| package | mutants | found by a test | share |", "|---|---|---|---|"]
+    rows = [_HEADER, "|---|---|---|---|"]
     for name, each in packages.items():
         rows.append(f"| {name} | {each['mutants']} | {each['killed']} | {each['killed'] / each['mutants']:.1%} |")
     rows += ["", "| not found, because | mutants |", "|---|---|"]
