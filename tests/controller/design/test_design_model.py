@@ -13,7 +13,7 @@ import pytest
 from controller import Game, published_game
 from controller.design.design import SHORT_PERIOD, Actuator, Design, Feedforward
 from controller.design.design_file import NAMED, load_design
-from controller.design.design_model import DesignModel, design_model
+from controller.design.design_model import DesignModel, _full_rank, design_model
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import Aircraft, BadInputError
 from hfa_model.outputs import moment_of, outputs_of
@@ -224,3 +224,12 @@ def test_what_is_no_actuator_is_refused(changes: dict) -> None:
     (name,) = changes
     with pytest.raises(BadInputError, match=f"the {name} of an actuator is .*; it must be"):
         Actuator(**changes)
+
+
+@pytest.mark.parametrize("units", [1e-12, 1.0, 1e12])
+def test_rank_does_not_hang_on_units(units: float) -> None:
+    independent = np.array([[units, 0.0, 0.0], [1.0, 1.0 / units, 0.0]])
+    assert _full_rank(independent)
+    assert not _full_rank(np.array([[units, 2.0 * units], [1.0, 2.0]]))
+    assert not _full_rank(np.zeros((1, 3)))
+    assert not _full_rank(np.vstack([independent, independent]))
