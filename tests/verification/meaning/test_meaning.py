@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from game_samples import INITIAL, failed_names, game_models
 
 from controller.game.zero_sum import Game
@@ -31,3 +32,13 @@ def test_lqr_has_one_player() -> None:
     checks = meaning_checks(game, solve_game(game).P, INITIAL)
     assert not failed_names(checks)
     assert "saddle_disturbance_loses" not in {check.name for check in checks}
+
+
+def test_only_a_game_of_value_zero_has_no_saddle_checks() -> None:
+    """An unstable plant without a weight on its states still costs the control that brings it to rest."""
+    one = np.eye(1)
+    for a, has_value in ((1.0, True), (-1.0, False)):
+        game = Game(A=a * one, B=one, E=one, Q=0 * one, R=one, delta=10.0)
+        checks = meaning_checks(game, solve_game(game).P, np.ones(1))
+        assert not failed_names(checks)
+        assert any(check.name.startswith("saddle") for check in checks) is has_value
