@@ -88,6 +88,7 @@ def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
     zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
     with pytest.raises(BadInputError, match="zero_lift_moment is zero and identified"):
         sample_parameters(zero, 3, seed=0)
+    assert len(sample_parameters(parameter_set, 1, seed=0)) == 1
     for count, seed in ((0, 0), (3, -1)):
         with pytest.raises(BadInputError, match="give at least one sample and no negative seed"):
             sample_parameters(parameter_set, count, seed)

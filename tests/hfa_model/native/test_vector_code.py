@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from hfa_model.native import machine_code as generated
-from hfa_model.native.vector_code import vector_code
+from hfa_model.native.vector_code import _machine, vector_code
 
 pytestmark = pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
 
@@ -39,3 +41,15 @@ def test_what_is_not_finite_stays_so() -> None:
 def test_without_a_compiler_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generated, "c_compiler", lambda: None)
     assert vector_code(some_function()) is None
+
+
+def test_a_machine_is_its_processor_and_not_its_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of /proc/cpuinfo the models and flags count, not how fast a core runs now."""
+    cpu = "processor : 0\nmodel name : A\ncpu MHz : 2000.1\nflags : avx2"
+    texts = (cpu, cpu.replace("2000.1", "2100.7"), cpu.replace("avx2", "sse2"), cpu.replace(": A", ": B"))
+    found = []
+    for text in texts:
+        monkeypatch.setattr(Path, "read_text", lambda *_, text=text, **__: text)
+        found.append(_machine())
+    assert found[0] == found[1]
+    assert len(set(found)) == 3

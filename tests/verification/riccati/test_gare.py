@@ -208,3 +208,14 @@ def test_results_cannot_be_changed(game: Game) -> None:
     assert np.array_equal(P, solution.P)
     with pytest.raises(KeyError):
         certificate["no_such_test"]
+
+
+def test_the_report_shows_a_real_pole_and_one_of_each_pair() -> None:
+    """An oscillator beside a lag."""
+    A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.2, 0.0], [0.0, 0.0, -1.0]])
+    game = Game(A=A, B=np.eye(3)[:, 1:], E=np.eye(3), Q=np.eye(3), R=np.eye(2), delta=50.0)
+    found = solve_game(game)
+    shown = found.report().parts[2].rows
+    assert np.count_nonzero(found.closed_loop_eigenvalues.imag > 0) == 1
+    assert np.count_nonzero(found.closed_loop_eigenvalues.imag == 0) == 1
+    assert len(shown) == 2

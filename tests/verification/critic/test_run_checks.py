@@ -1,0 +1,48 @@
+"""When a run settles, and what is said where it does not."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from verification.critic import run_checks as module
+from verification.critic.run_checks import run_checks, settled_at
+
+TIMES = np.array([0.0, 1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "settled"),
+    [
+        ([9.0, 0.1, 9.0, 0.1], 3.0),
+        ([0.1, 0.1, 0.1, 0.1], 0.0),
+        ([9.0, 1.0, 1.0, 1.0], 1.0),
+        ([0.1, 0.1, 0.1, 9.0], math.inf),
+        ([0.1, 0.1, 0.1, math.nan], math.inf),
+    ],
+)
+def test_it_settles_where_it_stays_within_the_limit_to_the_end(sizes: list[float], settled: float) -> None:
+    assert settled_at(TIMES, np.array(sizes), 1.0) == settled
+
+
+@pytest.mark.parametrize(
+    ("settled", "ok", "said"),
+    [
+        (2.0, True, "the residual settles at 2 s, not within T_w = 3 s"),
+        (3.5, False, "the residual settles at 3.5 s, not within T_w = 3 s"),
+        (math.inf, False, "the residual does not settle, not within T_w = 3 s"),
+    ],
+)
+def test_the_check_says_when(monkeypatch: pytest.MonkeyPatch, settled: float, ok: bool, said: str) -> None:
+    monkeypatch.setattr(module, "settling_time", lambda *_: settled)
+    run: Any = SimpleNamespace(excitation=SimpleNamespace(rank=3, size=3), law="published")
+    anything: Any = None
+    rich, check = run_checks(anything, run, anything, 3.0)
+    assert rich.ok
+    assert (check.name, check.ok) == ("settling_time", ok)
+    assert check.reason == ("" if ok else said)
+    assert len(run_checks(anything, run, anything, None)) == 1

@@ -1,0 +1,27 @@
+"""What the game from measured outputs says of a scalar plant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller.game.zero_sum import Game
+from hfa_model.support.errors import NoSolutionError
+from verification.meaning.output_report import output_report
+from verification.riccati.output_feedback import OutputGame
+
+ONE = np.eye(1)
+
+
+def problem(delta: float, e: float = 1.0) -> OutputGame:
+    return OutputGame(Game(A=0.5 * ONE, B=2 * ONE, E=e * ONE, Q=3 * ONE, R=ONE, delta=delta), ONE, 0 * ONE, 0.25 * ONE)
+
+
+def test_it_names_what_ends_the_smallest_delta_and_the_noise() -> None:
+    report = output_report(problem(9.0), ("alpha",), ("rad",))
+    smallest = report.data["delta_min"]
+    assert report.title.endswith(f"delta 9, smallest possible {smallest:.7g}, where the coupling condition ends it")
+    assert report.data["delta_margin"] == pytest.approx(9.0 / smallest)
+    assert [tuple(row) for row in report.parts[0].rows] == [("alpha", "0.25", "(rad)^2 s")]  # type: ignore[union-attr]
+    with pytest.raises(NoSolutionError, match=r"is below delta_min = .*, where the coupling condition fails"):
+        output_report(problem(0.99 * smallest), ("alpha",), ("rad",))
