@@ -6,10 +6,11 @@ import contextlib
 import json
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import Result, assert_refused, hfa
 from import_graph import ROOT
 
 from hfa_cli.main import DONE, FAILED
@@ -25,20 +26,32 @@ CLAIMS = ROOT / "docs" / "results" / "claims.json"
 MEGABYTE = 1_000_000
 
 
-def test_a_folder_holds_the_page_its_pictures_and_its_numbers(tmp_path: Path) -> None:
-    words = ("--folder", str(tmp_path / "new"), "--dihedral", "15", *SWEEP, "--json")
-    result = hfa("report", *words, "--outputs", "load_factor", "--claims", str(CLAIMS))
-    assert (result.code, result.err) == (DONE, "")
+class Made(NamedTuple):
+    """What the command said, and the folder it made."""
+
+    result: Result
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("report") / "new"
+    words = ("--folder", str(folder), "--dihedral", "15", "--json", "--outputs", "load_factor", "--claims", str(CLAIMS))
+    return Made(hfa("report", *words), folder)
+
+
+def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: Made) -> None:
+    assert (made.result.code, made.result.err) == (DONE, "")
     names = {"report.html", "numbers.json", "regeneration.png", "root_locus.png", "trim-15.png", "critic-15.png"}
-    assert {path.name for path in (tmp_path / "new").iterdir()} == names
-    text = (tmp_path / "new" / "numbers.json").read_text(encoding="utf-8")
+    assert {path.name for path in made.folder.iterdir()} == names
+    text = (made.folder / "numbers.json").read_text(encoding="utf-8")
     data = json.loads(text, parse_constant=pytest.fail)
-    assert json.loads(result.out) == data
+    assert json.loads(made.result.out) == data
     assert (data["ok"], data["claims"]["schema"]) == (True, "hfa.claims/1")
-    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (2, 5, 1)
+    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (2, 41, 1)
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
     assert data["angles"][0]["model"]["A"] == linearized["A"]
-    html = (tmp_path / "new" / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
+    html = (made.folder / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
     assert 'are <strong class="good">regenerated</strong>' in html
     assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
     assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
@@ -46,6 +59,20 @@ def test_a_folder_holds_the_page_its_pictures_and_its_numbers(tmp_path: Path) ->
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
     assert f"read from {CLAIMS}" in html
+
+
+def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
+    from matplotlib.image import imread
+
+    folder = ROOT / "docs" / "pictures"
+    drawn = ["regeneration.png", "root_locus.png"]
+    # `make bench` draws another benchmarks.png on every machine; test_docs.py looks at verify.png.
+    assert sorted(path.name for path in folder.iterdir()) == ["benchmarks.png", *drawn, "verify.png"]
+    for name in drawn:
+        one, other = imread(folder / name), imread(made.folder / name)
+        assert one.shape == other.shape
+        # Another release of the font library moves some edges of letters.
+        assert np.mean(np.abs(one - other) > 0.1) < 0.005, f"copy report/{name} to docs/pictures after `make report`"
 
 
 def test_it_is_made_again_byte_for_byte(tmp_path: Path) -> None:
