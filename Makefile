@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all fuzz mutants lint bench notebooks lock clean
+.PHONY: report test test-all test-random fuzz mutants lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -19,6 +19,10 @@ test: .venv/ready
 
 test-all: .venv/ready
 	$(BIN)/python -m pytest
+
+# The files, and the tests of each, in another random order each time, or in that of SEED.
+test-random: .venv/ready
+	$(BIN)/python -m pytest -m "not slow" --no-loadscope-reorder --order $(or $(SEED),$(shell date +%s))
 
 # Hostile inputs by every way in, continued where the last run was left; atheris guides them where it installs.
 FUZZ_INPUTS ?= 100000
