@@ -30,6 +30,7 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input
 from trim.point.operating_point import OperatingPoint
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+pytest.importorskip("fmpy.validation")  # not loaded with FMPy
 pytestmark = pytest.mark.skipif(fmu.c_compiler() is None, reason="there is no C compiler")
 SECONDS, STEP = 60.0, 0.001
 START = {"speed": 69.0, "pitch_rate": 0.01}
