@@ -7,10 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z, model_at
 
-from controller import ScheduledController, load_design
-from controller.design.design import Actuator, Feedforward
+from controller import ScheduledController, design_model, load_design
+from controller.design.design import Actuator, Design, Feedforward
 from hfa_model import Aircraft
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import design_controller
@@ -45,6 +46,28 @@ def test_every_corner_is_stable_at_every_angle(dynamics: str) -> None:
     aircraft, angles = Aircraft(dynamics=dynamics), np.radians(np.arange(21.0))
     found = check_corners(aircraft, design_controller(aircraft, load_design("servo"), angles))
     assert (found.unstable, found.loops) == (0, 672)
+
+
+def transmission_zeros(dynamics: str, degrees: float, outputs: tuple[str, ...]) -> np.ndarray:
+    """s at which [A - s I, B; C, D] loses rank: poles of the loop when both outputs are held as tightly as can be."""
+    inputs = servo().inputs
+    design = Design("zeros", inputs, sensors=dict.fromkeys(outputs, 1.0), input_weights=dict.fromkeys(inputs, 1.0))
+    built = design_model(Aircraft(dynamics=dynamics), model_at(degrees, dynamics), design)
+    pencil = np.block([[built.A, built.B], [built.C, built.D]])
+    found = eigvals(pencil, block_diag(np.eye(len(built.A)), np.zeros(built.D.shape)))
+    return np.asarray(found[np.isfinite(found) & (np.abs(found) < 1e6)])
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
+def test_who_holds_dihedral_and_acceleration_tightly_leaves_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
+    """The zeros at 0.67 rad/s are what gusts excite: A_z must be held loosely. Pitch in its place has none there."""
+    zeros = transmission_zeros(dynamics, degrees, ("dihedral", A_Z))
+    slow = zeros[(np.abs(zeros) < 1.0) & (zeros.imag > 0.0)]
+    assert np.abs(slow) == pytest.approx([0.67], abs=0.01)
+    assert 0.0 < -slow[0].real / np.abs(slow[0]) < 0.035
+    assert (zeros.real > 1.8).any()  # and none can follow A_z faster than this
+    assert np.abs(transmission_zeros(dynamics, degrees, ("dihedral", "pitch")).imag).max() < 1e-6
 
 
 @pytest.mark.parametrize(

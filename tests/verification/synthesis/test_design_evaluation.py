@@ -20,7 +20,7 @@ def tuning() -> Tuning:
     return Tuning(
         name="tune.toml",
         start=read_design("servo"),
-        variables=(Variable("effort", ("weights.inputs.aileron_outer",), 0.01, 10.0),),
+        variables=(Variable("effort", ("weights.inputs.aileron_outer",), 0.01, 1e4),),
         cases=(Case(angle, sound, 20.0, [[0.02, -1.0], [0.0, 0.0]]),),  # type: ignore[arg-type]
         objective={"dihedral": 100.0},
         angles=(angle,),

@@ -1,0 +1,64 @@
+"""The search for the weights of `servo`: its file holds for what is shipped, and the trade-off of the document."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from documents import ROOT
+from servo_cases import A_Z
+
+from hfa_model import Aircraft
+from verification.synthesis.design_evaluation import DesignEvaluation
+from verification.synthesis.tuning import Evaluation, Tuning
+from verification.synthesis.tuning_file import load_tuning
+
+#: Of the weight of the integral of A_z, in the table of the document.
+FACTORS = (0.1, 1.0, 4.0, 16.0)
+
+
+@cache
+def searched(dynamics: str) -> tuple[Tuning, DesignEvaluation]:
+    tuning = load_tuning(str(ROOT / "docs" / "results" / "servo_search.toml"))
+    return tuning, DesignEvaluation(Aircraft(dynamics=dynamics), tuning)
+
+
+def evaluated(factor: float, dynamics: str = "published") -> Evaluation:
+    """With so many times the weight of the integral of A_z."""
+    tuning, evaluation = searched(dynamics)
+    values = tuning.first_values()
+    place = [variable.name for variable in tuning.variables].index("acceleration_integral")
+    values[place] *= factor
+    return evaluation.at(values)
+
+
+def row(factor: float) -> str:
+    """As docs/servo.md has it: errors of both outputs without and with a fault, turbulence, gusts, fastest surface."""
+    found = evaluated(factor)
+    calm, fault = found.errors[:2]
+    figures = [np.degrees(calm["dihedral"]), np.degrees(fault["dihedral"]), calm[A_Z], fault[A_Z]]
+    figures += [math.degrees(found.rms[0]["dihedral"]), found.rms[0]["speed"]]
+    figures.append(math.degrees(max(found.rates)))
+    shown = [f"{each:.2f}" for each in figures] + [f"{min(found.stood[k::2]):.0f}" for k in (0, 1)]
+    return f"| {factor:g} | {' | '.join(shown)} |"
+
+
+def test_what_is_shipped_keeps_the_constraints_of_its_search() -> None:
+    tuning, _ = searched("published")
+    found = evaluated(1.0)
+    assert found.abscissa <= tuning.abscissa
+    assert max(found.rates) <= tuning.rate
+    assert found.margin >= tuning.margin
+    assert found.fastest <= tuning.fastest
+    assert all(stood >= gust.peak for stood, gust in zip(found.stood, tuning.gusts, strict=True))
+
+
+@pytest.mark.slow
+def test_the_trade_off_is_that_of_the_document() -> None:
+    text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
+    for factor in FACTORS:
+        assert row(factor) in text
+    assert evaluated(1.0, "newton").abscissa < -0.005
+    assert evaluated(8.0, "newton").abscissa > 0.0
