@@ -39,7 +39,7 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
 
     game = game_on(model, arguments)
     if check_stored(arguments):
-        return stored_law(arguments, game)
+        return stored_law(arguments, game, model.state_units)
     if arguments.law == "exact":
         return gain_law("exact", solve_game(game).K)
     told = show_learning if sys.stderr.isatty() else None

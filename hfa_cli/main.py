@@ -89,8 +89,11 @@ def _run(words: list[str]) -> int:
         module, arguments = _parsed(words)
     except SystemExit:
         return DONE  # how argparse leaves after --help and --version
+    from hfa_cli.options.unit_options import units_of
+
     with contextlib.ExitStack() as around:
         around.enter_context(run_of(words, arguments))
+        around.enter_context(units_of(arguments))
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         with warnings.catch_warnings(record=True) as caught:
@@ -121,10 +124,13 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
 
 def filled(command: Parser, name: str) -> Any:
     """Give a parser the options of a command; its module."""
+    from hfa_cli.options.unit_options import add_units
+
     module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
     command.description = (module.__doc__ or "").strip()
     command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
     module.add_arguments(command)
+    add_units(command, name)
     return module
 
 

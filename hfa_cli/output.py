@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,16 +21,29 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 
-def show(report: Report, arguments: argparse.Namespace, *, target: Path | None) -> None:
-    """Print the report as --format says or, with --json, its data; write the file, if one was asked for, first."""
-    report = signed(in_units_in_force(report) if hasattr(arguments, "units") else report)
+def show(
+    report: Report,
+    arguments: argparse.Namespace,
+    *,
+    target: Path | None,
+    only_in_files: Mapping[str, Any] | None = None,
+) -> None:
+    """Print the report as --format says or, with --json, its data; write the file, if one was asked for, first.
+
+    only_in_files: data that would drown the rest on a terminal.
+    """
     if target is not None:
-        report.save(target)
-    form = arguments.format or "text"
+        stated(report.with_data(**(only_in_files or {})), arguments).save(target)
+    report, form = stated(report, arguments), getattr(arguments, "format", None) or "text"
     if not arguments.json and form == "text":
         print(report.text(_style()))
     else:
         print(report.json() if arguments.json else FORMATS[form](report))
+
+
+def stated(report: Report, arguments: argparse.Namespace) -> Report:
+    """The report in the units that --units names, where the command has it, and with its provenance."""
+    return signed(in_units_in_force(report) if hasattr(arguments, "units") else report)
 
 
 def _style() -> Style:
@@ -50,9 +63,7 @@ def tell(
     """Print the report, or its data, and write the file; then what should be known of the trims `points`."""
     notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
     told = report.with_data(warnings=notes)
-    if target is not None:
-        signed(told.with_data(**(only_in_files or {}))).save(target)
-    show(told, arguments, target=None)
+    show(told, arguments, target=target, only_in_files=only_in_files)
     sys.stdout.flush()
     say_notes(notes)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table
+from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
@@ -119,9 +120,9 @@ class ParameterSet(ByValue, Reported):
         rows = [
             (
                 name,
-                f"{getattr(self.values, name):.7g}",
-                f"{errors[name]:.2g}" if name in errors else "-",
-                getattr(FIELDS, name).unit,
+                f"{in_force(getattr(self.values, name), getattr(FIELDS, name).unit):.7g}",
+                f"{in_force(errors[name], getattr(FIELDS, name).unit):.2g}" if name in errors else "-",
+                unit_in_force(getattr(FIELDS, name).unit),
                 self.sources[name],
             )
             for name in Parameters._fields

@@ -11,11 +11,13 @@ import numpy as np
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import RowsMade, Table
 from hfa_model.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
-from hfa_model.vectors import INPUT_UNITS, RATE_UNITS, STATE_UNITS, UNITS
+from hfa_model.vectors import INPUT_UNITS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, UNITS
 
 #: Array -> its last axes: the list of units beside it (or these units), and the power of the unit in an entry.
 _STATE, _INPUT, _OUTPUT, _GUST = "state_units", "input_units", "output_units", "disturbance_units"
-_ARRAYS: dict[str, tuple[tuple[str | tuple[str, ...], int], ...]] = {
+_SENSOR, _SIGNAL = "sensor_units", "signal_units"
+_Axes = tuple[tuple[str | tuple[str, ...], int], ...]
+_ARRAYS: dict[str, _Axes] = {
     **dict.fromkeys(("A", "A_band"), ((_STATE, 1), (_STATE, -1))),
     **dict.fromkeys(("B", "B_band"), ((_STATE, 1), (_INPUT, -1))),
     "C": ((_OUTPUT, 1), (_STATE, -1)),
@@ -24,7 +26,16 @@ _ARRAYS: dict[str, tuple[tuple[str | tuple[str, ...], int], ...]] = {
     "F": ((_OUTPUT, 1), (_GUST, -1)),
     "P": ((_STATE, -1), (_STATE, -1)),
     "disturbance_gain": ((_STATE, -1),),  # of a disturbance in the rates as the game has them, in feet
-    "K": ((_INPUT, 1), (_STATE, -1)),
+    **dict.fromkeys(("P_exact", "P_lower", "P_upper"), ((_STATE, -1), (_STATE, -1))),
+    **dict.fromkeys(("K", "K_exact", "gains"), ((_INPUT, 1), (_STATE, -1))),
+    **dict.fromkeys(("W", "weights"), (("weight_units", 1),)),
+    "half_widths": ((_STATE, 1),),
+    "X": ((_STATE, -1), (_STATE, -1)),
+    "Y": ((_STATE, 1), (_STATE, 1)),
+    "Ak": ((_STATE, 1), (_STATE, -1)),
+    "Bk": ((_STATE, 1), (_SENSOR, -1)),
+    "Ck": ((_INPUT, 1), (_STATE, -1)),
+    "noise": ((_SENSOR, 2),),
     "state_offsets": ((_STATE, 1),),
     "input_offsets": ((_INPUT, 1),),
     "output_offsets": ((_OUTPUT, 1),),
@@ -32,15 +43,35 @@ _ARRAYS: dict[str, tuple[tuple[str | tuple[str, ...], int], ...]] = {
     "operating_inputs": ((tuple(INPUT_UNITS), 1),),
     "values": (("variable_units", 1),),
 }
+#: The same of a controller, whose table has `signal_units`: x' = A x + B y + W u, u = C x + D y.
+_CONTROLLER: dict[str, _Axes] = {
+    **_ARRAYS,
+    "B": ((_STATE, 1), (_SIGNAL, -1)),
+    "C": ((_INPUT, 1), (_STATE, -1)),
+    "D": ((_INPUT, 1), (_SIGNAL, -1)),
+    "W": ((_STATE, 1), (_INPUT, -1)),
+}
 _RATES = RATE_UNITS._asdict()
+_LINEAR = tuple(UNITS[name] for name in LINEAR_STATES)
+_OF_SIGNAL = dict.fromkeys(("constant", "slope", "sine", "cosine"), _LINEAR)
+#: Columns of records whose unit stands in the column "unit".
+_IN_UNIT = ("value", "band", "learned", "exact")
 _MOMENTS = ("pitching_moment", "hinge_moment", "center_moment", "outer_moment")
-#: Table of numbers by name -> their units, where no table of units stands beside it.
-_BY_NAME: dict[str, Mapping[str, str]] = {
+#: Tables that state their own units: of what was typed, and of what is compared with the print.
+_AS_THEY_ARE = ("provenance", "regeneration")
+#: In a table with one unit beside its numbers, what is not in it.
+_APART = ("time", "sign")
+#: Table of numbers by name -> their units, and of arrays those of the last axis, where none stand beside them; so for
+#: the tables within it.
+_BY_NAME: dict[str, Mapping[str, str | tuple[str, ...]]] = {
     "residuals": _RATES,
     "rates": _RATES,
-    "margins": UNITS,
-    "imposed": UNITS,
-    "limits": UNITS,
+    **dict.fromkeys(("margins", "imposed", "limits", "envelope", "final", "largest_deviation", "rms_error"), UNITS),
+    **dict.fromkeys(("peak_error", "peak_deviation", "largest_difference_from_linear"), UNITS),
+    **dict.fromkeys(("reference", "noise"), _OF_SIGNAL),
+    "disturbance": dict.fromkeys(_OF_SIGNAL, tuple(_RATES[name] for name in LINEAR_STATES)),
+    "gust": {"length": "ft", "scale": "ft", **dict.fromkeys(("peak", "intensity", "speed"), "ft/s")},
+    "history": {"states": tuple(STATE_UNITS), "errors": _LINEAR, "updrafts": "ft/s"},
 }
 
 
@@ -58,21 +89,26 @@ def _tree(data: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
         **above,
         **{key: value for key, value in data.items() if key.endswith("_units") and not _is_numbers(value)},
     }
+    if _SENSOR in data:
+        known[_OUTPUT] = data[_SENSOR]
     return {key: _entry(key, value, data, known) for key, value in data.items()}
 
 
 def _entry(key: str, value: Any, data: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
-    if key == "provenance":
+    if key in _AS_THEY_ARE:
         return value
     if (key == "unit" or key.endswith("_units")) and not _is_numbers(value):
         return _names(value)
     if "unit" in data and _is_numbers(value):
-        return _scaled(value, data["unit"])
-    axes = [(known.get(units, ()) if isinstance(units, str) else units, power) for units, power in _ARRAYS.get(key, ())]
-    if axes and all(len(units) for units, _ in axes):
+        return value if key in _APART else _scaled(value, data["unit"])
+    arrays = _CONTROLLER if _SIGNAL in known else _ARRAYS
+    axes = [(known.get(units, ()) if isinstance(units, str) else units, power) for units, power in arrays.get(key, ())]
+    if axes and value is not None and all(len(units) for units, _ in axes):
         found = entries_in_force(np.array(value, dtype=float), *axes)
         return found if isinstance(value, np.ndarray) else found.tolist()
     one = data.get(f"{key.removesuffix('s')}_units", _BY_NAME.get(key))
+    if isinstance(one, str):
+        return _scaled(value, one)
     if key == "loads":
         one = {name: "ft lbf" if name in _MOMENTS else "lbf" for name in value}
     if isinstance(value, Mapping):
@@ -82,12 +118,18 @@ def _entry(key: str, value: Any, data: Mapping[str, Any], known: Mapping[str, An
     return value
 
 
-def _by_name(values: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Any]:
-    """A table of numbers, or of rows (dihedral, number) of a condition."""
-    found = {}
+def _by_name(values: Mapping[str, Any], units: Mapping[str, str | tuple[str, ...]]) -> dict[str, Any]:
+    """A table of numbers, of arrays, of rows (dihedral, number) of a condition; and the tables within it."""
+    found: dict[str, Any] = {}
     for name, value in values.items():
         unit = units.get(name, "1")
-        if isinstance(value, list) and value and isinstance(value[0], list):
+        if isinstance(value, Mapping):
+            found[name] = _by_name(value, units)
+        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
+            found[name] = [_by_name(each, units) for each in value]
+        elif isinstance(unit, tuple):
+            found[name] = entries_in_force(np.asarray(value, dtype=float), (unit, 1))
+        elif isinstance(value, list) and value and isinstance(value[0], list):
             found[name] = [[angle, _scaled(each, unit)] for angle, each in value]
         else:
             found[name] = _scaled(value, unit)
@@ -109,14 +151,16 @@ def _is_numbers(value: Any) -> bool:
 
 
 def _scaled(value: Any, unit: str) -> Any:
-    """A number or lists of them; what is none stays."""
+    """A number, an array, or lists of them; what is none stays."""
+    if isinstance(value, np.ndarray):
+        return in_force(value, unit)
     if isinstance(value, (list, tuple)):
         return [_scaled(each, unit) for each in value]
     return in_force(value, unit) if _is_numbers(value) else value
 
 
 def _records(table: Table) -> Table:
-    """Columns with their unit in brackets, and rows with a column "unit" for what stands under value and band."""
+    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`."""
     in_brackets = [name.partition(" [")[2].removesuffix("]") for name in table.header]
     pairs = zip(table.header, in_brackets, strict=True)
     header = tuple(name.replace(f"[{unit}]", f"[{unit_in_force(unit)}]") for name, unit in pairs)
@@ -126,7 +170,7 @@ def _records(table: Table) -> Table:
         cells = table.rows[index]
         units = in_brackets
         if place is not None:
-            units = [cells[place] if name in ("value", "band") else "" for name in table.header]
+            units = [cells[place] if name in _IN_UNIT else "" for name in table.header]
         found = [_scaled(cell, unit) for cell, unit in zip(cells, units, strict=True)]
         if place is not None:
             found[place] = unit_in_force(cells[place])

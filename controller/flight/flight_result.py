@@ -180,7 +180,9 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
         "scenario": result.scenario.to_dict(),
         "envelope": result.envelope.to_dict(result.scenario.moving_air),
         "held": result.departure is None,
-        "departure": None if result.departure is None else result.departure._asdict(),
+        "departure": None
+        if result.departure is None
+        else {**result.departure._asdict(), "unit": UNITS[result.departure.state]},
         "flown": float(result.flight.times[-1]),
         "final": dict(zip(STATES, result.states[-1].tolist(), strict=True)),
         "largest_deviation": dict(zip(STATES, np.abs(result.flight.states).max(axis=0).tolist(), strict=True)),
@@ -195,10 +197,13 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
         data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
     if law is not None:
         data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
-        data["policy"] |= {"K": law.gains[-1]} if len(law.gains) else {}
+        if len(law.gains):
+            data["policy"] |= {"state_units": [UNITS[name] for name in LINEAR_STATES], "K": law.gains[-1]}
         if isinstance(law.policy, ServoPolicy):
             errors = _tracked(result, law.policy)
-            data["commanded"] = {each.name: {"rms_error": each.rms, "largest_error": each.largest} for each in errors}
+            data["commanded"] = {
+                each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit} for each in errors
+            }
     return data
 
 

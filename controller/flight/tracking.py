@@ -28,6 +28,11 @@ class Tracked(NamedTuple):
     command: np.ndarray
 
     @property
+    def unit(self) -> str:
+        """Of the output and its command."""
+        return unit_of(self.name.removesuffix(SHORT_PERIOD))
+
+    @property
     def rms(self) -> float:
         """sqrt(mean (z - r)²)."""
         return float(np.sqrt(np.mean((self.output - self.command) ** 2)))
@@ -57,6 +62,6 @@ def tracking_table(followed: tuple[Tracked, ...]) -> Table:
     """Degrees for angles."""
     rows = []
     for each in followed:
-        unit = unit_of(each.name.removesuffix(SHORT_PERIOD))
-        rows.append((each.name, shown_unit(unit), short_number(each.rms, unit), short_number(each.largest, unit)))
+        sizes = (short_number(value, each.unit) for value in (each.rms, each.largest))
+        rows.append((each.name, shown_unit(each.unit), *sizes))
     return Table(("commanded output", "unit", "rms error", "largest error"), rows)

@@ -91,6 +91,14 @@ class Basis:
         """s with ψ(diag(scales) y) = s * ψ(y), (M,): weights in the coordinates y = z / scales are s * W."""
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
+    def weight_units(self, state_units: tuple[str, ...]) -> list[str]:
+        """Of each weight, V having none: 1/((ft/s) (rad))."""
+        factors = (
+            [f"({unit})" for unit, power in zip(state_units, row, strict=True) for _ in range(power)]
+            for row in self.exponents.tolist()
+        )
+        return [f"1/({' '.join(each)})" for each in factors]
+
 
 def basis(name: str, states: int) -> Basis:
     """The basis of that name on `states` channels.

@@ -71,7 +71,18 @@ def _long(rows: list[list[str]]) -> dict[str, Any]:
             raise ValueError(f"{name} has {len(cells)} entries for {len(names[0])} rows and {len(names[1])} columns")
         matrix = [[cells[row, column] for column in names[1]] for row in names[0]]
         found |= _named(name, names[0], names[1]) | {name: _numbers(name, matrix)}
-    return found
+    return _column_units(rows) | found
+
+
+def _column_units(rows: list[list[str]]) -> dict[str, list[str]]:
+    """Units of the states, the columns of A, P and K, from a column "unit": the last brackets of (rad)/(ft/s)."""
+    if "unit" not in rows[0]:
+        return {}
+    places = [rows[0].index(name) for name in ("matrix", "column", "unit")]
+    cells = ([line[place] for place in places] for line in rows[1:])
+    last = {column: re.search(r"\(([^()]*)\)+$", unit) for matrix, column, unit in cells if matrix in "APK"}
+    units = [match[1] for match in last.values() if match]
+    return {"state_units": units} if len(units) == len(last) else {}
 
 
 def _plain(name: str, rows: list[list[str]]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.basis import basis
 from controller.game.csv_file import holds_matrices
+from controller.game.file_units import file_scales, in_scales
 from controller.game.history import History, real_array
 from controller.game.zero_sum import Game
 from hfa_model.support.echo import shortened
@@ -30,19 +31,22 @@ class _Shape(NamedTuple):
     what: str
 
 
-def load_history(path: str | Path, game: Game, functions: str | None = None) -> History | None:
+def load_history(
+    path: str | Path, game: Game, functions: str | None = None, state_units: tuple[str, ...] = ()
+) -> History | None:
     """The history in a file, or None where it has no times and is a single critic.
 
     .npz, .mat, .json: `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
     matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). .csv: a line for each time, the time first,
     then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides.
     functions: name of the basis of W; by default the one that the file names, or `quadratic`.
+    state_units: of the plant; a file that says others is converted.
     Raises BadInputError, one line that names the file.
     """
     try:
         if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
             return _of_table(*_read_csv(path), _shapes(game, functions or "quadratic"), functions or "quadratic")
-        return _of_arrays(read_arrays(path), game, functions)
+        return _of_arrays(read_arrays(path), game, functions, state_units)
     except BadInputError as error:
         text = str(error)
         raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
@@ -65,7 +69,9 @@ def _shapes(game: Game, functions: str) -> dict[str, _Shape]:
     }
 
 
-def _of_arrays(stored: dict[str, Any], game: Game, functions: str | None) -> History | None:
+def _of_arrays(
+    stored: dict[str, Any], game: Game, functions: str | None, state_units: tuple[str, ...]
+) -> History | None:
     named = {_ALSO.get(key, key): value for key, value in stored.items()}
     key = next((name for name in _TIMES if name in named), None)
     if key is None or not any(name in named for name in "WPK"):
@@ -76,6 +82,9 @@ def _of_arrays(stored: dict[str, Any], game: Game, functions: str | None) -> His
     rows = {each: _rows(each, named[each], len(times), shapes[each]) for each in "WPK" if each in named}
     if all(values.shape == shapes[each].size for each, values in rows.items()):
         return None
+    scales = file_scales(stored, state_units)
+    if np.any(scales != 1.0):
+        rows = in_scales(rows, scales, basis(name, len(scales)))
     return History(times, **rows, basis=name)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.basis import basis
 from hfa_model.reporting.checks import Check, verdict_text
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import RowsMade, Table, matrix_table, numbered
@@ -90,16 +91,19 @@ class LearningResult(Reported):
         states: tuple[str, ...] = (),
         inputs: tuple[str, ...] = (),
         origin: str = "",
+        state_units: tuple[str, ...] = (),
+        input_units: tuple[str, ...] = (),
         *,
         history: bool = False,
     ) -> Report:
-        """Status, certificates, excitation, P and K; names of the plant where there are any.
+        """Status, certificates, excitation, P and K; names and units of the plant where there are any.
 
         data: the outcome with the last weights under `W` (what `hfa verify --weights` reads); with `history` also all
         rows over time.
         """
         m, n = self.K.shape
         states, inputs = states or numbered("x", n), inputs or numbered("u", m)
+        of_states, of_inputs = state_units or ("",) * n, input_units or ("",) * m
         settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
         excitation, numbers = self.excitation, [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
         certificates = [
@@ -109,6 +113,8 @@ class LearningResult(Reported):
         data = self.to_dict()
         rows = {name: data.pop(name) for name in _HISTORY}
         data |= {"W": self.weights[-1].tolist(), "converged": self.converged}
+        if any(of_states):
+            data["weight_units"] = basis(self.basis, n).weight_units(of_states)
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}{f', on {origin}' if origin else ''}: {self.outcome}",
             parts=(
@@ -116,8 +122,8 @@ class LearningResult(Reported):
                 f"Data: {excitation.samples} samples, rank {excitation.rank} of {excitation.size}, smallest eigenvalue "
                 f"of Sigma {excitation.smallest_eigenvalue:.3g}, condition {excitation.condition:.3g}",
                 Table(("certificate", "value", "limit", "verdict"), certificates),
-                matrix_table("P", states, states, self.P),
-                matrix_table("K", inputs, states, self.K),
+                matrix_table("P", states, states, self.P, (of_states, -1), (of_states, -1)),
+                matrix_table("K", inputs, states, self.K, (of_inputs, 1), (of_states, -1)),
                 *([Table(("number of the law", "value"), numbers)] if numbers else []),
             ),
             data=data | rows if history else data,

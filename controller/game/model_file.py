@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
+from controller.game.basis import Basis
+from controller.game.file_units import aircraft_scales, file_scales, in_scales
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
 from hfa_model.support.echo import shortened
@@ -62,7 +64,8 @@ def stored_game(
     """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
 
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
-    fit six states and five inputs only. Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7), .csv (A.csv).
+    fit six states and five inputs only; where the file names the aircraft's states in m/s, the same game in m/s.
+    Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7), .csv (A.csv).
     A structure with A and B is read where the file has neither beside it.
     Raises BadInputError, one line that names the file.
     """
@@ -84,7 +87,9 @@ def stored_game(
             "one input as a column"
         )
     settings = published_data()["game"]
-    given.setdefault("E", np.eye(shape_A[0]))
+    names = _names(stored, shape_A[0], shape_B[1])
+    scales = aircraft_scales(names, shape_A[0])
+    given.setdefault("E", np.diag(scales))
     for key, size, of in (("Q", shape_A[0], "states"), ("R", shape_B[1], "inputs")):
         diagonal = settings[f"{key}_diag"]
         if key not in given and size != len(diagonal):
@@ -92,11 +97,12 @@ def stored_game(
                 f"{path}: the model has {size} {of} and the {key} of the paper is for {len(diagonal)}; "
                 f"give {key} in the file or as an argument"
             )
-        given.setdefault(key, np.diag(diagonal).astype(float))
+        if key not in given:
+            given[key] = np.diag(diagonal / scales**2 if key == "Q" else np.array(diagonal, dtype=float))
     given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
     try:
         game = Game(**given)
-        return StoredGame(game, notes, _names(stored, *game.B.shape), _provenance(stored))
+        return StoredGame(game, notes, names, _provenance(stored))
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
 
@@ -149,20 +155,33 @@ def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> t
         named = shortened(", ".join(name if name.isprintable() else repr(name) for name in unused), 200)
         notes.append(f"{path}: {named} not used; a model file holds {', '.join(MODEL_KEYS)}")
     missing = [key for key in MODEL_KEYS if key not in given]
-    if missing:
-        defaults = [f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing]
-        notes.append(f"{path}: there is no {', '.join(missing)}; taken: {', '.join(defaults)}")
+    if "disturbances" in stored and "E" in missing:
+        notes.append(f"{path}: its E is that of the wind and not used; taken: {_defaults(missing)}")
+    elif missing:
+        notes.append(f"{path}: there is no {', '.join(missing)}; taken: {_defaults(missing)}")
     return tuple(notes)
 
 
-def load_critic(path: str | Path) -> StoredCritic:
-    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line."""
+def _defaults(missing: list[str]) -> str:
+    return ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
+
+
+def load_critic(path: str | Path, state_units: tuple[str, ...] = (), functions: Basis | None = None) -> StoredCritic:
+    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line.
+
+    state_units: of the plant; a file that says others is converted, W as weights of `functions`.
+    """
     stored = read_arrays(path)
     if not any(key in stored for key in StoredCritic._fields):
         raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
-    return StoredCritic(
-        **{key: _part(path, key, stored[key]) if key in stored else None for key in StoredCritic._fields}
-    )
+    parts = {key: _part(path, key, stored[key]) for key in StoredCritic._fields if key in stored}
+    try:
+        scales = file_scales(stored, state_units)
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    if np.any(scales != 1.0):
+        parts = in_scales(parts, scales, functions)
+    return StoredCritic(**{key: parts.get(key) for key in StoredCritic._fields})
 
 
 def _part(path: str | Path, key: str, value: Any) -> np.ndarray:

@@ -8,9 +8,9 @@ from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.games import add_game, game_of
 from hfa_cli.options.learning_options import add_learning
-from hfa_cli.origin import signed
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
+from hfa_model.support.errors import BadInputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,12 +22,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn and report; exit 1 when a certificate does not hold."""
+    if arguments.units == "si" and arguments.output is not None and arguments.output.suffix.lower() == ".csv":
+        raise BadInputError(
+            "--units does not go with .csv, whose columns of weights have no units; write .json or .npz"
+        )
     named = game_of(arguments)
     result = run_learning(arguments, named.game)
-    names, labels = (named.states, named.inputs, named.origin), named.labels()
-    if arguments.output is not None:
-        # Files hold the whole history; on a terminal it would drown the result.
-        signed(result.report(*names, history=True).with_data(**labels)).save(arguments.output)
-    show(result.report(*names).with_data(**labels), arguments, target=None)
+    whole = result.report(*named.names, history=True)
+    report = result.report(*named.names).with_data(**named.labels())
+    show(report, arguments, target=arguments.output, only_in_files=whole.data)
     say_notes(named.warnings)
     return 0 if result.converged else 1

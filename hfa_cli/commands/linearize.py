@@ -34,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--disturbances", some_of(*DISTURBANCES), "a,b,...", winds)
     parser.add_argument("--ground-drag", action="store_true", help="with these winds: drag of the speed over ground")
     options.add_aircraft(parser)
-    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -63,9 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
     # The print is in feet.
     printed = printed_at(point) if whole and arguments.units != "si" else None
-    with options.units_of(arguments):
-        report = linear_model_report(model, bands, trust_in(bands), windy=arguments.disturbances is not None)
-        if printed is not None:
-            report = beside_the_print(report, model, printed)
-        show(report, arguments, target=arguments.output)
+    report = linear_model_report(model, bands, trust_in(bands), windy=arguments.disturbances is not None)
+    if printed is not None:
+        report = beside_the_print(report, model, printed)
+    show(report, arguments, target=arguments.output)
     return 0

@@ -25,6 +25,7 @@ from hfa_cli.options.scenario_options import TURBULENCE, add_envelope, add_times
 from hfa_cli.options.servo_options import add_controller, controlled
 from hfa_cli.options.signal_options import add_initial, add_signal, initial_of, signal_of
 from hfa_cli.options.stored_law import add_stored, check_stored
+from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import Progress
@@ -83,6 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     from controller.monte_carlo.monte_carlo_report import Outcome
     from controller.monte_carlo.stored_members import stream_monte_carlo
 
+    refuse_files(arguments, ("output",), "a store is in ft")
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")

@@ -158,9 +158,10 @@ def _critic(arguments: argparse.Namespace) -> int:
 
     if arguments.file is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
-    target, stored = _certificate(arguments), load_critic(arguments.file)
+    target = _certificate(arguments)
     named, family, degrees = _game(arguments)
     functions = basis(arguments.basis or "quadratic", len(named.game.A))
+    stored = load_critic(arguments.file, named.state_units, functions)
     try:
         proof = prove_critic(named.game, stored, functions, family, degrees)
     except BadInputError as error:

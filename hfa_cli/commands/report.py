@@ -16,7 +16,8 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, output_file, parsed, some_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, array_of, value_range
-from hfa_cli.origin import provenance, signed
+from hfa_cli.origin import provenance
+from hfa_cli.output import stated
 from hfa_cli.progress import Progress
 from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         start=arguments.start,
         progress=Progress("report").say,
     )
-    report = signed(main_report(job))
+    report = stated(main_report(job), arguments)
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")

@@ -1,7 +1,7 @@
-"""Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of certified gains.
+"""Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of gains.
 
-At every point of a grid of dihedrals there is a level trim and a gain with its certificate, linear in between. Exit
-code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first).
+At every point of a grid of dihedrals there is a level trim and a gain, linear in between: certified, or from a file as
+it is. Exit code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first).
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import angle, number, whole
+from hfa_cli.options.argument_types import angle, input_file, number, whole
+from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.law_options import add_weights, check_learning, seed_of
 from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
@@ -32,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--points", whole(2, _MOST_POINTS), "N", "grid points of the schedule, default 11", default=11)
     options.add_aircraft(parser)
     add_weights(parser)
+    about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
+    add_value(parser, "--gain", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
     add_scenario(parser, "20 more than the change takes")
     options.add_picture(parser, "the flight")
     options.add_output(parser)
@@ -39,10 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left."""
+    from controller.policy.gain_file import load_gains
     from verification.flights.schedule_result import schedule_report
     from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 
     check_learning(arguments)
+    gains = None if arguments.gain is None else load_gains(arguments.gain)
     aircraft = options.aircraft_of(arguments)
     start, end, over = arguments.dihedral, arguments.to, arguments.over
     change = change_over(start, end, over)
@@ -51,18 +56,20 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError(
             f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; extend it"
         )
+    grid = grid_of(change, arguments.points)
     certified = certified_schedule(
         aircraft,
-        grid_of(change, arguments.points),
+        grid if gains is None else gains.grid(grid),
         law=arguments.law,
         seed=seed_of(arguments),
         game=games.weights_of(arguments),
         settings={} if arguments.law == "exact" else law_settings(arguments),
+        gains=gains,
         progress=Progress("certify"),
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("simulate"))
-    report = schedule_report(result, certified, change, arguments.law)
+    report = schedule_report(result, certified, change, arguments.law if gains is None else f"gain of {arguments.gain}")
     draw_flight(result, report, arguments.picture)
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
     return 0 if result.departure is None else 1

@@ -11,8 +11,7 @@ import argparse
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, number, parsed
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.shared_options import FORMATS
-from hfa_cli.origin import signed
+from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 
@@ -61,6 +60,5 @@ def run(arguments: argparse.Namespace) -> int:
         )
         for name in names
     ]
-    report = signed(servo_report(results))
-    print(report.json() if arguments.json else FORMATS[arguments.format or "text"](report))
+    show(servo_report(results), arguments, target=None)
     return 0

@@ -23,7 +23,6 @@ from verification.synthesis.gust_cost import estimated_gust_cost, gust_cost
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa solve`."""
     add_game(parser)
-    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -31,24 +30,22 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
     found = analyse_game(named.game)
-    with options.units_of(arguments):
-        _show(found, named, arguments)
+    _show(found, named, arguments)
     say_notes(named.warnings)
     return 0
 
 
 def _show(found: AnalysedGame, named: NamedGame, arguments: argparse.Namespace) -> None:
-    units = named.state_units, named.input_units
-    report = solution_report(found, named.states, named.inputs, named.origin, *units).with_data(**named.labels())
+    report = solution_report(found, *named.names).with_data(**named.labels())
     built = named.built
     if built is not None:
         gust = gust_cost(built, named.game, found.solution.K)
-        report = replace(report, parts=(*report.parts, gust.text())).with_data(worst_updraft=gust._asdict())
+        report = replace(report, parts=(*report.parts, gust.text())).with_data(worst_updraft=gust.to_dict())
     if built is not None and built.sensors:
         problem = OutputGame(named.game, built.C, built.D, built.V)
         measured = output_report(problem, built.sensors, built.sensor_units)
         Ak, Bk, Ck = (np.array(measured.data[name]) for name in ("Ak", "Bk", "Ck"))
         gust = estimated_gust_cost(built, named.game, (Ak, Bk, Ck))
-        measured = replace(measured, parts=(*measured.parts, gust.text())).with_data(worst_updraft=gust._asdict())
+        measured = replace(measured, parts=(*measured.parts, gust.text())).with_data(worst_updraft=gust.to_dict())
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
     show(report, arguments, target=arguments.output)

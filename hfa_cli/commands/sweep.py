@@ -51,7 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
-    options.add_units(parser)
     options.add_output(parser, STORE)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
     add_named(store, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
@@ -94,10 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         from verification.meaning.game_sweep import sweep_games, with_games
 
         games = sweep_games(result, Progress("games"), **weights_of(arguments))
-    with options.units_of(arguments):
-        report = result.report()
-        report = replace(report, notes=[*report.notes, *notes])
-        _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
+    report = result.report()
+    report = replace(report, notes=[*report.notes, *notes])
+    _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
     return 0 if np.any(result.trimmed) else 1
 
 

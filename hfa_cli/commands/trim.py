@@ -15,7 +15,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser)
     options.add_aircraft(parser)
     options.add_picture(parser, "the aircraft from the front with its loads")
-    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -28,7 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
         from trim.point.trim_figure import trim_figure
 
         save(trim_figure(aircraft, point), arguments.picture, provenance().text())
-    with options.units_of(arguments):
-        report = trim_report(aircraft, options.condition_of(arguments), point)
-        show(report, arguments, target=arguments.output)
+    report = trim_report(aircraft, options.condition_of(arguments), point)
+    show(report, arguments, target=arguments.output)
     return 0

@@ -11,7 +11,6 @@ from hfa_cli.output import show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa validate`."""
     options.add_aircraft(parser)
-    options.add_units(parser)
     options.add_output(parser)
 
 
@@ -20,6 +19,5 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.validation.comparison import validate
 
     found = validate(options.aircraft_of(arguments))
-    with options.units_of(arguments):
-        show(found.report(), arguments, target=arguments.output)
+    show(found.report(), arguments, target=arguments.output)
     return 0 if found.ok else 1

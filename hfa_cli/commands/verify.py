@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None:
         _draw(check, named, result, time, arguments.picture)
     limit_cost = arguments.limit_cost
-    report = check_report(check, named.states, named.inputs, named.origin, limit_cost).with_data(**named.labels())
+    report = check_report(check, *named.names, limit_cost=limit_cost).with_data(**named.labels())
     show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0 if (check.ok if limit_cost is None else check.flight.within(limit_cost)) else 1
@@ -86,14 +86,16 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
     """The critic in a file, or each of its rows where it has a time."""
     path, time, game = arguments.weights, arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
-    history = load_history(path, game, arguments.basis)
+    history = load_history(path, game, arguments.basis, named.state_units)
     if history is None and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     try:
         if history is not None:
             told = Progress("compare")
             return check_history(game, history, predefined_time=time, progress=told, **options_of_all)
-        return check_critic(game, from_stored(game, load_critic(path), functions), **options_of_all)
+        return check_critic(
+            game, from_stored(game, load_critic(path, named.state_units, functions), functions), **options_of_all
+        )
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
 
@@ -102,5 +104,5 @@ def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, t
     from hfa_model.reporting.figure import save
     from verification.critic.check_figure import check_figure
 
-    figure = check_figure(check, named.states, named.inputs, result, time, named.origin)
+    figure = check_figure(check, *named.names, run=result, predefined_time=time)
     save(figure, path, provenance().text())

@@ -38,6 +38,11 @@ class NamedGame:
     built: DesignModel | None = None
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
+        """States, inputs, what the plant is called, units of states and inputs: how reports take them."""
+        return self.states, self.inputs, self.origin, self.state_units, self.input_units
+
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""
         named = {name: list(getattr(self, name)) for name in ("states", "inputs", "state_units", "input_units")}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_model.reporting.data_files import SUFFIXES
 from hfa_model.reporting.report import Report
-from hfa_model.reporting.unit_system import SYSTEMS, shown_in
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, describe, release
 from trim.point.condition_file import NAMED as NAMED_CONDITIONS, load_condition
@@ -89,17 +87,6 @@ def add_form(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
     add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text")
-
-
-def add_units(parser: argparse.ArgumentParser) -> None:
-    """--units: of what is printed and written; what is typed stays in feet."""
-    about = "units of the report and the files: english (ft, slug, lbf; default) or si (m, kg, N)"
-    add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
-
-
-def units_of(arguments: argparse.Namespace) -> AbstractContextManager[None]:
-    """What is said inside is said in the units that --units names."""
-    return shown_in(arguments.units or SYSTEMS[0])
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:

@@ -42,15 +42,16 @@ def check_stored(arguments: argparse.Namespace) -> bool:
     return True
 
 
-def stored_law(arguments: argparse.Namespace, game: Game) -> FlownLaw:
-    """u = -K z of the file that the options name. game: whose B and R make K of a value."""
+def stored_law(arguments: argparse.Namespace, game: Game, state_units: tuple[str, ...]) -> FlownLaw:
+    """u = -K z of the file that the options name. game: whose B and R make K of a value; state_units: of its states."""
     from controller.game.basis import basis
     from controller.game.model_file import load_critic
     from controller.policy.flown_law import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
     path = arguments.weights if arguments.gain is None else arguments.gain
-    stored, functions = load_critic(path), basis("quadratic", len(game.A))
+    functions = basis("quadratic", len(game.A))
+    stored = load_critic(path, state_units, functions)
     if arguments.gain is not None and stored.K is None:
         raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
     if arguments.gain is None and stored.W is not None and stored.W.size != functions.size:

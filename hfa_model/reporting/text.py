@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hfa_model.reporting.unit_system import entries_in_force, in_force, unit_in_force
 
 #: Characters of a bar.
@@ -115,6 +117,11 @@ def shown_unit(unit: str) -> str:
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
     """A value in its `shown_unit`: radians become degrees."""
     return format(math.degrees(value) if unit.startswith("rad") else in_force(value, unit), form)
+
+
+def shown_values(values: Any, unit: str) -> np.ndarray:
+    """Numbers in their `shown_unit`, for a picture."""
+    return np.asarray(np.degrees(values) if unit.startswith("rad") else in_force(np.asarray(values), unit))
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from scipy.io import savemat
+
+from controller.policy.gain_file import StoredGains
 
 SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact")
 
@@ -24,6 +28,76 @@ def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:
     assert data["scenario"]["reference"] == "ScheduledReference"
     assert len(data["history"]["times"]) == 4001
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
+    """The exact gains from a file fly as the exact law does; one gain for all angles, and others, fly otherwise."""
+    exact, flown = (tmp_path / name for name in ("exact.json", "flown.json"))
+    steps = ("--step", "0.005", "--duration", "26")
+    assert hfa(*SCHEDULE, *steps, "-o", str(exact)).code == 0
+    reference = json.loads(exact.read_text("utf-8"))
+    K = np.array(reference["schedule"]["gains"])
+    files = {"table.json": K, "one.json": K[0], "stacked.mat": np.moveaxis(K, 0, -1)}
+    words = SCHEDULE[:-2]
+    finals = {}
+    for name, gains in files.items():
+        path = tmp_path / name
+        content = {"K": gains, "dihedral_deg": np.array([5.0, 10.0, 15.0])}
+        if path.suffix == ".mat":
+            savemat(path, content)
+        else:
+            path.write_text(json.dumps({key: value.tolist() for key, value in content.items()}), encoding="utf-8")
+        result = hfa(*words, "--gain", str(path), *steps, "-o", str(flown))
+        assert result.code == 0, result.err
+        assert f"law gain of {path}, scheduled" in result.out
+        data = json.loads(flown.read_text("utf-8"))
+        assert data["schedule"]["distances_from_exact"] == [None] * 3
+        finals[name] = np.array(data["history"]["states"][-1])
+    np.testing.assert_allclose(finals["table.json"], reference["history"]["states"][-1], rtol=1e-9)
+    np.testing.assert_array_equal(finals["table.json"], finals["stacked.mat"])
+    assert abs(finals["one.json"] - finals["table.json"]).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, 10.0]}, "the gains cover 5 to 10 deg, not 5 to 15 deg"),
+        ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [15.0, 5.0]}, "at least two angles, increasing"),
+        ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, float("nan")]}, "not finite"),
+        ({"K": [[[0.0] * 6] * 5] * 2}, "there is no dihedral_deg"),
+        ({"K": [[[0.0] * 6] * 5] * 3, "dihedral_deg": [5.0, 15.0]}, "with 2 angles it must be (2, 5, 6)"),
+        ({"K": [[0.0] * 5] * 6}, "a schedule takes K, 5 x 6"),
+        ({"P": [[0.0] * 6] * 6}, "a schedule takes K, 5 x 6"),
+        ({"K": [[0.0] * 6] * 5, "state_units": ["km/h", *["rad"] * 5]}, "state 1 is in km/h"),
+    ],
+)
+def test_gains_that_do_not_fit_are_refused(content: dict[str, Any], named: str, tmp_path: Path) -> None:
+    path = tmp_path / "gains.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    assert_refused(hfa(*SCHEDULE[:-2], "--gain", str(path)), 2, named)
+
+
+@pytest.mark.parametrize(
+    ("word", "named"),
+    [
+        (("--law", "exact"), "leave out --law, --set and --online"),
+        (("--delta", "300"), "--delta belongs to the game of a law"),
+        (("--seed", "1"), "--seed belongs to a learning law"),
+    ],
+    ids=lambda each: each[0],
+)
+def test_a_gain_has_no_law(word: tuple[str, ...], named: str, tmp_path: Path) -> None:
+    path = tmp_path / "gain.json"
+    path.write_text(json.dumps({"K": [[0.0] * 6] * 5}), encoding="utf-8")
+    assert_refused(hfa(*SCHEDULE[:-2], "--gain", str(path), *word), 2, named)
+
+
+def test_gains_of_a_table_between_the_points(tmp_path: Path) -> None:
+    """Its angles become points of the schedule, so that what is flown is the table itself."""
+    K = np.random.default_rng(3).normal(size=(3, 5, 6))
+    table = StoredGains(np.radians([0.0, 7.0, 20.0]), K)
+    np.testing.assert_allclose(table.at(np.radians(3.5)), (K[0] + K[1]) / 2)
+    np.testing.assert_allclose(np.degrees(table.grid(np.radians([5.0, 10.0, 15.0]))), [5.0, 7.0, 10.0, 15.0])
 
 
 def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
@@ -44,6 +118,7 @@ def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
         ("--to 20 --reference speed=1", "--reference"),
         ("--to 20 --law exact --seed 1", "here nothing is random"),
         ("--over 5", "--to"),
+        ("--to 20 --gain k.json", "k.json: there is no such file"),
     ],
 )
 def test_the_command_refuses_in_one_line(words: str, named: str) -> None:

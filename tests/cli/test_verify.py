@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -145,7 +146,26 @@ def test_a_refusal_in_words_begins_with_the_reason(game: Game) -> None:
     lines = said.out.splitlines()
     assert lines[0].endswith("against the exact game solution: FAIL")
     assert lines[2] == "Reason: the gain has the wrong sign: the policy is u = -K z"
-    assert sum(line.endswith(" FAIL") for line in lines[1:]) == sum(line.startswith("FAIL ") for line in lines) >= 3
+    failed = sum(line.startswith("FAIL ") for line in lines)
+    assert failed >= 3
+    assert all(line.startswith("FAIL ") for line in lines[4 : 4 + failed])
+    assert re.fullmatch(r"\d+ checks? passed; --json has all", lines[4 + failed])
+    assert len(lines) <= 25
+
+
+def test_a_refusal_names_every_check_that_failed(game: Game) -> None:
+    """The first with their reasons, what is left by name; those that pass in number."""
+    file = stored("critic.npz", P=1.01 * solve_game(game).P)
+    said, checks = (
+        hfa("verify", *AT_15, "--weights", file).out,
+        answer("verify", *AT_15, "--weights", file, code=FAILED),
+    )
+    failed = [check["name"] for check in checks["checks"] if not check["ok"]]
+    assert len(failed) > 8
+    for name in failed:
+        assert re.search(rf"^FAIL {name}: |^FAIL too: .*\b{name}\b", said, re.M), name
+    assert f"\n{len(checks['checks']) - len(failed)} checks passed; --json has all\n" in said
+    assert len(said.splitlines()) <= 25
 
 
 def test_a_law_that_runs_but_fails_is_refused() -> None:

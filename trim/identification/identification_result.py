@@ -60,7 +60,9 @@ class Identification(Reported):
             f"{len(self.starts)} starts agree\n{fit.quality()}",
             parts=(
                 fit.parameters.table(),
-                entries_table("entry", {f"{angle:g} deg ": entries for angle, entries in self.tables.items()}),
+                entries_table(
+                    "entry, as printed", {f"{angle:g} deg ": entries for angle, entries in self.tables.items()}
+                ),
                 fit.determination(),
                 _structures(self),
                 _left_out(self),

@@ -9,7 +9,8 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.text import angle_text, short_number
+from hfa_model.reporting.text import angle_text, short_number, shown_unit
+from hfa_model.reporting.unit_system import in_force, unit_in_force
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -57,34 +58,46 @@ def panels_from_the_front(aircraft: Aircraft, point: OperatingPoint) -> tuple[Pa
     return right, center, left
 
 
+def shown_panel(panel: Panel) -> Panel:
+    """In the units in which things are said: m and N in place of ft and lbf."""
+    ends, middle = (in_force(each, "ft") for each in (panel.ends, panel.middle))
+    return Panel(ends, middle, in_force(panel.lift, "lbf"), in_force(panel.weight, "lbf"))
+
+
+def scale_text(scale: float) -> str:
+    """scale: length of a force in the picture over the force, in the units in which things are said."""
+    return f"arrows: {1 / scale:.3g} {unit_in_force('lbf')} to the {'foot' if unit_in_force('ft') == 'ft' else 'meter'}"
+
+
 def trim_figure(aircraft: Aircraft, point: OperatingPoint) -> Figure:
     """Forces to one scale, stated in the picture; angles and lengths true."""
-    panels = panels_from_the_front(aircraft, point)
-    hinge_moment = aircraft.loads(point.states, point.inputs).hinge_moment
-    span = aircraft.parameters.panel_span
-    greatest = max(float(np.linalg.norm(force)) for panel in panels for force in (panel.lift, panel.weight))
+    panels = tuple(map(shown_panel, panels_from_the_front(aircraft, point)))
+    hinge_moment = in_force(aircraft.loads(point.states, point.inputs).hinge_moment, "ft lbf")
+    span = in_force(aircraft.parameters.panel_span, "ft")
+    force, length = unit_in_force("lbf"), unit_in_force("ft")
+    greatest = max(float(np.linalg.norm(each)) for panel in panels for each in (panel.lift, panel.weight))
     scale = _LONGEST * span / greatest
     figure = new_figure(10.0, 4.6)
     axes = figure.subplots()
     for panel in panels:
         axes.plot(*panel.ends.T, color="black", linewidth=3.0, solid_capstyle="butt", zorder=2)
-        _arrow(axes, panel.middle, panel.lift * scale, _LIFT, f"{_signed_lift(panel):.1f} lbf")
-        _arrow(axes, panel.middle, panel.weight * scale, _WEIGHT, f"{np.linalg.norm(panel.weight):.1f} lbf")
+        _arrow(axes, panel.middle, panel.lift * scale, _LIFT, f"{_signed_lift(panel):.1f} {force}")
+        _arrow(axes, panel.middle, panel.weight * scale, _WEIGHT, f"{np.linalg.norm(panel.weight):.1f} {force}")
     for side in (-1, 1):
         _hinge(axes, side, hinge_moment, point.states.dihedral, span)
     for color, name in ((_LIFT, "lift"), (_WEIGHT, "weight"), (_MOMENT, "moment of loads and weight about the hinge")):
         axes.plot([], [], color=color, linewidth=2.0, label=name)
     axes.set_aspect("equal")
     axes.margins(0.08, 0.2)
-    axes.set_xlabel("ft, seen from the front")
-    axes.set_ylabel("ft")
+    axes.set_xlabel(f"{length}, seen from the front")
+    axes.set_ylabel(length)
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, fontsize=8, frameon=False)
     x = point.states
     axes.set_title(
         f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)}, "
-        f"{short_number(x.speed, 'ft/s')} ft/s, {short_number(x.altitude, 'ft')} ft\n"
-        f"arrows: {1 / scale:.3g} lbf to the foot",
+        f"{short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')} {length}\n"
+        f"{scale_text(scale)}",
         fontsize=10,
     )
     return figure
@@ -117,7 +130,9 @@ def _hinge(axes: Axes, side: int, moment: float, dihedral: float, span: float) -
         bend = math.copysign(0.3, side * shown)
         style = {"arrowstyle": "-|>", "color": _MOMENT, "linewidth": 1.8, "connectionstyle": f"arc3,rad={bend}"}
         axes.annotate("", xy=_pair(end), xytext=_pair(start), arrowprops=style)
-    _label(axes, place, f"{shown:.1f} ft lbf", _MOMENT, above=dihedral < 0)  # where no panel is in the way
+    _label(
+        axes, place, f"{shown:.1f} {unit_in_force('ft lbf')}", _MOMENT, above=dihedral < 0
+    )  # where no panel is in the way
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, *, above: bool) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hfa_model.reporting.figure import new_figure
+from hfa_model.reporting.text import shown_unit, shown_values
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
 
@@ -56,9 +57,7 @@ class RootLocus(NamedTuple):
 
     def _draw(self, axes: Axes, shown: np.ndarray) -> None:
         """The columns that are shown, a line a mode, and both ends of the line."""
-        is_angle = UNITS[self.variable] == "rad"
-        values = np.degrees(self.values) if is_angle else self.values
-        unit = "deg" if is_angle else UNITS[self.variable]
+        values, unit = shown_values(self.values, UNITS[self.variable]), shown_unit(UNITS[self.variable])
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(shown).tolist():
             name = self.mode_names[column]

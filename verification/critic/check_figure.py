@@ -8,6 +8,7 @@ import numpy as np
 
 from controller.game.learning_result import LearningResult
 from hfa_model.reporting.figure import new_figure
+from hfa_model.reporting.unit_system import entries_in_force
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import relative_error
 
@@ -25,9 +26,12 @@ def check_figure(
     check: CriticCheck,
     states: tuple[str, ...],
     inputs: tuple[str, ...],
-    run: LearningResult | None,
-    predefined_time: float | None,
     origin: str = "the plant",
+    state_units: tuple[str, ...] = (),
+    input_units: tuple[str, ...] = (),
+    *,
+    run: LearningResult | None = None,
+    predefined_time: float | None = None,
 ) -> Figure:
     """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K where there is no P; of
     a run also residual and error over time. origin: what the plant is called."""
@@ -36,8 +40,12 @@ def check_figure(
     figure.suptitle(f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}")
     grid = figure.add_gridspec(2 if over_time else 1, 3)
     name, rows, learned, exact = "P", states, check.candidate.P, check.exact.P
+    axis_units = (state_units, -1), (state_units, -1)
     if learned is None:
         name, rows, learned, exact = "K", inputs, check.candidate.K, check.exact.K
+        axis_units = (input_units, 1), (state_units, -1)
+    if state_units:
+        learned, exact = (entries_in_force(each, *axis_units) for each in (learned, exact))
     largest = float(np.abs(exact).max())
     with np.errstate(divide="ignore", invalid="ignore"):  # no relative difference where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))

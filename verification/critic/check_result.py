@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from hfa_model.reporting.checks import Check, checks_block
-from hfa_model.reporting.report import Block, Report, Reported
+from hfa_model.reporting.report import Block, Part, Report, Reported
 from hfa_model.reporting.text import Table, numbered
+from hfa_model.reporting.unit_system import gain_unit, in_force, value_unit
 from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box
@@ -19,8 +20,10 @@ from verification.critic.flight_cost import FlightCost
 from verification.meaning.margins import DiskMargin
 from verification.riccati.gare import GameSolution
 
-#: Entries of P and K in a report; files have all.
-SHOWN = 12
+#: Entries of P and K in a report, and in that of a critic that fails; files have all.
+SHOWN, SHOWN_OF_A_FAILURE = 12, 3
+#: Failures with their reasons; the rest by name.
+FAILURES = 8
 _ROUNDING = 1e-9
 SCHEMA = "hfa.critic-check/1"
 
@@ -94,64 +97,109 @@ def check_report(
     states: tuple[str, ...] = (),
     inputs: tuple[str, ...] = (),
     origin: str = "the plant",
+    state_units: tuple[str, ...] = (),
+    input_units: tuple[str, ...] = (),
+    *,
     limit_cost: float | None = None,
 ) -> Report:
     """The verdict, every check, margins and cost beside the exact ones, and P and K entry by entry.
 
     states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, says whether the cost is kept.
+    state_units, input_units: "" where they are not known.
     """
     m, n = check.exact.K.shape
     states, inputs = states or numbered("x", n), inputs or numbered("u", m)
-    records = _entries(check, states, inputs)
-    shown, left_out = _worst(check, records, states)
+    records = _entries(check, states, inputs, state_units or ("",) * n, input_units or ("",) * m)
     said = [f"Reason: {check.diagnosis}"] if check.diagnosis else []
     if limit_cost is not None:
         kept = "PASS" if check.flight.within(limit_cost) else "FAIL"
         said.append(f"Cost in flight, at most {limit_cost:g} percent above the optimum: {kept}")
+    over_time = () if check.history is None else (check.history.block(),)
+    parts: tuple[Part, ...] = (
+        checks_block(check.checks),
+        f"Box of states: {check.box.about}",
+        _margins(check),
+        _cost(check),
+        *over_time,
+        _worst(check, records, states, SHOWN),
+    )
+    if not check.ok:
+        flight = (_in_short(check),) if limit_cost is None else (_margins(check), _cost(check))
+        parts = (_failures(check.checks), *flight, *over_time, _worst(check, records, states, SHOWN_OF_A_FAILURE))
     return Report(
         title=f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}",
-        parts=(
-            *said,
-            checks_block(check.checks),
-            f"Box of states: {check.box.about}",
-            _margins(check),
-            _cost(check),
-            *(() if check.history is None else (check.history.block(),)),
-            Block((Table(("entry", "learned", "exact", "difference"), shown), *left_out)),
-        ),
-        data=check.to_dict() if limit_cost is None else _with_limit(check, limit_cost),
+        parts=(*said, *parts),
+        data={
+            "state_units": list(state_units),
+            "input_units": list(input_units),
+            **(check.to_dict() if limit_cost is None else _with_limit(check, limit_cost)),
+        },
         records=records if check.history is None else check.history.records(),
     )
 
 
-def _entries(check: CriticCheck, states: tuple[str, ...], inputs: tuple[str, ...]) -> Table:
-    """Rows (matrix, row, column, learned, exact) of P, where known, and K."""
-    pairs: list[tuple[str, tuple[str, ...], Any, Any]] = [("K", inputs, check.candidate.K, check.exact.K)]
-    if check.candidate.P is not None:
-        pairs.insert(0, ("P", states, check.candidate.P, check.exact.P))
+def _entries(
+    check: CriticCheck,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    state_units: tuple[str, ...],
+    input_units: tuple[str, ...],
+) -> Table:
+    """Rows (matrix, row, column, learned, exact, unit) of P, where known, and K."""
     rows = [
-        (name, row, column, learned[i, j], exact[i, j])
-        for name, row_names, learned, exact in pairs
-        for i, row in enumerate(row_names)
+        ("K", row, column, check.candidate.K[i, j], check.exact.K[i, j], gain_unit(input_units[i], state_units[j]))
+        for i, row in enumerate(inputs)
         for j, column in enumerate(states)
     ]
-    return Table(("matrix", "row", "column", "learned", "exact"), rows)
+    if check.candidate.P is not None:
+        of_P = [
+            ("P", row, column, check.candidate.P[i, j], check.exact.P[i, j], value_unit(state_units[i], state_units[j]))
+            for i, row in enumerate(states)
+            for j, column in enumerate(states)
+        ]
+        rows = [*of_P, *rows]
+    return Table(("matrix", "row", "column", "learned", "exact", "unit"), rows)
 
 
-def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...]) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The `SHOWN` entries that are farthest off, each relative to the largest of its matrix, in their order; and a line
+def _failures(checks: tuple[Check, ...]) -> Block:
+    """What failed and why, a line each: the loops, P and K, then the other errors; the rest in one line."""
+
+    def order(check: Check) -> tuple[bool, bool]:
+        return check.name.endswith("_error"), check.name not in ("P_rel_error", "K_rel_error")
+
+    failed = sorted((check for check in checks if not check.ok), key=order)
+    lines = [f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})" for check in failed]
+    more = [f"FAIL too: {', '.join(check.name for check in failed[FAILURES:])}"] if len(failed) > FAILURES else []
+    passed = len(checks) - len(failed)
+    return Block((*lines[:FAILURES], *more, f"{passed} check{'s' * (passed != 1)} passed; --json has all"))
+
+
+def _in_short(check: CriticCheck) -> str:
+    """Margins and cost in flight, the exact ones in brackets."""
+    flight, margin = check.flight, check.learned_margin
+    disk = "none" if margin is None else f"{margin.disk:.4g}"
+    return (
+        "In flight, under the worst disturbance (exact in brackets): cost lost "
+        f"{flight.worst:.3g} percent from the worst start, {flight.mean:.3g} on average;\n"
+        f"L2 gain {flight.gain:.4g} ({flight.exact_gain:.4g}), disk margin {disk} ({check.exact_margin.disk:.4g}), "
+        f"distance to instability {flight.distance:.3g} ({flight.exact_distance:.3g})"
+    )
+
+
+def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: int) -> Block:
+    """The `most` entries that are farthest off, each relative to the largest of its matrix, in their order; and a line
     that says so where there are more."""
     largest = {"P": float(np.abs(check.exact.P).max()) or 1.0, "K": float(np.abs(check.exact.K).max()) or 1.0}
     rows = [row for row in entries.rows if row[0] == "K" or states.index(row[1]) <= states.index(row[2])]
-    off = np.array([abs(learned - exact) / largest[name] for name, _, _, learned, exact in rows])
+    off = np.array([abs(learned - exact) / largest[name] for name, _, _, learned, exact, _ in rows])
     off[off < _ROUNDING] = 0.0  # which of them are the largest is chance
-    kept = sorted(np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")[:SHOWN].tolist())
-    shown: list[tuple[str, ...]] = [
-        (f"{name}({row}, {column})", f"{learned:.8g}", f"{exact:.8g}", f"{learned - exact:+.2e}")
-        for name, row, column, learned, exact in (rows[place] for place in kept)
-    ]
-    more = len(rows) > SHOWN
-    return shown, [f"the {SHOWN} of {len(rows)} entries that are farthest off; -o FILE has all"] if more else []
+    kept = sorted(np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable")[:most].tolist())
+    shown: list[tuple[str, ...]] = []
+    for name, row, column, learned, exact, unit in (rows[place] for place in kept):
+        left, right, difference = (in_force(value, unit) for value in (learned, exact, learned - exact))
+        shown.append((f"{name}({row}, {column})", f"{left:.8g}", f"{right:.8g}", f"{difference:+.2e}"))
+    left_out = [f"the {most} of {len(rows)} entries that are farthest off; -o FILE has all"] * (len(rows) > most)
+    return Block((Table(("entry", "learned", "exact", "difference"), shown), *left_out))
 
 
 def _margins(check: CriticCheck) -> Table:

@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_most
-from hfa_model.reporting.unit_system import si_factor, si_unit
+from hfa_model.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
 from verification.critic.candidate import Candidate
 from verification.riccati.gare import GameSolution
@@ -53,11 +53,15 @@ def ordinary_box(
     named = (states, inputs) == (LINEAR_STATES, INPUTS) if states else game.B.shape == AIRCRAFT_SHAPE
     deviations = np.array(ORDINARY_DEVIATIONS)
     if named and (not any(state_units) or state_units == _UNITS):
-        return Box(deviations, "ordinary deviations of the aircraft, 7 ft/s, 0.1 rad, 0.1 rad/s")
+        return Box(deviations, _about(in_force(deviations[0], "ft/s"), unit_in_force("ft/s")))
     if named and state_units == tuple(map(si_unit, _UNITS)):
         factors = np.array([si_factor(unit) for unit in _UNITS])
-        return Box(deviations * factors, "ordinary deviations of the aircraft, 2.1336 m/s, 0.1 rad, 0.1 rad/s")
+        return Box(deviations * factors, _about(deviations[0] * factors[0], "m/s"))
     return Box(balanced_units(game), "balanced units of the game; a convention, the plant has not the aircraft's names")
+
+
+def _about(speed: float, unit: str) -> str:
+    return f"ordinary deviations of the aircraft, {speed:g} {unit}, 0.1 rad, 0.1 rad/s"
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:

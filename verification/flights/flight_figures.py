@@ -9,7 +9,7 @@ import numpy as np
 from controller.flight.envelope import ANGLE_OF_ATTACK
 from controller.flight.flight_result import NonlinearFlight
 from hfa_model.reporting.figure import enlarge_first_second, new_figure
-from hfa_model.reporting.text import shown_unit
+from hfa_model.reporting.text import shown_unit, shown_values
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from trim.point.condition import CONTROL_LIMITS
 from verification.flights.recoverable_map import RecoverableMap
@@ -40,15 +40,15 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         if name in LINEAR_STATES:
             row = LINEAR_STATES.index(name)
             reference = result.states[:, index] - result.flight.errors[:, row]
-            axes.plot(times, _shown(reference, unit), ":", color="black", linewidth=1.0, label="reference")
+            axes.plot(times, shown_values(reference, unit), ":", color="black", linewidth=1.0, label="reference")
         if result.predicted is not None:
             predicted = result.predicted.states[:, index] + result.point.states[index]
-            axes.plot(result.predicted.times, _shown(predicted, unit), "--", color="C1", label="linear")
-        axes.plot(times, _shown(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
+            axes.plot(result.predicted.times, shown_values(predicted, unit), "--", color="C1", label="linear")
+        axes.plot(times, shown_values(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
         limited, what = result.states[:, index], name
         if name == "alpha" and result.scenario.moving_air:
             limited, what = result.angles_of_attack, "alpha over ground"
-            axes.plot(times, _shown(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
+            axes.plot(times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
             axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
         limits = result.envelope.lowest[index], result.envelope.highest[index]
         _limit_lines(axes, limited, limits, unit)
@@ -59,7 +59,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     for index, name in enumerate(INPUTS):
         axes, unit, limits = throttle if name == "throttle" else surfaces, INPUT_UNITS[index], CONTROL_LIMITS[index]
         label = _limits_text(name, limits[0], limits[1], unit)
-        axes.plot(times, _shown(result.inputs[:, index], unit), label=label, linewidth=1.0)
+        axes.plot(times, shown_values(result.inputs[:, index], unit), label=label, linewidth=1.0)
         _limit_lines(axes, result.inputs[:, index], limits, unit)
     for axes, label in ((throttle, "throttle"), (surfaces, "deflections, deg")):
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
@@ -67,11 +67,11 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):
-        drawn = air.plot(times, result.flight.updrafts)
+        drawn = air.plot(times, shown_values(result.flight.updrafts, "ft/s"))
         drawn[0].set_color("C2")
         if len(drawn) > 1:
             air.legend(drawn, ("center", "outer"), loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-        _finish(air, "updraft, ft/s")
+        _finish(air, f"updraft, {shown_unit('ft/s')}")
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
     else:  # the legend takes the place of the updraft
         figure.suptitle(title, fontsize=10)
@@ -86,7 +86,7 @@ def _limits_text(what: str, lowest: float, highest: float, unit: str) -> str:
     """What it is called and between which values it must stay, in the unit that is drawn."""
     if np.isinf([lowest, highest]).all():
         return f"{what}: none"
-    return f"{what}: {float(_shown(lowest, unit)):.5g} to {float(_shown(highest, unit)):.5g}"
+    return f"{what}: {float(shown_values(lowest, unit)):.5g} to {float(shown_values(highest, unit)):.5g}"
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
@@ -97,7 +97,7 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
         (highest, limited.max() > highest - 0.2 * (highest - lowest)),
     ):
         if near:
-            axes.axhline(float(_shown(limit, unit)), color="black", linestyle="--", linewidth=0.8)
+            axes.axhline(float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8)
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
@@ -130,13 +130,13 @@ def _start_map(axes: Axes, each: RecoverableMap) -> set[tuple[int, bool]]:
     for index, back in seen:
         color = to_rgba(COLORS[STATES[index]] if index >= 0 else "0.6")
         picture[~held & (left == index) & (returned == back)] = _over_white(color, _PALE if back else 1.0)
-    speeds, dihedrals = each.speeds, np.degrees(each.dihedrals)
+    speeds, dihedrals = shown_values(each.speeds, "ft/s"), np.degrees(each.dihedrals)
     axes.pcolormesh(speeds, dihedrals, picture, shading="nearest")
     linear = each.held("linear").astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
         axes.contour(speeds, dihedrals, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
     axes.plot(0, 0, "+", color="black")
-    axes.set_xlabel("initial speed off trim, ft/s")
+    axes.set_xlabel(f"initial speed off trim, {shown_unit('ft/s')}")
     axes.set_ylabel("initial dihedral off trim, deg")
     trimmed = np.degrees(each.point.states.dihedral)
     axes.set_title(f"{each.dynamics} dynamics, trim at {trimmed:.4g} deg", fontsize=10)
@@ -174,7 +174,3 @@ def _finish(axes: Axes, label: str) -> None:
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False)
     axes.grid(alpha=0.3)
-
-
-def _shown(values: Any, unit: str) -> np.ndarray:
-    return np.asarray(np.degrees(values) if unit.startswith("rad") else values)

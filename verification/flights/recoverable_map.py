@@ -137,7 +137,7 @@ def _pairs(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
 
 
 def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
-    unit = "ft/s" if edge.axis == "speed" else "rad"
+    unit = _unit(edge)
     sign = "+" if edge.sign > 0 else "-"
 
     def reached(value: float, one: Edge) -> str:
@@ -157,14 +157,19 @@ def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
     )
 
 
+def _unit(edge: Edge) -> str:
+    return "ft/s" if edge.axis == "speed" else "rad"
+
+
 def _one_map(each: RecoverableMap) -> dict[str, Any]:
     data: dict[str, Any] = {
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),
         "speeds": each.speeds,
+        "speed_units": "ft/s",
         "dihedrals": each.dihedrals,
         "commands": each.commands,
-        "edges": [edge._asdict() for edge in each.edges],
+        "edges": [{**edge._asdict(), "unit": _unit(edge)} for edge in each.edges],
     }
     for plant in ("nonlinear", "linear"):
         commands = getattr(each, f"{plant}_commands")

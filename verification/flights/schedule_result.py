@@ -11,26 +11,27 @@ from controller.policy.scheduled import DihedralChange, Schedule
 from hfa_model.reporting.report import Block, Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, UNITS
 from trim.point.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False)
 class GridPoint:
-    """One certified gain: where, K (5, 6), its relative distance from the exact one, the abscissae of A - B K and of
-    A - S P, 1/s, and how many certificates hold."""
+    """One gain: where, K (5, 6), the abscissa of A - B K, 1/s; of a law also its relative distance from the exact one,
+    the abscissa of A - S P, 1/s, and how many certificates hold."""
 
     point: OperatingPoint
     gain: np.ndarray
-    distance: float
     control_abscissa: float
-    game_abscissa: float
-    certificates: int
+    distance: float | None = None
+    game_abscissa: float | None = None
+    certificates: int | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CertifiedSchedule(Reported):
-    """A schedule, the certified points that it is made of, and the largest abscissa of A - B K halfway between them,
-    with the interpolated K, 1/s."""
+    """A schedule, the points that it is made of, certified unless they came from a file, and the largest abscissa of
+    A - B K halfway between them, with the interpolated K, 1/s."""
 
     schedule: Schedule
     grid: tuple[GridPoint, ...]
@@ -46,9 +47,9 @@ class CertifiedSchedule(Reported):
             (
                 f"{in_degrees(row.point.states.dihedral):g}",
                 f"{row.control_abscissa:.4f}",
-                f"{row.game_abscissa:.4f}",
-                f"{row.distance:.1e}" if row.distance else "0",
-                f"{row.certificates} hold",
+                "-" if row.game_abscissa is None else f"{row.game_abscissa:.4f}",
+                "-" if row.distance is None else f"{row.distance:.1e}" if row.distance else "0",
+                "-" if row.certificates is None else f"{row.certificates} hold",
             )
             for row in self.grid
         ]
@@ -72,6 +73,7 @@ def schedule_report(result: NonlinearFlight, certified: CertifiedSchedule, chang
         "law": law,
         "dihedrals": certified.schedule.dihedrals,
         "gains": certified.schedule.gains,
+        "state_units": [UNITS[name] for name in LINEAR_STATES],
         "control_abscissae": [row.control_abscissa for row in certified.grid],
         "game_abscissae": [row.game_abscissa for row in certified.grid],
         "distances_from_exact": [row.distance for row in certified.grid],

@@ -15,6 +15,7 @@ from controller.flight.scenario import Scenario, with_errors
 from controller.flight.simulate import fly_law
 from controller.game.zero_sum import published_game
 from controller.policy.flown_law import FlownLaw
+from controller.policy.gain_file import StoredGains
 from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
@@ -51,19 +52,24 @@ def certified_schedule(
     seed: int = 0,
     game: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
+    gains: StoredGains | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Callable[[int, int], None] | None = None,
 ) -> CertifiedSchedule:
     """Trim, linearize and solve or learn at every dihedral, rad; every gain must be certified.
 
     law: "exact", or a learning law. game: changes of the published game (Q, R, delta). settings: of the law.
-    condition: dihedral -> trim.
+    gains: in place of a law, as they are, certified or not. condition: dihedral -> trim.
     Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
     """
     grid = []
     for index, dihedral in enumerate(dihedrals.tolist()):
         model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
-        grid.append(_certified(model, law, seed, game or {}, settings or {}))
+        if gains is None:
+            grid.append(_certified(model, law, seed, game or {}, settings or {}))
+        else:
+            gain = gains.at(dihedral)
+            grid.append(GridPoint(model.point, gain, spectrum(model.A - model.B @ gain).abscissa))
         if progress is not None:
             progress(index + 1, len(dihedrals))
     schedule = Schedule.of(tuple(row.point for row in grid), tuple(row.gain for row in grid))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from hfa_model.reporting.checks import checks_block
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
+from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
@@ -23,7 +24,11 @@ def output_report(problem: OutputGame, sensors: tuple[str, ...], units: tuple[st
             f"{condition} fails; ask for a larger delta, or measure more"
         )
     found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()
-    rows = [(name, f"{value:.4g}", f"({unit})^2 s") for name, value, unit in zip(sensors, noise, units, strict=True)]
+    of_noise = [f"({unit})^2 s" for unit in units]
+    rows = [
+        (name, f"{in_force(value, unit):.4g}", unit_in_force(unit))
+        for name, value, unit in zip(sensors, noise, of_noise, strict=True)
+    ]
     return Report(
         title=f"From measured outputs alone: delta {delta:.6g}, smallest possible {smallest:.7g}"
         + (f", where the {condition} ends it" if condition != "none" else ""),

@@ -11,6 +11,7 @@ from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table
+from hfa_model.reporting.unit_system import gain_unit, value_unit
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from verification.meaning.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
@@ -79,7 +80,7 @@ def solution_report(
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g}, phase {disk.phase:.4g} deg, "
             f"at {disk.frequency:.4g} rad/s",
         ),
-        data=_data(found, states, inputs),
+        data={**_data(found, states, inputs), "state_units": list(units[0]), "input_units": list(units[1])},
         records=_records(solution, states, inputs, *units),
     )
 
@@ -119,10 +120,8 @@ def _records(
     rows: list[tuple[Any, ...]] = []
     for i, row in enumerate(states):
         for j, column in enumerate(states):
-            unit = f"1/(({state_units[i]}) ({state_units[j]}))" if state_units[i] else ""
-            rows.append(("P", row, column, solution.P[i, j], unit))
+            rows.append(("P", row, column, solution.P[i, j], value_unit(state_units[i], state_units[j])))
     for i, row in enumerate(inputs):
         for j, column in enumerate(states):
-            unit = f"({input_units[i]})/({state_units[j]})" if input_units[i] else ""
-            rows.append(("K", row, column, solution.K[i, j], unit))
+            rows.append(("K", row, column, solution.K[i, j], gain_unit(input_units[i], state_units[j])))
     return Table(("matrix", "row", "column", "value", "unit"), rows)

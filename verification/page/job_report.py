@@ -8,6 +8,7 @@ from typing import Any
 from hfa_model.reporting.checks import verdict_text
 from hfa_model.reporting.report import Part, Picture, Report
 from hfa_model.reporting.text import Table, angle_text
+from hfa_model.reporting.unit_system import system_in_force
 from trim.linear.bands import trust_in
 from trim.linear.compare import comparison_table, matrices_beside_the_print
 from trim.linear.entry_bands import bands_known, entry_bands
@@ -49,7 +50,7 @@ def main_report(job: MainJob) -> Report:
             "regeneration": regeneration.data,
             "sweep": swept.data,
             "critics": [
-                {"dihedral_deg": angle.trimmed.dihedral_deg, **angle.critic.check.to_dict()}
+                {"dihedral_deg": angle.trimmed.dihedral_deg, **angle.critic.report().data}
                 for angle in job.angles
                 if angle.critic is not None
             ],
@@ -88,7 +89,8 @@ def angle_report(job: MainJob, angle: AngleResult) -> Report:
     data |= {"trim": trim.data, "model": model.data}
     if angle.solution is not None:
         named = trimmed.model.states, trimmed.model.inputs, f"the model at dihedral {at} deg"
-        solution = solution_report(angle.solution, *named)
+        units = trimmed.model.state_units, trimmed.model.input_units
+        solution = solution_report(angle.solution, *named, *units)
         parts.append(solution)
         data["solution"] = solution.data
     if (critic := angle.critic) is not None:
@@ -117,7 +119,7 @@ def _model_report(job: MainJob, angle: AngleResult, model: LinearModel) -> Repor
     known = bands_known(job.parameters)
     bands = entry_bands(job.parameters, angle.trimmed.condition, model) if known else None
     report = linear_model_report(model, bands, trust_in(bands))
-    if angle.printed is None:
+    if angle.printed is None or system_in_force() == "si":  # the print is in feet
         return report
     beside = matrices_beside_the_print(model, angle.printed)
     kept = report.parts[len(beside) :]

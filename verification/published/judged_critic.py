@@ -30,13 +30,14 @@ class JudgedCritic(Reported):
 
     def report(self) -> Report:
         """The table of checks and the entries of P and K."""
-        return check_report(self.check, self.model.states, self.model.inputs, self.origin)
+        return check_report(self.check, *self.names)
 
     @property
-    def origin(self) -> str:
-        """What the model is called."""
-        point = self.model.point
-        return f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
+    def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
+        """States, inputs, what the model is called, units of states and inputs."""
+        model, point = self.model, self.model.point
+        origin = f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
+        return model.states, model.inputs, origin, model.state_units, model.input_units
 
 
 def judged_critic(model: LinearModel) -> JudgedCritic:
@@ -51,6 +52,5 @@ def judged_critic(model: LinearModel) -> JudgedCritic:
 
 def critic_picture(critic: JudgedCritic) -> Figure:
     """Heat maps of P and the errors over time."""
-    model, run = critic.model, critic.run
-    time = run.settings["predefined_time"]
-    return check_figure(critic.check, model.states, model.inputs, run, time, critic.origin)
+    time = critic.run.settings["predefined_time"]
+    return check_figure(critic.check, *critic.names, run=critic.run, predefined_time=time)

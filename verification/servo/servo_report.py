@@ -6,18 +6,28 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from controller.design.signal_units import signal_unit
 from hfa_model.reporting.report import Block, Report
-from hfa_model.reporting.text import Table
+from hfa_model.reporting.text import Table, shown_unit
+from hfa_model.reporting.unit_system import in_force
 from verification.servo.reference_model import REGULATED
 
 SCHEMA = "hfa.servo-table/1"
+_ACCELERATION = signal_unit(REGULATED[1])
 
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
     """Root mean square errors, surface rates, and what was lost, law by law."""
     blocks = [Block((_title(result), _table(result))) for result in results]
     title = "Servos through the commands and the actuator faults of SimVFA"
-    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": list(results)})
+    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": [_with_units(result) for result in results]})
+
+
+def _with_units(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Beside each table of errors the units of its numbers."""
+    units = {name: signal_unit(name) for name in REGULATED}
+    beside = {"rms_error_units": units, "largest_error_units": units}
+    return {**result, "flights": [{**flight, **beside} for flight in result["flights"]]}
 
 
 def _title(result: Mapping[str, Any]) -> str:
@@ -25,7 +35,7 @@ def _title(result: Mapping[str, Any]) -> str:
 
 
 def _table(result: Mapping[str, Any]) -> Table:
-    header = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
+    header = ("law", "rms dihedral deg", f"rms A_z {shown_unit(_ACCELERATION)}", "fastest surface deg/s", "outcome")
     return Table(header, rows_of(result))
 
 
@@ -39,7 +49,7 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
             (
                 flight["law"],
                 f"{math.degrees(rms[angle]):.3f}",
-                f"{rms[acceleration]:.3f}",
+                f"{in_force(rms[acceleration], _ACCELERATION):.3f}",
                 f"{math.degrees(flight['fastest_surface']):.3g}",
                 "held" if lost is None else f"{flight['left']} left at {lost:.4g} s",
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.signal_units import signal_unit
 from hfa_model.reporting.checks import verdict_text
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, in_degrees
@@ -52,6 +53,9 @@ def controller_report(controller: ScheduledController) -> Report:
             "design": controller.name,
             "feedback": controller.feedback,
             **{name: list(getattr(controller, name)) for name in ("states", "measurements", "commands", "inputs")},
+            "state_units": [signal_unit(name) for name in controller.states],
+            "signal_units": [signal_unit(name) for name in (*controller.measurements, *controller.commands)],
+            "input_units": [signal_unit(name) for name in controller.inputs],
             "dihedrals": controller.dihedrals.tolist(),
             **{name: getattr(controller, name).tolist() for name in "ABCDW"},
             "command_filter": list(controller.command_filter),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.design.design_model import DesignModel
 from controller.game.zero_sum import Game
+from hfa_model.reporting.text import shown_unit, shown_value
 from verification.riccati.l2_gain import square_root, swept_gain
 
 #: rad/s; an updraft of a lower frequency is as good as steady.
@@ -26,12 +27,16 @@ class GustCost(NamedTuple):
     frequency: float
     dihedral: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """With the steady updraft that has the energy in 1 s."""
+        return {**self._asdict(), "updraft": {"value": 1.0, "unit": "ft/s"}}
+
     def text(self) -> str:
         """For a person."""
         error = f"{math.degrees(self.dihedral):.3g} deg of dihedral for 1 s"
         alike = "" if math.isnan(self.dihedral) else f", as much as {error}"
         kind = "a steady one" if self.frequency < STEADY else f"at {self.frequency:.3g} rad/s"
-        worst = f"Worst updraft with the energy of 1 ft/s for 1 s: {kind}"
+        worst = f"Worst updraft with the energy of {shown_value(1.0, 'ft/s')} {shown_unit('ft/s')} for 1 s: {kind}"
         return f"{worst}, costs {self.cost:.4g}{alike}"
 
 

@@ -17,6 +17,7 @@ from controller.game.model_file import load_critic, load_game, parse_diagonal, s
 from controller.game.zero_sum import Game
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]
@@ -58,6 +59,28 @@ def test_what_is_missing_comes_from_the_paper(tmp_path: Path, model: dict[str, n
     assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
     assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
     assert game.delta == 200.0
+
+
+def test_the_paper_s_game_on_a_plant_in_meters(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    """Q T⁻² and T E are the same game; a plant that does not name the aircraft's states is left alone."""
+    units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
+    np.savez(tmp_path / "si.npz", **model, states=LINEAR_STATES, state_units=units)
+    np.savez(tmp_path / "other.npz", **model, states=[f"s{i}" for i in range(6)], state_units=units)
+    si, other = (stored_game(tmp_path / name).game for name in ("si.npz", "other.npz"))
+    np.testing.assert_allclose(np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15)
+    assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+    assert np.array_equal(other.E, np.eye(6))
+    assert other.Q[0, 0] == 1000.0
+
+
+def test_the_wind_s_column_is_named_as_what_it_is(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    np.savez(tmp_path / "plant.npz", **model, E=np.ones((6, 1)), disturbances=["updraft"], schema="hfa.linear-model/1")
+    found = stored_game(tmp_path / "plant.npz")
+    assert np.array_equal(found.game.E, np.eye(6))
+    assert found.notes == (
+        f"{tmp_path / 'plant.npz'}: its E is that of the wind and not used; taken: E the identity, Q as in the paper, "
+        "R as in the paper, delta as in the paper",
+    )
 
 
 def test_an_argument_counts_before_the_file(tmp_path: Path) -> None:

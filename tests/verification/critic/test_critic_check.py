@@ -204,5 +204,5 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game):
     said = report.text()
     assert "\nP(x2, x5) " in said
     assert "\nK(u4, x3) " in said
-    assert "the 12 of 51 entries that are farthest off; -o FILE has all" in said
+    assert "the 3 of 51 entries that are farthest off; -o FILE has all" in said
     assert len(report.records.rows) == 36 + 30

@@ -1,0 +1,195 @@
+"""`--units si` in every command: what has a unit of length, mass or force changes by its factor and nothing else does;
+or the command says in one line why it has no such option."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_cli.main import COMMANDS
+from hfa_cli.options.unit_options import IN_FEET
+from hfa_model import units_of_data
+
+FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
+AT = ("--dihedral", "12")
+FLIGHT = ("--law", "exact", "--duration", "0.5")
+#: A short run of every command that has the option.
+RUNS: dict[str, tuple[str, ...]] = {
+    "trim": AT,
+    "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
+    "sweep": ("--dihedral", "10,12", "--speed", "60,68", "--game"),
+    "validate": (),
+    "solve": (*AT, "--design", "servo", "--delta", "inf"),
+    "learn": AT,
+    "verify": AT,
+    "design": ("--design", "servo", "--dihedral", "5,10"),
+    "fly": (*AT, *FLIGHT, "--gust", "200:5", "--reference", "speed=0.01"),
+    "schedule": ("--dihedral", "5", "--to", "6", "--over", "1", "--points", "2", "--law", "exact", "--duration", "7"),
+    "map": (*AT, "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "0", "--commands", "0"),
+    "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3:200"),
+    "identify": (),
+    "servo": ("order-1", "--duration", "0.5"),
+    "report": (*AT, "--sweep", "10,12"),
+}
+LONG = ("identify", "servo", "report", "map", "design")
+#: What a number with a unit may be multiplied with: of lengths and their squares, of forces, moments, masses.
+FACTORS = (
+    *(FOOT**power for power in (1, -1, 2, -2)),
+    *(POUND_FORCE, POUND_FORCE * FOOT, POUND_FORCE / FOOT**2, SLUG, SLUG / FOOT**3),
+)
+#: What has no unit of length, mass or force, by a name on the way to it.
+STAYS = re.compile(
+    r"eigenvalues|margin_at|disk|phase|delta|certificate|checks|modes|participation|graded|rel_error|excitation|starts"
+    r"|singular|entries|structures|left_out|regeneration|coupling|meaning|alpha|(?<!inertia_)pitch(?!ing)|dihedral|aileron|elevator"
+    r"|throttle$|times?$|share_beyond|angle_of_attack|frequency"
+)
+#: Names whose numbers all are in ft or ft/s, apart from tables of shares and of errors of a prediction.
+MOVES = re.compile(r"(?<!participation)(?<!errors)(?<!scaled_residuals)\.(speed|altitude)(\.\d+)?$")
+MATRIX = re.compile(r"\b(A|A_band|B|B_band|P|P_exact|K|K_exact|gains)((?:\.\d+)+)$")
+
+
+def numbers(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every leaf with the names and places on the way to it."""
+    if isinstance(data, (dict, list)):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            if key != "provenance":
+                yield from numbers(value, f"{path}.{key}")
+    else:
+        yield path, data
+
+
+def power_of_feet(path: str) -> int | None:
+    """Of an entry of a matrix of the six states, whose first is the speed."""
+    found = MATRIX.search(path)
+    if found is None or "regeneration" in path:
+        return None
+    row, column = (int(place) == 0 for place in found[2].split(".")[-2:])
+    return {"A": row - column, "B": int(row), "P": -row - column, "K": -column, "g": -column}[found[1][0]]
+
+
+def complaints(command: str, before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+    """What is said in SI and should not be, and what is not and should be."""
+    found = []
+    for (path, value), (other, said) in zip(numbers(before), numbers(after), strict=True):
+        if isinstance(value, str) and "regeneration" not in path and re.search(r"\b(ft|slug|lbf)\b", said):
+            found.append(f"{path} says {said!r}")
+        if path != other or isinstance(value, (str, bool)) or value is None or value == 0.0:
+            continue
+        ratio, power = said / value, None if command in ("solve", "design") else power_of_feet(path)
+        if power is not None or (MOVES.search(path) and "regeneration" not in path):
+            expected = (FOOT ** (1 if power is None else power),)
+        else:
+            expected = (1.0,) if STAYS.search(path) and not re.search(r"edges|speeds", path) else (1.0, *FACTORS)
+        if not any(abs(ratio / each - 1.0) < 1e-12 for each in expected):
+            found.append(f"{path}: {value} and {said}")
+    return found
+
+
+def answer(*words: str) -> dict[str, Any]:
+    result = hfa(*words, "--json")
+    assert result.code == 0, result.err
+    return dict(json.loads(result.out))
+
+
+def in_both(name: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    words = (name, *RUNS[name], *(("-o", str(folder)) if name == "servo" else ()))
+    again = ("--resume",) if name == "servo" else ()
+    return answer(*words), answer(*words, *again, "--units", "si")
+
+
+def test_every_command_is_here() -> None:
+    assert {*RUNS, *IN_FEET} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("name", IN_FEET)
+def test_a_command_without_units_says_why(name: str) -> None:
+    assert_refused(
+        hfa(name, "--units", "si"), 2, f"--units does not go with `hfa {name}`: {IN_FEET[name]}; leave it out"
+    )
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in RUNS])
+def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> None:
+    before, after = in_both(name, tmp_path)
+    assert (before.pop("units"), after.pop("units")) == ("english", "si")
+    assert before != after
+    assert not complaints(name, before, after)
+
+
+@pytest.mark.parametrize(("table", "key"), [("_ARRAYS", "K"), ("_BY_NAME", "final"), ("_BY_NAME", "gust")])
+def test_what_is_forgotten_is_seen(table: str, key: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delitem(getattr(units_of_data, table), key)
+    assert any(f".{key}." in each for each in complaints("fly", *in_both("fly", tmp_path)))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("fly", *RUNS["fly"], "--picture"),
+        ("map", *RUNS["map"], "--picture"),
+        ("trim", *AT, "--picture"),
+        ("sweep", "--dihedral", "10", "--speed", "60,68", "--picture"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -> None:
+    """Matplotlib writes each text of an .svg beside it, as a comment."""
+    picture = tmp_path / "p.svg"
+    result = hfa(*words, str(picture), "--units", "si")
+    assert result.code == 0, result.err
+    drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
+    assert any(re.search(r"\bm(/s)?\b", each) for each in drawn)
+    said = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
+    assert not [each for each in said if re.search(r"\b(ft|slug|lbf)\b", each)]
+
+
+@pytest.mark.parametrize(
+    ("words", "because"),
+    [
+        (("monte-carlo", *AT, "-o", "a.zarr"), "a store is in ft"),
+        (("design", "--design", "servo", "-o", "a.npz"), "a controller and a design are in ft, slug, lbf"),
+        (("identify", "-o", "a.toml"), "a parameters file is in ft, slug, lbf"),
+        (("identify", "--write", "."), "a parameters file is in ft, slug, lbf"),
+        (("learn", *AT, "-o", "a.csv"), "whose columns of weights have no units"),
+    ],
+    ids=lambda value: " ".join(value[::3]) if isinstance(value, tuple) else "",
+)
+def test_a_file_that_stays_in_feet_is_refused(
+    words: tuple[str, ...], because: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(hfa(*words, "--units", "si"), 2, because)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat", "csv"])
+def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path) -> None:
+    """P, K and plants written in m are right on plants in ft, and the other way round."""
+    files = {}
+    for system in ("english", "si"):
+        for command in ("solve", "linearize"):
+            files[command, system] = str(tmp_path / f"{command}-{system}.{suffix}")
+            assert hfa(command, *AT, "--units", system, "-o", files[command, system]).code == 0
+    assert hfa("verify", *AT, "--weights", files["solve", "si"]).code == 0
+    for system in ("english", "si"):
+        result = hfa("verify", "--model", files["linearize", "si"], "--weights", files["solve", system])
+        assert result.code == 0, (result.out, result.err)
+
+
+def test_weights_over_time_in_other_units(tmp_path: Path) -> None:
+    path = tmp_path / "w.npz"
+    assert hfa("learn", *AT, "--units", "si", "-o", str(path)).code == 0
+    assert hfa("verify", *AT, "--weights", str(path), "--predefined-time", "10").code == 0
+    content = json.loads(hfa("learn", *AT, "--units", "si", "--json").out)
+    file = tmp_path / "w.json"
+    file.write_text(json.dumps({"W": content["W"], "state_units": content["state_units"]}), encoding="utf-8")
+    assert hfa("verify", *AT, "--weights", str(file)).code == 0
+    content["state_units"][0] = "km/h"
+    file.write_text(json.dumps({"W": content["W"], "state_units": content["state_units"]}), encoding="utf-8")
+    assert_refused(hfa("verify", *AT, "--weights", str(file)), 2, "state 1 is in km/h and that of the plant in ft/s")

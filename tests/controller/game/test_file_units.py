@@ -1,0 +1,35 @@
+"""The units of a critic's file and of the plant: V and u are the same functions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller.game.basis import basis
+from controller.game.file_units import file_scales, in_scales
+from hfa_model.support.errors import BadInputError
+
+FOOT = 0.3048
+
+
+def test_value_and_gain_are_the_same_functions() -> None:
+    random, psi = np.random.default_rng(1), basis("quadratic+quartic", 3)
+    scales = file_scales({"state_units": ["m/s", "rad", "ft"]}, ("ft/s", "rad", "m"))
+    np.testing.assert_allclose(scales, [FOOT, 1.0, 1.0 / FOOT], rtol=1e-15)
+    W, root, K = random.normal(size=psi.size), random.normal(size=(3, 3)), random.normal(size=(2, 3))
+    P, x = root @ root.T, random.normal(size=3)
+    found = in_scales({"W": W, "P": P, "K": K}, scales, psi)
+    assert found["W"] @ psi.psi(x) == pytest.approx(W @ psi.psi(scales * x), rel=1e-13)
+    assert x @ found["P"] @ x == pytest.approx((scales * x) @ P @ (scales * x), rel=1e-13)
+    np.testing.assert_allclose(found["K"] @ x, K @ (scales * x), rtol=1e-13)
+
+
+@pytest.mark.parametrize("said", [(), ["m/s"], ["", "rad"], [1.0, 2.0]])
+def test_what_is_not_said_is_not_converted(said: object) -> None:
+    assert np.array_equal(file_scales({"state_units": said}, ("ft/s", "rad")), [1.0, 1.0])
+    assert np.array_equal(file_scales({}, ("", "")), [1.0, 1.0])
+
+
+def test_other_units_are_refused() -> None:
+    with pytest.raises(BadInputError, match="state 2 is in deg and that of the plant in rad; convert it, or leave"):
+        file_scales({"state_units": ["ft/s", "deg"]}, ("ft/s", "rad"))
