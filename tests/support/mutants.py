@@ -130,7 +130,7 @@ def run(options: argparse.Namespace) -> int:
     killed = [one for one in tried_ones if known[one.key]["killed"]]
     print(f"{len(tried_ones)} mutants, {len(killed)} killed; not killed:")
     print(*[_line(one) for one in tried_ones if one not in killed], sep="\n")
-    if options.write:
+    if options.write and tried_ones:
         written({one.key: {**one._asdict(), "killed": one in killed} for one in tried_ones})
     return 0
 
