@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all test-random fuzz mutants lint bench notebooks lock clean
+.PHONY: report test test-all test-matrix test-random fuzz mutants lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -36,6 +36,11 @@ MUTANTS ?= 400
 MUTANT_SECONDS ?= 7200
 mutants: .venv/ready
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutants.py --count $(MUTANTS) --seconds $(MUTANT_SECONDS) --write
+
+# The oldest and the newest versions of the dependencies, with every Python that is found (PYTHONS names them).
+PYTHONS ?=
+test-matrix: .venv/ready
+	$(BIN)/python tests/support/matrix.py $(PYTHONS)
 
 lint: .venv/ready
 	$(BIN)/ruff check .

@@ -2,10 +2,6 @@
 
 import sys
 
-try:
-    from hfa_cli.main import main
-except ImportError as error:
-    print(f"hfa: {error} (a file here with the name of one of our packages hides it)", file=sys.stderr)
-    sys.exit(2)
+from hfa_cli.entry import main
 
 sys.exit(main())

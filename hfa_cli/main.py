@@ -20,6 +20,8 @@ from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
+#: Bytes of address space: with less, libraries that compute end or hang while they load, each in its own words.
+_LEAST_MEMORY = 2**30
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
@@ -89,6 +91,7 @@ def _run(words: list[str]) -> int:
         module, arguments = _parsed(words)
     except SystemExit:
         return DONE  # how argparse leaves after --help and --version
+    _check_memory()
     from hfa_cli.options.unit_options import units_of
 
     with contextlib.ExitStack() as around:
@@ -100,6 +103,20 @@ def _run(words: list[str]) -> int:
             code = int(module.run(arguments))
         _say_warnings(caught)
     return code
+
+
+def _check_memory() -> None:
+    """BadInputError where a limit on this process leaves no room for the libraries."""
+    try:
+        import resource
+    except ImportError:  # no such limits on this system
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < _LEAST_MEMORY:
+        raise BadInputError(
+            f"the memory of a process is limited to {limit >> 20} MiB; at least {_LEAST_MEMORY >> 20} MiB are needed "
+            "(ulimit -v)"
+        )
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
@@ -156,5 +173,6 @@ def _drop_output() -> None:
 
 
 def _complain(message: str, code: int) -> int:
-    print("hfa: " + on_one_line(message), file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody can be told; the exit code says it
+        print("hfa: " + on_one_line(message), file=sys.stderr)
     return code

@@ -34,6 +34,22 @@ def held_back() -> Iterator[None]:
             signal.raise_signal(which)
 
 
+@contextmanager
+def blocked_in_children() -> Iterator[None]:
+    """Processes that the block starts never see Ctrl-C, which a terminal gives to every process of a run.
+
+    One that saw it would print where it was; who starts them ends them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Terminated(KeyboardInterrupt):
     """SIGTERM: what Ctrl-C ends, this ends too."""
 

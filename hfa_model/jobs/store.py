@@ -19,6 +19,7 @@ import numpy as np
 
 from hfa_model.jobs.interrupts import held_back
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.temporary import lock, temporary_folder
 from hfa_model.support.version import toolchain_version
 
 #: Whether a chunk is complete, (chunks,), and a checksum of each of its arrays, (chunks, arrays).
@@ -115,15 +116,18 @@ class Store:
 
     @contextmanager
     def session(self) -> Iterator[str]:
-        """A mark that this store bears while the block runs, and no copy of it elsewhere: workers know it by that."""
+        """A mark that this store alone bears while the block runs, for workers; BadInputError: another run has it."""
         mark = uuid4().hex
-        with held_back():
-            self._group.attrs["session"] = mark
-        try:
-            yield mark
-        finally:
+        with lock(self._path) as alone:
+            if not alone:
+                raise BadInputError(f"{self._path}: another run writes into it; wait for its end, or end it")
             with held_back():
-                del self._group.attrs["session"]
+                self._group.attrs["session"] = mark
+            try:
+                yield mark
+            finally:
+                with held_back():
+                    del self._group.attrs["session"]
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
         """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what was written."""
@@ -186,9 +190,25 @@ def checksum(values: np.ndarray) -> int:
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
     """A new store; BadInputError when something is there already. provenance: where it comes from, JSON data."""
     zarr = _zarr()
+    _refuse_existing(path)
+    # Beside it and renamed: who is killed here leaves no store that can be neither continued nor begun.
+    with temporary_folder(path.parent, f".{path.name}.") as folder:
+        unfinished = folder / "store"
+        _fill(zarr.open_group(str(unfinished), mode="w"), layout, provenance)
+        try:
+            unfinished.rename(path)
+        except OSError:
+            _refuse_existing(path)  # another run was faster
+            raise
+    return Store(zarr.open_group(str(path), mode="r+"), path)
+
+
+def _refuse_existing(path: Path) -> None:
     if path.exists():
         raise BadInputError(f"{path} exists; continue it with --resume, or choose another name")
-    group = zarr.open_group(str(path), mode="w")
+
+
+def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> None:
     rows = min(layout.chunk, layout.rows)
     for name, (shape, kind, fill, axes, about) in layout.arrays.items():
         named = {"dimension_names": (layout.row, *axes), "attributes": dict(about)}
@@ -207,7 +227,6 @@ def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | Non
     known |= {"schema": layout.schema, "toolchain": toolchain_version()}
     known |= {} if provenance is None else {"provenance": dict(provenance)}
     group.attrs.update(known | {"checksum": _checksum_of(known)})
-    return Store(group, path)
 
 
 @held_back()

@@ -53,13 +53,13 @@ def stream(
     layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as crew:
         store = open_store(place, layout) if resume else create_store(place, layout, provenance)
-        if resume:
-            _reopen_damaged(store, path)
-        missing = store.missing()
-        done = store.chunks - len(missing)
-        if progress is not None and missing:
-            progress(done, store.chunks)  # the first chunk may take a while: code is compiled
         with store.session() as mark:
+            if resume:
+                _reopen_damaged(store, path)
+            missing = store.missing()
+            done = store.chunks - len(missing)
+            if progress is not None and missing:
+                progress(done, store.chunks)  # the first chunk may take a while: code is compiled
             tasks = (
                 (number, (place, mark, number, job.function, _task(job, store.chunk, number))) for number in missing
             )

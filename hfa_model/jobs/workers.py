@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from hfa_model.jobs.interrupts import held_back
+from hfa_model.jobs.interrupts import blocked_in_children, held_back
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
 #: Chunks in flight for each worker: enough to keep it busy, few enough to keep memory flat.
@@ -80,7 +80,7 @@ class Workers:
         finished: SimpleQueue[Future[Any]] = SimpleQueue()
 
         def submit(key: int, task: Task) -> None:
-            with held_back():  # it may start a process, which complains when it is told but half
+            with held_back(), blocked_in_children():  # it may start a process
                 future = executor.submit(function, *task)
             futures[future] = key
             future.add_done_callback(finished.put)

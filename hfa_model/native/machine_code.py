@@ -16,39 +16,53 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 
 from hfa_model.support.temporary import temporary_folder
+
+Loaded = TypeVar("Loaded")
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
     """The same function compiled to machine code, or the function itself when that cannot be had."""
-    library = library_of(lambda symbol: _c_text(function, symbol), _FLAGS)
-    return function if library is None else ca.external(library[0], str(library[1]))
+
+    def load(symbol: str, library: Path) -> ca.Function:
+        return ca.external(symbol, str(library))
+
+    return loaded(lambda symbol: _c_text(function, symbol), _FLAGS, load) or function
 
 
-def library_of(text: Callable[[str], str], flags: tuple[str, ...], machine: str = "") -> tuple[str, Path] | None:
-    """A symbol and the library that has it, compiled from text(symbol); None, said once, when that cannot be had.
+def loaded(
+    text: Callable[[str], str], flags: tuple[str, ...], load: Callable[[str, Path], Loaded], machine: str = ""
+) -> Loaded | None:
+    """load(symbol, library), the library compiled from text(symbol); None, said once, when that cannot be had.
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler, its flags and the machine,
     and of its own content, which is checked before it is loaded. Its symbol carries the first, because two libraries
-    of one name cannot live in one process.
+    of one name cannot live in one process. What a compiler made that cannot be loaded is not kept.
     """
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
         return None
     key = hashlib.sha256("\n".join([text("placeholder"), compiler, *flags, machine]).encode()).hexdigest()[:24]
-    symbol = f"hfa_{key}"
+    symbol, library = f"hfa_{key}", None
     try:
         folder = _own_folder(cache_folder())
-        return symbol, _kept(folder, symbol) or _compile([compiler, *flags], text(symbol), folder, symbol)
-    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
-        reason = str(error).splitlines()[0]
+        library = _kept(folder, symbol) or _compile([compiler, *flags], text(symbol), folder, symbol)
+        return load(symbol, library)
+    except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
+        if library is not None:
+            library.unlink(missing_ok=True)
+            reason = f"what {compiler} makes cannot be loaded"
+        elif isinstance(error, subprocess.CalledProcessError):
+            reason = f"{compiler} ended with exit code {error.returncode}"
+        else:
+            reason = str(error).splitlines()[0]
         _say(f"cannot compile machine code ({reason}); running without")
         return None
 

@@ -7,12 +7,13 @@ import hashlib
 import platform
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_model.native.c_code import c_loop
-from hfa_model.native.machine_code import library_of
+from hfa_model.native.machine_code import loaded
 
 #: Without trapping and errno every operation has a vector form; glibc declares its vector functions where
 #: __FAST_MATH__ is defined, and GCC must not join sin and cos into one function, which has none. What -ffast-math
@@ -30,11 +31,13 @@ def vector_code(function: ca.Function) -> Callable[..., np.ndarray] | None:
 
     function: a dense SX Function of columns with one result. May be called from several threads.
     """
-    found = library_of(lambda symbol: c_loop(function, symbol), _FLAGS, _machine())
-    if found is None:
+
+    def load(symbol: str, library: Path) -> Any:
+        return getattr(ctypes.CDLL(str(library)), symbol)
+
+    run = loaded(lambda symbol: c_loop(function, symbol), _FLAGS, load, _machine())
+    if run is None:
         return None
-    symbol, library = found
-    run = getattr(ctypes.CDLL(str(library)), symbol)
     sizes = [function.numel_in(index) for index in range(function.n_in())]
     result = function.numel_out(0)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -19,8 +20,8 @@ try:
 except ImportError:  # no such locks on this system: what a killed run leaves stays
     fcntl = None  # type: ignore[assignment]
 
-#: Letters that `tempfile` puts between prefix and suffix.
-_RANDOM = 8
+#: Letters between prefix and suffix.
+_RANDOM = 16
 
 
 @contextmanager
@@ -38,31 +39,60 @@ def temporary_folder(folder: Path | None, prefix: str) -> Iterator[Path]:
 
 
 @contextmanager
+def lock(folder: Path) -> Iterator[bool]:
+    """Hold the lock on a folder while the block runs; False where another process holds it.
+
+    The system takes it back when this process ends, however it ends. True where there are no locks.
+    """
+    handle = os.open(folder, os.O_RDONLY) if fcntl else os.open(os.devnull, os.O_RDONLY)
+    try:
+        yield _lock_now(handle)
+    finally:
+        os.close(handle)
+
+
+def _lock_now(handle: int) -> bool:
+    try:
+        if fcntl is not None:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+@contextmanager
 def _locked(folder: Path, prefix: str, suffix: str, *, is_folder: bool) -> Iterator[Path]:
     _clear(folder, prefix, suffix)
-    path, lock = _made(folder, prefix, suffix, is_folder=is_folder)
+    # The name is known before there is anything of that name: what a signal interrupts, here too, is removed.
+    path, handles = folder / f"{prefix}{secrets.token_hex(_RANDOM // 2)}{suffix}", list[int]()
     try:
+        while not path.exists():  # another run may clear it before it is locked
+            handles.append(_made(path, is_folder=is_folder))
         yield path
     finally:
-        _remove(path)
-        os.close(lock)
+        try:
+            _remove(path)
+        except KeyboardInterrupt:
+            _remove(path)
+            raise
+        finally:
+            for handle in handles:
+                os.close(handle)
 
 
-def _made(folder: Path, prefix: str, suffix: str, *, is_folder: bool) -> tuple[Path, int]:
-    """A new file or folder, and what holds its lock; made anew where another run cleared it before it was locked."""
-    while True:
-        if is_folder:
-            path = Path(tempfile.mkdtemp(dir=folder, prefix=prefix, suffix=suffix))
-            handle = os.open(path, os.O_RDONLY) if fcntl else os.open(os.devnull, os.O_RDONLY)
-        else:
-            handle, name = tempfile.mkstemp(dir=folder, prefix=prefix, suffix=suffix)
-            path = Path(name)
-        if fcntl is not None:
-            with contextlib.suppress(OSError):  # a file system without locks
-                fcntl.flock(handle, fcntl.LOCK_EX)
-        if path.exists():
-            return path, handle
-        os.close(handle)
+def _made(path: Path, *, is_folder: bool) -> int:
+    """A new file or folder that only its owner can read; what holds its lock."""
+    if is_folder:
+        path.mkdir(mode=0o700)
+        handle = os.open(path, os.O_RDONLY) if fcntl else os.open(os.devnull, os.O_RDONLY)
+    else:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    if fcntl is not None:
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+    return handle
 
 
 def _clear(folder: Path, prefix: str, suffix: str) -> None:

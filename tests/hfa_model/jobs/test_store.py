@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa_model.jobs import store
 from hfa_model.jobs.store import Array, Layout, checksum, described, open_store
 from hfa_model.jobs.stream import stream
 from hfa_model.support.errors import BadInputError
@@ -129,3 +130,34 @@ def test_the_checksum_sees_every_bit_but_the_kind_of_nan() -> None:
         sums.add(checksum(flipped.view(float)))
     assert len(sums) == 1 + 64 * values.size - 51  # inf with any bit of its mantissa is nan
     assert checksum(np.array([np.nan])) == checksum(-np.array([np.nan]))
+
+
+def test_one_run_at_a_time_writes_into_a_store(path: Path) -> None:
+    with (
+        open_store(path, Job().layout).session(),
+        pytest.raises(BadInputError, match="another run writes into it; wait for its end"),
+    ):
+        stream(Job(), path, resume=True)
+    stream(Job(), path, resume=True)
+
+
+def test_a_store_appears_whole_and_never_over_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    fill = store._fill
+    monkeypatch.setattr(store, "_fill", broken)
+    with pytest.raises(OSError, match="No space left"):
+        stream(Job(), tmp_path / "a.zarr")
+    assert list(tmp_path.iterdir()) == []
+
+    def overtaken(*given: Any) -> None:
+        monkeypatch.setattr(store, "_fill", fill)
+        stream(Job(), tmp_path / "a.zarr")
+        fill(*given)
+
+    monkeypatch.setattr(store, "_fill", overtaken)
+    with pytest.raises(BadInputError, match="exists; continue it with --resume"):
+        stream(Job(), tmp_path / "a.zarr")
+    assert open_store(tmp_path / "a.zarr").missing() == []
+    assert [each.name for each in tmp_path.iterdir()] == ["a.zarr"]

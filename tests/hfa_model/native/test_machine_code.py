@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hfa_model.native import machine_code as generated
+from hfa_model.native.vector_code import vector_code
 
 
 def test_without_a_home_folder_the_virtual_machine_serves_and_says_so(
@@ -44,6 +45,39 @@ def test_without_a_compiler_the_virtual_machine_serves_and_says_so(
     assert generated.machine_code(function) is function
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.rglob("*.so"))
+
+
+#: Compilers that end well and make nothing, no library, or a library of something else.
+_BROKEN = {
+    "nothing": ("", "cannot compile machine code ([Errno 2]"),
+    "garbage": ('echo garbage > "$o"', "cannot be loaded); running without"),
+    "another library": (
+        'echo "int x;" > "$o.c"; cc -shared -fPIC "$o.c" -o "$o"',
+        "cannot be loaded); running without",
+    ),
+}
+
+
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
+@pytest.mark.parametrize("use", [generated.machine_code, vector_code], ids=["machine code", "vector code"])
+@pytest.mark.parametrize("broken", _BROKEN)
+def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, broken: str, use
+) -> None:
+    makes, said = _BROKEN[broken]
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\nwhile [ $# -gt 0 ]; do [ "$1" = -o ] && o="$2"; shift; done\n{makes}\n')
+    compiler.chmod(0o755)
+    monkeypatch.setattr(generated, "c_compiler", lambda: str(compiler))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    generated._say.cache_clear()
+    x = ca.SX.sym("x")
+    function = ca.Function("plain", [x], [ca.sin(x)])
+    assert use(function) in (function, None)
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert said in err
+    assert [path for path in (tmp_path / "cache").rglob("*") if path.is_file()] == []
 
 
 @pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")

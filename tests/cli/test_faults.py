@@ -1,0 +1,108 @@
+"""What the system refuses or takes away: a full disk, too little memory, closed streams, signals at the edges."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cli import SCRIPT, hfa_process
+
+from hfa_cli.main import BAD_INPUT, DONE, INTERRUPTED
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the faults are made as Linux has them")
+FLY = "fly --dihedral 15 --duration 0.02 --law exact"
+SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--vary", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
+
+
+def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A line of sh, in which "$0" "$@" is `hfa` with the words."""
+    return subprocess.run(["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_errors_and_no_file_takes_their_place(tmp_path: Path, closed: str) -> None:
+    done = shell(f'exec "$0" "$@" {closed}', *FLY.split(), "-o", "a.json", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (DONE, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+    assert (tmp_path / "a.json").read_text().startswith("{")
+
+
+@pytest.mark.parametrize("lost", ["2>&-", "2>/dev/full"])
+def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: str) -> None:
+    done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
+
+
+@pytest.mark.parametrize("kilobytes", [150_000, 220_000, 1_000_000])
+def test_too_little_memory_is_one_line_before_anything_is_loaded(tmp_path: Path, kilobytes: int) -> None:
+    done = shell(f'ulimit -v {kilobytes}; exec "$0" "$@"', *FLY.split(), "-o", "a.npz", folder=tmp_path)
+    assert (done.returncode, done.stdout, list(tmp_path.iterdir())) == (BAD_INPUT, "", [])
+    assert done.stderr == (
+        f"hfa: the memory of a process is limited to {kilobytes >> 10} MiB; at least 1024 MiB are needed (ulimit -v)\n"
+    )
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 400 KB."""
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("only who may mount can make a small disk")
+    yield tmp_path
+    subprocess.run(["umount", "--lazy", tmp_path], check=True)
+
+
+def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
+    small_disk: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
+    assert (full.code, full.out) == (BAD_INPUT, "")
+    assert full.err == "hfa: cannot write the output: No space left on device\n"
+    subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
+    resumed = hfa_process(*SWEEP, "--resume", folder=small_disk, TMPDIR=str(elsewhere))
+    assert resumed.code == DONE
+    assert resumed.out == hfa_process(*SWEEP, folder=elsewhere).out
+
+
+@pytest.mark.parametrize("words", ["learn --dihedral 15 -o a.npz", "trim --dihedral 15 --picture a.png"])
+def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, words: str) -> None:
+    (small_disk / "full").write_bytes(b"x" * 396 * 1024)
+    done = hfa_process(*words.split(), folder=small_disk)
+    assert (done.code, done.err) == (BAD_INPUT, "hfa: cannot write the output: No space left on device\n")
+    assert [path.name for path in small_disk.iterdir()] == ["full"]
+
+
+#: `hfa` whose command is replaced, with Ctrl-C as it is imported, or as Python ends.
+EDGE = """
+import atexit, os, signal, sys, types
+from importlib.util import spec_from_loader
+from hfa_cli.entry import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Finder:
+    def find_spec(name, *_):
+        if name == "hfa_cli.main":
+            for _ in range({before}):
+                os.kill(os.getpid(), signal.SIGINT)
+            return spec_from_loader(name, Loader)
+class Loader:
+    create_module = lambda spec: None
+    exec_module = lambda module: setattr(module, "main", lambda: 1)
+sys.meta_path.insert(0, Finder)
+atexit.register(lambda: [os.kill(os.getpid(), signal.SIGINT) for _ in range({after})])
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "code", "said"),
+    [(1, 0, INTERRUPTED, "hfa: interrupted\n"), (0, 1, 1, ""), (0, 2, INTERRUPTED, "hfa: interrupted\n")],
+    ids=["while it loads", "once it has run", "twice"],
+)
+def test_ctrl_c_at_the_edges_of_a_run_is_one_line_or_too_late(before: int, after: int, code: int, said: str) -> None:
+    program = EDGE.format(before=before, after=after)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", said)
