@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 Polynomial = list["arb_mat"]
 #: How much wider than what Newton's step shows the solution is sought.
 _REACH = 4.0
-#: ... and how much wider a certificate states it, and the contraction that leaves the checker room.
-_STATED, _CONTRACTION = 36.0, 0.8
+#: ... and how much wider a certificate states it, and the contraction that leaves the checker room: it takes a box of
+#: entries where a ball is meant, which is n times as large in norm.
+_STATED, _CONTRACTION = 36.0, 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ def gain_form(forms: ModelForms) -> GainForm:
     if (
         modes is None
         or modes.unstable
-        or not (norm(step.entries()) + rest < reach and slope + 2 * bend * _STATED * reach < _CONTRACTION)
+        or not (norm(step.entries()) + rest < reach and slope + 2 * n * bend * _STATED * reach < _CONTRACTION)
     ):
         raise Undecided("the solution of the game is not enclosed on this box")
     error = arb_mat(n, n, [symmetric(rest) - entry for entry in step.entries()])

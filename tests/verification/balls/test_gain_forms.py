@@ -15,8 +15,8 @@ from verification.balls.trim_branch import TrimBranch
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("middle", [0.5, 14.5])
 def test_the_program_s_gains_lie_in_the_enclosure(dynamics: str, middle: float) -> None:
-    form = gain_form(TrimBranch(family(dynamics)).forms(DihedralBox(middle - 2.0**-6, middle + 2.0**-6)))
-    for tau in (-(2.0**-6), 0.0, 2.0**-7):
+    form = gain_form(TrimBranch(family(dynamics)).forms(DihedralBox(middle - 2.0**-7, middle + 2.0**-7)))
+    for tau in (-(2.0**-7), 0.0, 2.0**-8):
         K = exact_gain(middle + tau, dynamics)
         near = form.coefficients[0] + tau * form.coefficients[1] + tau**2 * form.coefficients[2]
         assert np.all(np.abs(near - K) <= form.rest + 1e-11 * np.abs(K).max())
