@@ -149,7 +149,7 @@ def test_a_finished_case_is_kept_and_known_again(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("intensity", "feels_the_air", "held"), [(3.0, True, True), (1.0, False, False)])
+@pytest.mark.parametrize(("intensity", "feels_the_air", "held"), [(6.0, True, True), (6.0, False, False)])
 def test_our_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
     published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, intensity: float, feels_the_air: bool, held: bool
 ) -> None:

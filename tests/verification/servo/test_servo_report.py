@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 from documents import ROOT
@@ -19,6 +20,15 @@ def test_the_document_has_the_stored_results() -> None:
         for row in rows_of(result):
             assert f"| {result['case']} | {' | '.join(row)} |" in text
     assert len(data["cases"]) == 4
+
+
+def test_the_document_has_the_stored_turbulence() -> None:
+    data = json.loads(RESULTS.with_name("servo_turbulence.json").read_text(encoding="utf-8"))
+    text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
+    assert [run["dynamics"] for run in data["runs"]] == ["published", "newton"]
+    for run in data["runs"]:
+        errors = " | ".join(f"{math.degrees(error):.2f}" for error in run["rms_error"]["dihedral"])
+        assert f"| {run['dynamics']} | {run['held']} of {run['members']} | {errors} |" in text
 
 
 def test_the_report_says_angles_in_degrees_and_what_was_lost() -> None:
