@@ -10,15 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from verification.critic.actuated import actuators_in, with_speed
 from verification.critic.critic_errors import input_weights
 from verification.critic.repairs import REDUNDANT
+from verification.riccati.existence import minimum_delta
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.units import balanced_units, in_units
 
@@ -26,6 +28,9 @@ from verification.riccati.units import balanced_units, in_units
 FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 ANGLES = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
 _STEPS = 30
+#: A difference as small as this is none, and cannot be brought to a part of itself.
+_ROUNDING = 1e-9
+_Made = TypeVar("_Made")
 REACHED = 0.1
 
 
@@ -41,11 +46,13 @@ def games_of_value(game: Game, P: np.ndarray) -> Iterator[OtherGame]:
     units = balanced_units(game)
     there, P = in_units(game, units), P * np.outer(units, units)
     linear = there.A.T @ P + P @ there.A
-    control, disturbance = P @ there.S_control @ P, P @ there.S_disturbance @ P / game.delta**2
-    if disturbance.any():
-        found = _fitted([disturbance], linear + there.Q - control)
+    size = game.delta if math.isfinite(game.delta) else 1.0
+    control, opposed = P @ there.S_control @ P, P @ there.S_disturbance @ P / size**2
+    disturbance = opposed if math.isfinite(game.delta) else np.zeros_like(opposed)
+    if opposed.any():
+        found = _fitted([opposed], linear + there.Q - control)
         if found is not None and found[0] > 0.0:
-            delta = game.delta / math.sqrt(found[0])
+            delta = size / math.sqrt(found[0])
             yield from _other(f"at delta = {delta:.4g}", game, delta=delta)
     found = _fitted([there.Q], linear - control + disturbance)
     if found is not None:
@@ -66,20 +73,23 @@ def games_of_value(game: Game, P: np.ndarray) -> Iterator[OtherGame]:
 
 
 def games_of_gain(game: Game, K: np.ndarray) -> Iterator[OtherGame]:
-    """Games with another delta, or with Q or R scaled, whose gain may be K, (m, n)."""
+    """Games with another delta, with Q or R scaled, or with faster actuators, whose gain may be K, (m, n)."""
     logs = [math.log(factor) for factor in FACTORS]
     families: list[tuple[str, Callable[[float], float], Callable[[float], Game], list[float]]] = [
         ("with Q {:.4g} times as large", math.exp, lambda x: replace(game, Q=math.exp(x) * game.Q), logs),
         ("with R {:.4g} times as large", math.exp, lambda x: replace(game, R=math.exp(x) * game.R), logs),
     ]
-    if math.isfinite(game.delta):
+    if (size := game.delta if math.isfinite(game.delta) else minimum_delta(game).value) > 0.0:
 
         def delta(x: float) -> float:  # K is smooth in x = 1/δ², relative
-            return game.delta / math.sqrt(x)
+            return size / math.sqrt(x)
 
         families.insert(0, ("at delta = {:.4g}", delta, lambda x: game.with_delta(delta(x)), list(FACTORS)))
+    if (actuators := actuators_in(game)).inputs:
+        said = "with actuators {:.4g} times as fast"
+        families.append((said, math.exp, lambda x: with_speed(game, actuators, math.exp(x)), logs[1:-1]))
     for said, value, game_at, starts in families:
-        found = _searched(game_at, starts, lambda other: _gain_difference(other, K))
+        found = searched(game_at, starts, lambda other: _gain_difference(other, K))
         if found is not None:
             yield OtherGame(said.format(value(found)), game_at(found))
 
@@ -97,7 +107,7 @@ def game_at_another_angle(
     at_dihedral: Callable[[float], Game], P: np.ndarray | None, K: np.ndarray
 ) -> Iterator[OtherGame]:
     """The game at the dihedral angle whose value may be P, (n, n), or whose gain K, (m, n)."""
-    angle = _searched(
+    angle = searched(
         at_dihedral,
         list(ANGLES),
         lambda other: _gain_difference(other, K) if P is None else _value_difference(other, P),
@@ -106,8 +116,8 @@ def game_at_another_angle(
         yield OtherGame(f"at dihedral {angle:.4f} deg", at_dihedral(angle))
 
 
-def _searched(
-    game_at: Callable[[float], Game], starts: list[float], difference: Callable[[Game], np.ndarray]
+def searched(
+    game_at: Callable[[float], _Made], starts: list[float], difference: Callable[[_Made], np.ndarray]
 ) -> float | None:
     """The parameter at which the difference is least, by Gauss-Newton steps from the best start, as long as each halves
     it; None when they do not bring it to `REACHED` of what it was."""
@@ -135,7 +145,7 @@ def _searched(
         if found is None or np.linalg.norm(found) > 0.5 * np.linalg.norm(here):
             break
         value, here = moved, found
-    return value if here is not None and np.linalg.norm(here) <= REACHED * first else None
+    return value if here is not None and np.linalg.norm(here) <= max(REACHED * first, _ROUNDING) else None
 
 
 def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
@@ -145,8 +155,12 @@ def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
 
 
 def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:
+    return gain_error_of(game, game.gain(schur_solution(game)), K)
+
+
+def gain_error_of(game: Game, exact: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """(exact - K) in balanced units over the size of the exact one, (m, n)."""
     units, weights = balanced_units(game), input_weights(game)
-    exact = game.gain(schur_solution(game))
     return np.asarray(weights @ (exact - K) * units / np.linalg.norm(weights @ exact * units))
 
 

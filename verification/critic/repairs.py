@@ -99,6 +99,12 @@ def repaired_gain(K: np.ndarray, exact: np.ndarray, R: np.ndarray, scales: np.nd
         sign = np.where(np.arange(n) == j, -1.0, 1.0)
         yield Repair(f"state {j + 1} has the wrong sign", K * sign)
     yield from _per_degree(K, exact)
+    missing = ~K.any(axis=0) & exact.any(axis=0)
+    if missing.any() and np.count_nonzero(K) >= 1 + REDUNDANT:
+        columns = ", ".join(str(place + 1) for place in np.flatnonzero(missing))
+        yield Repair(
+            f"the feedback of states {columns} is missing: their columns of K are 0", np.where(missing, exact, K)
+        )
     yield Repair("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(R, K))
     yield from _one_entry("K", K, exact, scales)
 
