@@ -118,6 +118,11 @@ HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
 NAMED: dict[str, tuple[str, Plant, str]] = {
     "LQR value": ("P", lqr, "this is the LQR solution (delta = inf), not the game's at delta = 200"),
     "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
+    "discrete-time gain": (
+        "K",
+        sampled,
+        "the discrete-time LQR (dlqr of the plant with a zero-order hold) at dt = 0.01",
+    ),
     "another root": ("P", other_root, "this is another root of the Riccati equation"),
     "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
     "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
@@ -212,7 +217,6 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
 #: Wrong, and without a reason that could be told.
 UNNAMED: dict[str, tuple[str, Plant]] = {
     "recorded policy": ("P", recorded_policy),
-    "discrete-time gain": ("K", sampled),
     "gain without its actuators": ("K", lambda game: with_lags(game)[1]),
     "value without its actuators": ("P", lambda game: with_lags(game)[0]),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
