@@ -66,8 +66,8 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
 
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
-    # `make bench` draws another benchmarks.png on every machine; test_docs.py looks at verify.png.
-    assert sorted(path.name for path in folder.iterdir()) == ["benchmarks.png", *drawn, "verify.png"]
+    # `make bench` draws benchmarks.png anew on every machine, a browser page.png; test_docs.py looks at verify.png.
+    assert sorted(path.name for path in folder.iterdir()) == ["benchmarks.png", "page.png", *drawn, "verify.png"]
     for name in drawn:
         one, other = imread(folder / name), imread(made.folder / name)
         assert one.shape == other.shape

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from cli import Result, hfa
+from cli import Result, unchecked_hfa
 from ways_in import WAYS, Case
 
 from hfa_cli.main import INTERRUPTED, TERMINATED
@@ -49,7 +49,7 @@ def fault_of(case: Case, file: str = "") -> str | None:
         rung, err = list[float](), io.StringIO()
         try:
             with _alarm(rung):
-                result = hfa(*(file if word == "{}" else word for word in case.words), err=err)
+                result = unchecked_hfa(*(file if word == "{}" else word for word in case.words), err=err)
         except BaseException as error:
             if not rung:
                 return f"{type(error).__name__}: {str(error)[:300]}{_where(error)}"

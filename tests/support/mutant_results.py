@@ -5,6 +5,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from hfa_model.support.jsonable import records_text
+
 _DOCS = Path(__file__).parents[2] / "docs"
 FILE, PAGE = _DOCS / "results" / "mutants.json", _DOCS / "promises.md"
 _HEADER = "| package | mutants | found by a test | share |"
@@ -33,7 +35,7 @@ def written(outcomes: dict[str, dict[str, Any]]) -> None:
     """Bring the file of results and the page up to date; the causes in the file stay."""
     known = json.loads(FILE.read_bytes()) if FILE.exists() else {}
     found = record(outcomes, known)
-    FILE.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    FILE.write_text(records_text(found), encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
     begin = text.index(_HEADER)
     PAGE.write_text(text[:begin] + table(found) + "\n" + text[text.index("\n## ", begin) :], encoding="utf-8")

@@ -61,7 +61,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
     assert html.endswith("<p>Note: take care</p>")
     assert found.html(2) == html
-    assert found.html().startswith("<h1>Title &amp; more of it</h1>\n<p>first</p>\n<h2>Inner</h2>\n")
+    assert found.html().startswith("<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n")
     assert drawn == ["drawn"]
 
 
