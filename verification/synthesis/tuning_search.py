@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.jobs.finished import stamp
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
+from hfa_model.support.input_files import regular_file
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 
@@ -40,7 +41,7 @@ def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[i
         if key not in known:
             known[key] = evaluation.at(values)
             with record.open("a", encoding="utf-8") as file:
-                file.write(json.dumps([values.tolist(), *known[key]]) + "\n")
+                file.write(_line(key, known[key]) + "\n")
         seen.append((values, known[key]))
         if progress is not None:
             progress(min(len(seen), tuning.evaluations), tuning.evaluations)
@@ -74,24 +75,26 @@ def _read_record(path: Path, aircraft: Aircraft, tuning: Tuning) -> dict[str, Ev
         settings[kind] = [each._asdict() | {"actuator": asdict(each.actuator)} for each in settings[kind]]
     settings["cases"] = [case | {"ends": case["ends"].tolist()} for case in settings["cases"]]
     decides = stamp(settings | {"dynamics": aircraft.variant.name, "parameters": parameter_hash(aircraft.parameters)})
-    if not path.exists():
-        path.write_text(json.dumps(decides) + "\n", encoding="utf-8")
-        return {}
-    lines = path.read_text(encoding="utf-8").splitlines()
-    if not lines or lines[0] != json.dumps(decides):
+    first = json.dumps(decides)
+    lines = regular_file(path).read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else [first]
+    if not lines or lines[0] != first:
         raise BadInputError(f"{path}: this is the record of another search; remove it, or choose another output")
-    return {json.dumps(values): found for values, found in map(_evaluation, _whole(lines[1:]))}
+    whole = dict(_whole(lines[1:]))
+    kept = [first, *(_line(values, found) for values, found in whole.items())]
+    write_text(path, "\n".join(kept) + "\n")
+    return whole
 
 
-def _whole(lines: list[str]) -> Iterator[Any]:
-    """The lines that were written whole."""
+def _line(values: str, found: Evaluation) -> str:
+    return json.dumps([json.loads(values), *found])
+
+
+def _whole(lines: list[str]) -> Iterator[tuple[str, Evaluation]]:
+    """What the lines hold, up to the first one that was cut off or damaged."""
     for line in lines:
         try:
-            yield json.loads(line)
-        except ValueError:
+            values, cost, abscissa, errors, rates, rms, stood, *rest = json.loads(line)
+            found = Evaluation(float(cost), abscissa, tuple(errors), tuple(rates), tuple(rms), tuple(stood), *rest)
+        except (ValueError, TypeError, RecursionError):
             return
-
-
-def _evaluation(row: list[Any]) -> tuple[list[float], Evaluation]:
-    values, cost, abscissa, errors, rates, rms, stood, *rest = row
-    return values, Evaluation(cost, abscissa, tuple(errors), tuple(rates), tuple(rms), tuple(stood), *rest)
+        yield json.dumps(values), found
