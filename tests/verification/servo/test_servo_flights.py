@@ -79,6 +79,10 @@ THEIRS = {
 }
 
 
+#: What `servo` must stay below, rms of dihedral in deg: actuators of order 2 lag twice as much.
+OURS = {"order-1": 0.20, "order-1-fault": 0.25, "order-2": 0.25, "order-2-fault": 0.30}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_numbers_of_simvfa_come_out_again(published_aircraft: Aircraft, case: str) -> None:
@@ -89,7 +93,7 @@ def test_the_numbers_of_simvfa_come_out_again(published_aircraft: Aircraft, case
             np.testing.assert_allclose(errors(flights[law]), theirs, atol=1e-3)
     ours = flights["servo"]
     assert ours.lost_at is None
-    assert errors(ours)[0] < (0.25 if "fault" in case else 0.20)
+    assert errors(ours)[0] < OURS[case]
     assert np.degrees(ours.fastest) < 1.0
     if case == "order-2-fault":
         lost = flights["simvfa-2"].lost_at
