@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -25,31 +25,37 @@ class Table(NamedTuple):
     rows: Sequence[tuple[Any, ...]]
 
 
-class Toned(str):
-    """A cell that also says how good it is; it reads as the plain text. tone: one of `TONES`."""
+class _Marked(str):
+    """A cell that says one thing more; it reads as the plain text, and keeps both when it is pickled or copied."""
 
-    tone: str
+    mark: Any
 
-    def __new__(cls, text: str, tone: str) -> Toned:
-        """The text with its tone."""
+    def __new__(cls, text: str, mark: Any) -> Self:
+        """The text with its mark."""
         cell = super().__new__(cls, text)
-        cell.tone = tone
+        cell.mark = mark
         return cell
 
-    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]  # the words that make it again
-        return str(self), self.tone
+    def __getnewargs__(self) -> tuple[str, Any]:  # type: ignore[override]  # the words that make it again
+        return str(self), self.mark
 
 
-class Placed(str):
-    """A number that also says where it lies in its range: 0 at the lower end, 1 at the upper; outside, beyond them."""
+class Toned(_Marked):
+    """A cell that also says how good it is."""
 
-    place: float
+    @property
+    def tone(self) -> str:
+        """One of `TONES`."""
+        return str(self.mark)
 
-    def __new__(cls, text: str, place: float) -> Placed:
-        """The text with its place."""
-        cell = super().__new__(cls, text)
-        cell.place = place
-        return cell
+
+class Placed(_Marked):
+    """A number that also says where it lies in its range."""
+
+    @property
+    def place(self) -> float:
+        """0 at the lower end, 1 at the upper; outside, beyond them."""
+        return float(self.mark)
 
     @property
     def bar(self) -> str:

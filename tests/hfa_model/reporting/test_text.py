@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 
 from hfa_model.reporting.text import (
     Placed,
     Style,
+    Toned,
     angle_text,
     columns,
     degrees,
@@ -49,3 +52,9 @@ def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
 
 def test_what_has_no_name_is_counted() -> None:
     assert numbered("x", 3) == ("x1", "x2", "x3")
+
+
+def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
+    for cell in (Toned("pass", "good"), Placed("1.5", 0.25)):
+        for again in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
+            assert (type(again), again, again.mark) == (type(cell), str(cell), cell.mark)
