@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from controller.monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
     from controller.policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
     from controller.policy.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
+    from controller.policy.gain_table import GainTable as GainTable, load_gains as load_gains
     from controller.policy.servo_policy import servo_law as servo_law
     from controller.policy.signals import Harmonic as Harmonic, Signal as Signal
     from controller.samples.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
     from verification.meaning.solution_report import analyse_game as analyse_game
     from verification.physics.lagrangian import mechanical_energy as mechanical_energy
-    from verification.proof.gain_table import GainTable as GainTable, load_table as load_table
     from verification.proof.lpv_grid import coarsest_grid as coarsest_grid
     from verification.proof.rate_proof import prove_rate as prove_rate
     from verification.proof.schedule_proof import prove_schedule as prove_schedule

@@ -19,6 +19,7 @@ import numpy as np
 
 from controller.design.controller_file import load_controller
 from controller.design.design_file import load_design
+from controller.policy.gain_table import GainTable, load_gains
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, number, parsed
 from hfa_cli.options.flight_family import add_flights, at_one_angle, family_of, interval_of
@@ -30,7 +31,6 @@ from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
     from verification.balls.steady_flights import Family
-    from verification.proof.gain_table import GainTable
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", nargs="?", metavar="FILE", type=input_file(*MATRIX_FILES), help=about)
     add_value(parser, "--basis", str, "NAME", "of the W of `critic`; default quadratic")
     add_value(parser, "--check", input_file(".json"), "FILE", "verify a certificate instead of proving")
-    about = "gains K over dihedral_deg (.npz .json); default: the exact game's"
-    add_value(parser, "--table", input_file(".npz", ".json"), "FILE", about)
+    about = "gains K over dihedral_deg; default: the exact game's"
+    add_value(parser, "--table", input_file(*MATRIX_FILES), "FILE", about)
     about = "of `schedule`: --table is a controller with memory, on the actuators of this design"
     add_value(parser, "--design", parsed(load_design), "NAME", about)
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
@@ -185,7 +185,6 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
     from verification.flights.scheduling import certified_schedule
-    from verification.proof.gain_table import GainTable, load_table
     from verification.proof.servo_table import servo_table
 
     if arguments.design is not None:
@@ -194,7 +193,7 @@ def _table(arguments: argparse.Namespace, family: Family, low: float, high: floa
         speed = family.condition(low).imposed["speed"]
         return servo_table(load_controller(arguments.table), arguments.design.actuators, speed)
     if arguments.table is not None:
-        return load_table(arguments.table)
+        return load_gains(arguments.table)
     angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
     made = certified_schedule(
         family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left."""
-    from controller.policy.gain_file import load_gains
+    from controller.policy.gain_table import load_gains
     from verification.flights.schedule_result import schedule_report
     from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 

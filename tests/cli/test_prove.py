@@ -11,6 +11,8 @@ import pytest
 from cli import assert_refused, hfa
 from proof_cases import exact_table, unstable_between
 
+from hfa_model.vectors import LINEAR_STATES, UNITS
+
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -93,6 +95,42 @@ def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) 
     assert result.code == 1
     assert result.out.startswith("Refuted")
     assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
+
+
+def test_a_table_in_si_is_that_in_feet(tmp_path: Path) -> None:
+    """Of a loop with an actuator's lag on each input, too; ζ = (x, inputs), and the certificate is in ft."""
+    exact, rows = exact_table(14.0, 14.0625), np.arange(5)
+    K, M = np.zeros((2, 5, 11)), np.zeros((2, 11, 11))
+    K[:, rows, 6 + rows], M[:, 6 + rows, 6 + rows], M[:, 6:, :6] = -1.0, -400.0, -400.0 * exact.K
+    angles, metres = exact.dihedral_deg.tolist(), np.array([0.3048, *[1.0] * 10])
+    for feet in ({"K": exact.K}, {"K": K, "M": M}):
+        units, s = ["m/s", *(UNITS[name] for name in LINEAR_STATES[1:])], metres[: feet["K"].shape[-1]]
+        si = {name: each / s * (s[:, None] if name == "M" else 1.0) for name, each in feet.items()}
+        said = []
+        for gains in (feet, si | {"state_units": np.array(units)}):
+            path, written = tmp_path / "table.json", tmp_path / "certificate.json"
+            content = {"dihedral_deg": angles} | {name: each.tolist() for name, each in gains.items()}
+            path.write_text(json.dumps(content))
+            words = (
+                "prove",
+                "schedule",
+                "--dihedral",
+                "14:14.0625",
+                "--table",
+                str(path),
+                "-o",
+                str(written),
+                "--json",
+            )
+            result = hfa(*words)
+            assert result.err == ""
+            said.append(json.loads(result.out))
+            statement = json.loads(written.read_text())["statement"]
+            np.testing.assert_allclose(statement["table"]["K"], feet["K"], rtol=1e-12)
+            assert statement["state_units"][0] == "ft/s"
+        assert said[0]["proved"]
+        assert said[0]["loop"] == said[1]["loop"]
+        np.testing.assert_allclose(said[0]["decay_rate"], said[1]["decay_rate"], rtol=1e-9)
 
 
 def test_a_table_of_one_point_is_refused(tmp_path: Path) -> None:

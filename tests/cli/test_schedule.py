@@ -11,7 +11,7 @@ import pytest
 from cli import assert_refused, hfa
 from scipy.io import savemat
 
-from controller.policy.gain_file import StoredGains
+from controller.policy.gain_table import GainTable
 
 SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact")
 
@@ -62,12 +62,15 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
     ("content", "named"),
     [
         ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, 10.0]}, "the gains cover 5 to 10 deg, not 5 to 15 deg"),
-        ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [15.0, 5.0]}, "at least two angles, increasing"),
+        (
+            {"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [15.0, 5.0]},
+            "angles of the table, increasing",
+        ),
         ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, float("nan")]}, "not finite"),
         ({"K": [[[0.0] * 6] * 5] * 2}, "there is no dihedral_deg"),
         ({"K": [[[0.0] * 6] * 5] * 3, "dihedral_deg": [5.0, 15.0]}, "with 2 angles it must be (2, 5, 6)"),
-        ({"K": [[0.0] * 5] * 6}, "a schedule takes K, 5 x 6"),
-        ({"P": [[0.0] * 6] * 6}, "a schedule takes K, 5 x 6"),
+        ({"K": [[0.0] * 5] * 6}, "there is no K of 5 x 6"),
+        ({"P": [[0.0] * 6] * 6}, "there is no K of 5 x 6"),
         ({"K": [[0.0] * 6] * 5, "state_units": ["km/h", *["rad"] * 5]}, "state 1 is in km/h"),
     ],
 )
@@ -95,7 +98,7 @@ def test_a_gain_has_no_law(word: tuple[str, ...], named: str, tmp_path: Path) ->
 def test_gains_of_a_table_between_the_points(tmp_path: Path) -> None:
     """Its angles become points of the schedule, so that what is flown is the table itself."""
     K = np.random.default_rng(3).normal(size=(3, 5, 6))
-    table = StoredGains(np.radians([0.0, 7.0, 20.0]), K)
+    table = GainTable(np.array([0.0, 7.0, 20.0]), K)
     np.testing.assert_allclose(table.at(np.radians(3.5)), (K[0] + K[1]) / 2)
     np.testing.assert_allclose(np.degrees(table.grid(np.radians([5.0, 10.0, 15.0]))), [5.0, 7.0, 10.0, 15.0])
 

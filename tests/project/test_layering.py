@@ -138,7 +138,7 @@ def test_the_checker_shares_nothing_with_the_prover() -> None:
     "line",
     [
         "from verification.balls.balls import matrix",
-        "def f():\n    from verification.proof.gain_table import GainTable",
+        "def f():\n    from verification.proof.scheduled_loop import closed_loop",
         "import trim.point.solve",
         "from hfa_model.helper import g",
     ],

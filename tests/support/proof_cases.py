@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from controller.game.zero_sum import published_game
+from controller.policy.gain_table import GainTable
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from trim.linear.linear_model import LinearModel
@@ -15,7 +16,6 @@ from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.balls.steady_flights import Family
-from verification.proof.gain_table import GainTable
 from verification.riccati.gare import solve_game
 
 

@@ -15,7 +15,7 @@ from controller.flight.scenario import Scenario, with_errors
 from controller.flight.simulate import fly_law
 from controller.game.zero_sum import published_game
 from controller.policy.flown_law import FlownLaw
-from controller.policy.gain_file import StoredGains
+from controller.policy.gain_table import GainTable
 from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
@@ -52,7 +52,7 @@ def certified_schedule(
     seed: int = 0,
     game: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
-    gains: StoredGains | None = None,
+    gains: GainTable | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Callable[[int, int], None] | None = None,
 ) -> CertifiedSchedule:

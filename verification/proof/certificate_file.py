@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
-from hfa_model.vectors import INPUTS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 from verification.balls.balls import flint_or_refusal
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox
-from verification.proof.gain_table import GainTable
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
 from verification.proof.stated_model import StatedModel
@@ -40,6 +40,8 @@ def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
     condition, parameters = family.condition(low), family.aircraft.parameters._asdict()
     return {
         "dynamics": family.aircraft.variant.name,
+        "state_units": [UNITS[name] for name in LINEAR_STATES],
+        "input_units": [UNITS[name] for name in INPUTS],
         "parameters": parameters,
         "spread": {name: width for name, width in zip(parameters, family.spread or (), strict=False) if width > 0.0},
         "imposed": {name: value for name, value in condition.imposed.items() if name != "dihedral"},

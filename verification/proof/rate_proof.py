@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import published_game
+from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.linearize import linearize
@@ -20,7 +21,7 @@ from verification.balls.balls import doubles, exact, is_positive_definite, map_e
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import ModelForms, TrimBranch
-from verification.proof.gain_table import GainTable
+from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 from verification.riccati.gare import solve_game
 
@@ -105,7 +106,7 @@ def prove_rate(
     """
     branch = TrimBranch(family)
     memory = table.K.shape[-1] > len(LINEAR_STATES)
-    angles = _angles(table.segments(low, high), _STEP_WITH_MEMORY if memory else _STEP)
+    angles = _angles(segments(table, low, high), _STEP_WITH_MEMORY if memory else _STEP)
     P = np.array(
         [
             _loop_P(_loop_at(branch, table, angle)) if memory else _game_P(family, angle, changes or {})
@@ -119,7 +120,7 @@ def prove_rate(
         first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
-        return forms, _Piece(*table.close(forms), value, rise)
+        return forms, _Piece(*closed_loop(table, forms), value, rise)
 
     def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
@@ -166,7 +167,7 @@ def _game_P(family: Family, degrees: float, changes: Mapping[str, Any]) -> np.nd
 def _loop_at(branch: TrimBranch, table: GainTable, degrees: float) -> np.ndarray:
     """The loop with memory at an angle, in doubles."""
     end = min(degrees, float(table.dihedral_deg[-1]) - _NARROWEST)
-    return doubles(table.close(branch.forms(DihedralBox(end, end + _NARROWEST)))[0].coefficients[0])
+    return doubles(closed_loop(table, branch.forms(DihedralBox(end, end + _NARROWEST)))[0].coefficients[0])
 
 
 def _loop_P(loop: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.balls.ball_function import Undecided
@@ -18,7 +19,7 @@ from verification.balls.inertia import candidates, unstable_count
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import ModelForms, TrimBranch
-from verification.proof.gain_table import GainTable
+from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def prove_schedule(
     Raises NoSolutionError where an angle has no trim, BadInputError when the table or the model does not reach.
     """
     branch = TrimBranch(family)
-    table.segments(low, high)
+    segments(table, low, high)
 
     @lru_cache(maxsize=64)
     def forms(box: DihedralBox) -> ModelForms:
@@ -142,11 +143,11 @@ def prove_schedule(
     narrowest = NARROWEST if family.spread is None else NARROWEST_WITH_ERRORS
     covers = list(known or (Cover((), ()), Cover((), ())))
     proofs: tuple[Callable[[DihedralBox], ProvedBox | None], ...] = (
-        lambda box: _prove(forms(box), *table.close(forms(box)), branch.free, rated=True),
+        lambda box: _prove(forms(box), *closed_loop(table, forms(box)), branch.free, rated=True),
         lambda box: _prove(forms(box), forms(box).A, [each.A for each in forms(box).errors], branch.free, rated=False),
     )
     for index, prove in enumerate(proofs):
-        for found in _covered(covers[index], table.segments(low, high), prove, narrowest):
+        for found in _covered(covers[index], segments(table, low, high), prove, narrowest):
             covers[index] = found
             if save is not None:
                 save(*covers)
