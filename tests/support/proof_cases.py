@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +19,7 @@ from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.balls.steady_flights import Family
+from verification.checker.checker import sealed
 from verification.riccati.gare import solve_game
 
 
@@ -57,3 +61,9 @@ def unstable_between(low: float, high: float) -> GainTable:
         if abscissae[0] < -0.1 and abscissae[2] < -0.1 and abscissae[1] > 0.2:
             return GainTable(np.array([low, high]), np.array([first, last]))
     raise AssertionError("no such table was found")
+
+
+def forge(path: Path, content: dict[str, Any]) -> Path:
+    """The file as a certificate with this content and the digest of it."""
+    path.write_text(sealed(json.dumps({key: value for key, value in content.items() if key != "digest"})[:-1]))
+    return path

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import exact_table, family
+from proof_cases import exact_table, family, forge
 
 from hfa_model.support.errors import BadInputError
-from verification.checker.checker import check_certificate, digest
+from verification.checker.checker import check_certificate
 from verification.checker.taylor_model import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
@@ -157,7 +157,7 @@ def test_a_forged_certificate_with_a_right_digest_is_rejected(
     content = json.loads(proved.read_text())
     change(content)
     forged = tmp_path / "forged.json"
-    forged.write_text(json.dumps(content | {"digest": digest(content)}))
+    forge(forged, content)
     with pytest.raises(Rejected):
         check_certificate(forged)
 
@@ -184,7 +184,7 @@ def test_a_partial_certificate_that_was_forged_is_not_continued(proved: Path, tm
     content = json.loads(proved.read_text())
     content["boxes"]["loop"][0]["rate"] = 0.5
     path = tmp_path / "forged.json"
-    path.write_text(json.dumps(content | {"digest": digest(content)}))
+    forge(path, content)
     with pytest.raises(BadInputError, match=r"is not proved.*; remove the file and begin again"):
         ScheduleCertificate(family(), exact_table(14.0, 15.0), 14.0, 15.0, path).known()
 
@@ -193,7 +193,7 @@ def test_a_missing_box_is_not_proved(proved: Path, tmp_path: Path) -> None:
     content = json.loads(proved.read_text())
     content["boxes"]["loop"].pop()
     short = tmp_path / "short.json"
-    short.write_text(json.dumps(content | {"digest": digest(content)}))
+    forge(short, content)
     report = checked_report(check_certificate(short))
     assert report.data["proved"] is False
     assert report.title.startswith("Verified, but not proved on the whole interval")

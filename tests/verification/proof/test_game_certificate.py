@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import family, model_at
+from proof_cases import family, forge, model_at
 
 from controller.game.basis import basis
 from controller.game.model_file import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import NoSolutionError
-from verification.checker.checker import check_certificate, digest
+from verification.checker.checker import check_certificate
 from verification.checker.taylor_model import Rejected
 from verification.proof.certificate_file import write_certificate
 from verification.proof.checked_report import checked_report
@@ -164,5 +164,5 @@ def _changed(path: Path, folder: Path, change: Callable[[Content], None]) -> Pat
     content = json.loads(path.read_text())
     change(content)
     forged = folder / "forged.json"
-    forged.write_text(json.dumps(content | {"digest": digest(content)}))
+    forge(forged, content)
     return forged

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import exact_gain, family, model_at
+from proof_cases import exact_gain, family, forge, model_at
 
 from hfa_model.support.errors import NoSolutionError
-from verification.checker.checker import check_certificate, digest
+from verification.checker.checker import check_certificate
 from verification.checker.taylor_model import Rejected
 from verification.proof.checked_report import checked_report
 from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
@@ -94,7 +94,7 @@ def test_a_grid_is_verified_and_a_better_one_is_not(grid: LpvGrid, tmp_path: Pat
     for change in (_smaller_error, _other_gain, _missing_cell):
         forged = json.loads(path.read_text())
         change(forged)
-        path.write_text(json.dumps(forged | {"digest": digest(forged)}))
+        forge(path, forged)
         with pytest.raises(Rejected):
             check_certificate(path)
         path.write_text(json.dumps(content))

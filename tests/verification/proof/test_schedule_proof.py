@@ -112,7 +112,7 @@ def test_a_table_that_does_not_reach_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("angles", "shape"),
-    [([15.0], (1, 5, 6)), ([15.0, 15.0], (2, 5, 6)), ([16.0, 15.0], (2, 5, 6)), ([15.0, 16.0], (2, 6, 5))],
+    [([], (0, 5, 6)), ([15.0, 15.0], (2, 5, 6)), ([16.0, 15.0], (2, 5, 6)), ([15.0, 16.0], (2, 6, 5))],
 )
 def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
     with pytest.raises(BadInputError):

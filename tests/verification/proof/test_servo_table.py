@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import exact_gain, family, model_at
+from proof_cases import exact_gain, family, forge, model_at
 
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
@@ -18,7 +18,7 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 from verification.balls.balls import doubles
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch
-from verification.checker.checker import check_certificate, digest
+from verification.checker.checker import check_certificate
 from verification.checker.taylor_model import Rejected
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.rate_proof import prove_rate
@@ -118,7 +118,7 @@ def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path:
     assert joined(check_certificate(path).covers["motion"]) == [(14.0, 14.125, 0)]
     content = json.loads(path.read_text())
     content["statement"]["dihedral_rate"] *= 3.0
-    path.write_text(json.dumps(content | {"digest": digest(content)}))
+    forge(path, content)
     with pytest.raises(Rejected, match="motion from 14"):
         check_certificate(path)
 
