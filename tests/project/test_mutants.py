@@ -20,6 +20,12 @@ SCRIPT = ROOT / "tests" / "support" / "mutants.py"
     ("source", "expected"),
     [
         ("y = a < b", ["y = (a <= b)", "y = (a >= b)"]),
+        ("y = a < b + 1e-9", ["y = (a >= b + 1e-09)", "y = a < (b - 1e-09)", "y = a < b + (1.000000001)"]),
+        ("y = a < b * LIMIT", ["y = (a >= b * LIMIT)", "y = a < (b / LIMIT)"]),
+        ("y = a < LIMIT", ["y = (a <= LIMIT)", "y = (a >= LIMIT)"]),
+        ("y = 500", ["y = (1000)"]),
+        ("zip(a, b, strict=True)", ["pass"]),
+        ("progress(n + 1, 5)", []),
         ("y = a is not b", ["y = (a is b)"]),
         ("y = a * b", ["y = (a / b)"]),
         ("y = A @ B", ["y = (B @ A)"]),
@@ -74,6 +80,12 @@ def test_a_test_that_cannot_fail_is_seen_and_one_that_can_finds_the_mistakes(tmp
     again = toy(tmp_path, "assert larger(1, 2) == 2 == larger(2, 1)")
     assert "4 mutants, 2 killed" in again
     assert "tests:" not in again, "nothing is tried twice"
+
+
+def test_the_script_loads_nothing_of_the_project_before_it_is_copied() -> None:
+    code = "import sys, mutants; print([each for each in mutants.PACKAGES if each in sys.modules])"
+    run = [sys.executable, "-c", code]
+    assert subprocess.run(run, capture_output=True, text=True, check=True, cwd=SCRIPT.parent).stdout == "[]\n"
 
 
 def found() -> dict[str, Any]:

@@ -5,8 +5,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from hfa_model.support.jsonable import records_text
-
 _DOCS = Path(__file__).parents[2] / "docs"
 FILE, PAGE = _DOCS / "results" / "mutants.json", _DOCS / "promises.md"
 _HEADER = "| package | mutants | found by a test | share |"
@@ -33,6 +31,8 @@ def record(outcomes: dict[str, dict[str, Any]], known: dict[str, Any]) -> dict[s
 
 def written(outcomes: dict[str, dict[str, Any]]) -> None:
     """Bring the file of results and the page up to date; the causes in the file stay."""
+    from hfa_model.support.jsonable import records_text  # here: the forks must load what they need of a copy
+
     known = json.loads(FILE.read_bytes()) if FILE.exists() else {}
     found = record(outcomes, known)
     FILE.write_text(records_text(found), encoding="utf-8")

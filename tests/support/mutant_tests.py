@@ -1,8 +1,10 @@
 """Which tests can find a mistake in a line, and whether they do; each trial is a fork of this process."""
 
+import ast
 import contextlib
 import hashlib
 import json
+import math
 import os
 import resource
 import signal
@@ -29,7 +31,9 @@ _ORDINARY = (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.N
 class Watch:
     """A plugin of pytest: runs the given tests in their order, and notes what each costs and the first failure."""
 
-    def __init__(self, wanted: list[str] | None, limit: float, on_test: Callable[[str], object] = str) -> None:
+    def __init__(
+        self, wanted: list[str] | None, limit: float = math.inf, on_test: Callable[[str], object] = str
+    ) -> None:
         self.order = None if wanted is None else {each: place for place, each in enumerate(wanted)}
         self.end, self.on_test = time.process_time() + limit, on_test
         self.failed, self.over = "", False
@@ -134,6 +138,8 @@ class Tests:
         watch.run(str(file))
         cover.stop()
         cover.save()
+        if watch.failed.endswith(")"):
+            raise RuntimeError(watch.failed)
         data = cover.get_data()
         executed = {each: _digest(Path(each)) for each in data.measured_files() if any(_by_line(data, each).values())}
         return {"seconds": watch.seconds, "executed": executed}
@@ -163,14 +169,16 @@ class Tests:
         return chosen
 
     def _executing(self, file: str, module: str, line: int) -> set[str]:
-        """The tests of a file that execute a line of a module, or any line of it where the module is another now."""
+        """The tests of a file that execute a line of a module, or any line of it where the module is another now.
+
+        What an import executes, all use, and only the first test of a file is listed for it.
+        """
         data = self._data(file)
         data.read()
         by_line = _by_line(data, module)
-        if self._known[file]["executed"][module] == _digest(Path(module)):
-            # A line within a statement is not listed: its statement begins above. What an import executes, all use.
-            here = by_line.get(max((each for each in by_line if each <= line), default=0), set())
-            by_line = {line: here} if here else by_line
+        if self._known[file]["executed"][module] == _digest(Path(module)) and _is_in_a_function(module, line):
+            # A line within a statement is not listed: its statement begins above.
+            return by_line.get(max((each for each in by_line if each <= line), default=0), set())
         return set().union(*by_line.values())
 
     def state(self, module: str) -> str:
@@ -179,20 +187,28 @@ class Tests:
         return hashlib.sha256("".join(map(_digest, beside)).encode()).hexdigest()[:16]
 
     def judge(self, module: str, line: int, limit: float) -> dict[str, Any]:
-        """Whether a test fails with the module as it is now in the current folder, which, and how many ran."""
+        """Whether a test fails with the module as it is now in the current folder, which, and how many ran.
+
+        Three times as long as they took when they were listed is a failure too.
+        """
         asked = self.deciding(module, line, limit)
+        usual = sum(self._known[file]["seconds"][each] for file, tests in asked.items() for each in tests)
 
         def work() -> dict[str, Any]:
             ran = 0
             for file, tests in asked.items():
-                watch = Watch(tests, 2 * limit)
+                watch = Watch(tests)
                 watch.run(file, "-x")
                 ran += len(watch.seconds)
                 if watch.failed:
                     return {"killed": True, "by": watch.failed, "tests": ran}
             return {"killed": False, "by": "", "tests": ran}
 
-        return in_a_fork(work, 3 * limit + 30) or {"killed": True, "by": "the time, or the process ended", "tests": 0}
+        return in_a_fork(work, 10 + 3 * usual + len(asked)) or {
+            "killed": True,
+            "by": "the time, or the process ended",
+            "tests": 0,
+        }
 
 
 def keep(path: Path, value: object) -> None:
@@ -208,6 +224,11 @@ def _digest(path: Path) -> str:
 
 def _own(module: str) -> Path:
     return Path("tests", module).with_name(f"test_{Path(module).name}")
+
+
+def _is_in_a_function(module: str, line: int) -> bool:
+    functions = [each for each in ast.walk(ast.parse(Path(module).read_text())) if isinstance(each, ast.FunctionDef)]
+    return any(each.body[0].lineno <= line <= (each.end_lineno or 0) for each in functions)
 
 
 def _by_line(data: CoverageData, module: str) -> dict[int, set[str]]:

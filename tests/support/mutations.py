@@ -30,6 +30,9 @@ _ARITHMETIC: dict[type, type] = {
 }
 #: Functions of the libraries whose two arguments are of one type and not exchangeable.
 _OF_TWO = {"arctan2", "atan2", "solve", "lstsq", "subtract", "divide", "kron", "matmul", "cross", "mtimes"}
+#: Whether they are there is seen only by who looks on, or is a guard against what cannot be.
+_SEEN_ONLY = {"progress", "print"}
+_GUARDS = {"strict", "repr"}
 #: Of another type than a number: an operator between them is no arithmetic.
 _NO_NUMBERS = (ast.JoinedStr, ast.List, ast.Tuple, ast.Dict, ast.Set, ast.ListComp)
 
@@ -64,7 +67,8 @@ def same_types(sources: Iterable[str]) -> frozenset[str]:
 def mutations(source: str, alike: frozenset[str] = frozenset(_OF_TWO)) -> list[Mutation]:
     """Every mistake that the operators make in what the source computes, in its order.
 
-    Left out: docstrings, annotations, decorators, what only type checkers read, f-strings and what an error says.
+    Left out: docstrings, annotations, decorators, what only type checkers read, f-strings and what an error says;
+    progress; the bounds of comparisons with tolerances, which no number meets exactly.
     """
     starts = [0]
     for text in source.encode().splitlines(keepends=True):
@@ -86,6 +90,10 @@ def _computing(node: ast.AST) -> Iterator[ast.AST]:
     yield node
     if isinstance(node, (ast.JoinedStr, ast.Raise, ast.Assert, ast.Import, ast.ImportFrom)):
         return
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in _SEEN_ONLY:
+        return
+    if isinstance(node, ast.keyword) and node.arg in _GUARDS:
+        return
     for field, value in ast.iter_fields(node):
         if field not in {"annotation", "returns", "decorator_list", "bases"}:
             for child in value if isinstance(value, list) else [value]:
@@ -105,7 +113,8 @@ def _mistakes(node: ast.AST, alike: frozenset[str]) -> Iterator[tuple[str, Any, 
     match node:
         case ast.Compare(ops=[*ops]):
             for index, each in enumerate(ops):
-                for other in _COMPARISONS[type(each)]:
+                bound = 1 if any(map(_has_tolerance, [node.left, *node.comparators][index : index + 2])) else 0
+                for other in _COMPARISONS[type(each)][bound:]:
                     yield "comparison", node, _changed(node, ops=[*ops[:index], other(), *ops[index + 1 :]])
         case ast.BinOp(left, ast.MatMult(), right):
             yield "arithmetic", node, _changed(node, left=right, right=left)
@@ -120,7 +129,7 @@ def _mistakes(node: ast.AST, alike: frozenset[str]) -> Iterator[tuple[str, Any, 
         case ast.Constant(bool(value)):
             yield "constant", node, ast.Constant(not value)
         case ast.Constant(int(value) | float(value)):
-            yield "constant", node, ast.Constant(value + 1 if abs(value) < 1e15 else value * 2)
+            yield "constant", node, ast.Constant(value + 1 if abs(value) < 10 else value * 2)
         case ast.Call(func, [first, second], []) if ast.unparse(func).rpartition(".")[2] in alike:
             yield "arguments swapped", node, _changed(node, args=[second, first])
         case ast.If(test) | ast.While(test) | ast.IfExp(test) if not isinstance(test, (ast.Compare, ast.UnaryOp)):
@@ -130,6 +139,8 @@ def _mistakes(node: ast.AST, alike: frozenset[str]) -> Iterator[tuple[str, Any, 
                 if not isinstance(test, (ast.Compare, ast.UnaryOp)):
                     yield "condition negated", test, ast.UnaryOp(ast.Not(), test)
     match node:
+        case ast.Expr(ast.Call(ast.Name(name))) if name in _SEEN_ONLY:
+            return
         case (
             ast.Assign(targets=[ast.Attribute() | ast.Subscript()])
             | ast.Expr(ast.Call())
@@ -140,3 +151,15 @@ def _mistakes(node: ast.AST, alike: frozenset[str]) -> Iterator[tuple[str, Any, 
 
 def _is_number(node: ast.expr) -> bool:
     return not isinstance(node, _NO_NUMBERS) and not (isinstance(node, ast.Constant) and isinstance(node.value, str))
+
+
+def _has_tolerance(node: ast.expr) -> bool:
+    """Whether there is a fraction in it, or a product with a constant by name."""
+    for each in ast.walk(node):
+        if isinstance(each, ast.Constant) and isinstance(each.value, float) and not each.value.is_integer():
+            return True
+        if isinstance(each, ast.BinOp) and any(
+            isinstance(one, ast.Name) and one.id.isupper() for one in (each.left, each.right)
+        ):
+            return True
+    return False
