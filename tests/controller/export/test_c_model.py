@@ -16,7 +16,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import state_rates, symbols
-from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
+from hfa_model.vectors import INPUT_SCALES, STATE_SCALES, STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
@@ -85,6 +85,14 @@ def test_level_flights_are_ours(library: ctypes.CDLL, aircraft: Aircraft) -> Non
         assert called(library, "hfa_level_flight", *condition.tolist(), x, u, A, B) == 0
         for found, table in ((x, known.states), (u, known.inputs), (A, known.A), (B, known.B)):
             assert np.linalg.norm(found - table[row]) <= 1e-14 * np.linalg.norm(table[row])
+
+
+def test_a_climb_balances_though_its_altitude_changes(library: ctypes.CDLL, aircraft: Aircraft) -> None:
+    x, u, A, B = np.empty(7), np.empty(5), np.empty((7, 7)), np.empty((7, 5))
+    assert called(library, "hfa_level_flight", 0.2, 68.0, 40000.0, 0.0489, 0.02, x, u, A, B) == 0
+    rates = np.array(aircraft.rates(x, u))
+    assert rates[STATES.index("altitude")] == pytest.approx(68.0 * np.sin(0.02))
+    assert np.abs(np.delete(rates, STATES.index("altitude"))).max() < 1e-8
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,18 @@ def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircr
     assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
 
 
+def test_what_was_not_applied_enters_by_the_columns_of_W(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    inputs, W = ("aileron_outer", "elevator_center"), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4)}
+    parts = {name: np.zeros((3, *shape)) for name, shape in shapes.items()} | {"W": np.array([W] * 3)}
+    made = small_controller(published_aircraft, inputs=inputs, states=("one", "two", "three"), **parts)
+    policy = servo_law(made, commands(0.01), published_aircraft, point).policy
+    still, none = ca.SX(6, 1), ca.SX(0, 1)
+    rate = policy.memory_rate(ca.SX(0), Seen(still, still, none, none), ca.SX(3, 1), none, ca.SX(np.arange(5.0)))
+    at = [INPUTS.index(name) for name in inputs]
+    np.testing.assert_allclose(np.array(ca.evalf(rate)).ravel(), W @ np.arange(5.0)[at])
+
+
 def test_tracking_is_the_commanded_output_against_its_command(
     published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from experiment_configurations import COARSE, changed
 
+from controller.game.basis import basis
 from hfa_model.published import published_models
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.claims import (
@@ -22,10 +23,11 @@ from verification.experiments.claims import (
 )
 from verification.experiments.configuration import section5_configuration
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord, simulate_plan
-from verification.experiments.flown_laws import EXACT
+from verification.experiments.flown_laws import EXACT, INTEGRAL, Critic
 from verification.experiments.measures import worst
 from verification.experiments.reproduction import EXPERIMENTS
 from verification.experiments.setting import Setting, make_setting
+from verification.riccati.gare import solve_game
 
 OF_THE_PRINT = [
     (section, claim) for section, one in EXPERIMENTS.items() for claim in one.claims if claim.laws == (PRINT,)
@@ -60,6 +62,19 @@ def test_the_coupling_is_that_of_the_printed_rows() -> None:
 
 def evidence_of(setting: Setting, section: str, *records: FlightRecord) -> Evidence:
     return Evidence(setting, section, {record.plan: record for record in records})
+
+
+def test_the_gain_that_integral_learning_ends_with_is_its_last() -> None:
+    setting = setting_of("regenerated")
+    game = setting.case(5.0).game
+    P, functions = solve_game(game).P, basis("quadratic", len(LINEAR_STATES))
+    weights = np.array([0.0, 0.5, 1.0])[:, None] * functions.weights(P)
+    plan, nothing = FlightPlan(5.0, INTEGRAL), np.zeros((1, 6))
+    critic = Critic(functions, weights, np.zeros(3), {})
+    record = FlightRecord(plan, np.zeros(1), *[nothing] * 4, critic, np.zeros(1), 0.0, np.inf, None)  # type: ignore[arg-type]
+    (claim,) = [each for each in EXPERIMENTS["5.2"].claims if each.number == "5.2-13"]
+    expected = np.linalg.eigvals(game.A - game.B @ game.gain(P)).real.max()
+    assert claim.measure(evidence_of(setting, "5.2", record), INTEGRAL) == pytest.approx(expected, rel=1e-9)
 
 
 def always(number: float) -> Any:

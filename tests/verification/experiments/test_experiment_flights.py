@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from experiment_configurations import BRIEF, COARSE, NOTHING, Changes, changed
 
+from controller.policy.critic_policy import CriticPolicy
 from verification.experiments.claims import (
     Evidence,
 )
@@ -161,6 +162,16 @@ def test_the_law_as_printed_overflows_at_once(dihedral: float) -> None:
     assert len(record.times) == 1
     assert record.metrics.rms_error["speed"] == np.inf
     assert record.metrics.learning.facts["alpha2"] > 1e20
+
+
+@pytest.mark.parametrize(("law", "knows"), [(PRINTED, True), (MODIFIED, False)])
+def test_only_the_drift_of_the_law_as_printed_carries_the_reference(law: str, knows: bool) -> None:
+    setting = default_setting()
+    case, reference = setting.case(5.0), setting.configuration.reference.signal
+    policy = law_of(setting, case, law, 1.0, False, reference)[0].policy
+    assert isinstance(policy, CriticPolicy)
+    told = case.game.A @ reference.at(2.0) - reference.rate().at(2.0)
+    np.testing.assert_allclose(np.ravel(policy.forcing.at(2.0)), told * knows, atol=1e-12)
 
 
 def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:

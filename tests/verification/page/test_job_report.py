@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from controller.game.zero_sum import published_game
 from hfa_model.reporting.text import four_decimals
 from hfa_model.support.errors import NoSolutionError
+from verification.meaning.solution_report import analyse_game
 from verification.page import angle_result
+from verification.page.angle_result import AngleResult
 from verification.page.job_report import angle_report, point_report, verdicts
 from verification.page.main_job import MainJob
 
@@ -31,6 +34,14 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
     assert "short period" in text
     planted = replace(job, angles=(angle,))
     assert [row[1] for row in verdicts(planted).rows] == ["pass", "pass", "FAIL", "FAIL", "pass"]
+
+
+def test_a_solution_is_shown_in_full(job: MainJob) -> None:
+    trimmed = job.points[2]
+    solution = analyse_game(published_game(trimmed.model.A, trimmed.model.B))
+    report = angle_report(job, AngleResult(trimmed, solution=solution))
+    assert "Exact game solution for the model at dihedral 15 deg" in report.text()
+    assert report.data["solution"]["P"] is not None
 
 
 def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:

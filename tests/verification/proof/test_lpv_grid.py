@@ -55,6 +55,12 @@ def test_a_tolerance_that_is_too_small_is_said() -> None:
         coarsest_grid(family(), 14.0, 14.25, 1e-9)
 
 
+def test_a_grid_of_one_step_has_its_bounds() -> None:
+    one = coarsest_grid(family(), 14.0, 14.0625, 2e-3)
+    assert one.dihedral_deg.tolist() == [14.0, 14.0625]
+    assert 0.0 < max(one.error.values()) <= 2e-3
+
+
 def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
     report = lpv_report(grid, 2e-3, "published")
     assert report.title.startswith(f"Proved: {len(grid.A)} models from 14 to 15 deg")

@@ -17,6 +17,7 @@ from controller.flight.simulate import fly_law
 from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.figure import new_figure
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.servo import servo_flights
@@ -150,6 +151,22 @@ def test_a_finished_case_is_kept_and_known_again(
     text = servo_report([first]).text()
     assert "case order-2, published dynamics, 4 s" in text
     assert "simvfa-2" in text
+
+
+def test_a_case_is_flown_again_unless_its_numbers_and_its_picture_are_there_and_it_is_resumed(
+    published_aircraft: Aircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[str] = []
+    monkeypatch.setattr(servo_flights, "fly_case", lambda aircraft, name, *rest: flown.append(name) or ())
+    monkeypatch.setattr(servo_flights, "servo_figure", lambda *_: new_figure(1.0, 1.0))
+
+    def times_flown(resume: bool) -> int:
+        run_case(published_aircraft, "order-1", {}, tmp_path, resume=resume)
+        return len(flown)
+
+    assert [times_flown(resume) for resume in (True, True, False)] == [1, 1, 2]
+    (tmp_path / "order-1.png").unlink()
+    assert times_flown(resume=True) == 3
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import math
 import pytest
 
 from hfa_model import Aircraft, Parameters
+from hfa_model.reporting.text import Table
 from verification.validation import comparison
 from verification.validation.comparison import validate
 from verification.validation.outside import outside_data, released_trims, third_printed_model
@@ -69,4 +70,6 @@ def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
     assert outside_data()["gibson_2011"]["source"] in report.text()
     assert len(report.data["trims"]) == 20
     assert report.data["ok"] is True
+    (entries,) = [part for part in report.parts if isinstance(part, Table) and part.header[0] == "entry"]
+    assert [row[:2] for row in entries.rows] == [(e.name, e.digits) for e in third_printed_model() if e.half_unit > 0]
     assert "<table>" in report.html()

@@ -1,0 +1,39 @@
+"""Numbers of a report in SI, by what stands beside them: lists of units, names of quantities, a unit in brackets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
+from hfa_model.reporting.unit_system import shown_in
+from hfa_model.units_of_data import in_units_in_force
+
+FT, LBF = 0.3048, 4.4482216152605
+
+
+def in_si(data: dict[str, Any], records: Table | None = None) -> Report:
+    with shown_in("si"):
+        return in_units_in_force(Report("", (), data=data, records=records or Table((), [])))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("output_offsets", [2.0, 3.0], [2.0 * FT, 3.0]),
+        ("C", [[2.0, 3.0], [4.0, 5.0]], [[2.0, 3.0 * FT], [4.0 / FT, 5.0]]),
+        ("P", [[2.0, 3.0], [4.0, 5.0]], [[2.0 / FT**2, 3.0 / FT], [4.0 / FT, 5.0]]),
+        ("K", [[2.0, 3.0]], [[2.0 * LBF / FT, 3.0 * LBF]]),
+        ("noise", [2.0, 3.0], [2.0 * FT**2, 3.0]),
+    ],
+)
+def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expected: Any) -> None:
+    beside = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
+    beside |= {"sensor_units": ["ft/s", "rad"]} if name == "noise" else {"output_units": ["ft/s", "rad"]}
+    found = in_si({**beside, name: value}).data
+    np.testing.assert_allclose(found[name], expected, rtol=1e-12)
+    assert found["state_units"] == ["m/s", "rad"]
+    assert found["units"] == "si"
