@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -26,6 +27,8 @@ from trim.point.operating_point import OperatingPoint
 HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
 #: rad/s and damping of the command filter where the controller knows none.
 _FILTER = (0.5, 2.0)
+#: C has no empty arrays: the one number of a memory or of commands that a controller does not have.
+_UNUSED = "unused"
 
 
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
@@ -96,10 +99,10 @@ def write_c_controller(
     made, names = controller, commandable(controller)
     policy, longest = trimmed_policy(controller, aircraft, point), longest_step(controller)
     arguments = ("dihedral", "measured", "memory", "command", "lowest", "highest")
-    memory = [*made.states, *(f"{name}{signal}" for signal in COMMAND_SIGNALS[:2] for name in names)]
-    names_and_units = {
+    memory = [*made.states, *(f"{name}{signal}" for signal in COMMAND_SIGNALS[:2] for name in names)] or [_UNUSED]
+    names_and_units: dict[str, tuple[Sequence[str], Sequence[str]]] = {
         "measured": (made.measurements, [unit_of_output(name) for name in made.measurements]),
-        "command": (names, [unit_of_output(name) for name in names]),
+        "command": (names, [unit_of_output(name) for name in names]) if names else ([_UNUSED], [""]),
     }
     tables = [
         c_table(f"const char *const hfa_{kind}_{what}", [f'"{word}"' for word in words])
@@ -107,7 +110,7 @@ def write_c_controller(
         for what, words in zip(("name", "unit"), both, strict=True)
     ]
     texts = {
-        HEADER: _filled(
+        HEADER: filled(
             "hfa_controller.h.in",
             origin=comment_lines(origin),
             name=comment_lines(made.name),
@@ -119,7 +122,7 @@ def write_c_controller(
             inputs=len(INPUTS),
             longest=longest,
         ),
-        SOURCE: _filled(
+        SOURCE: filled(
             "hfa_controller.c.in",
             origin=comment_lines(origin),
             tables="\n".join(tables),
@@ -133,5 +136,6 @@ def write_c_controller(
     return tuple(folder / name for name in texts)
 
 
-def _filled(template: str, **values: object) -> str:
+def filled(template: str, **values: object) -> str:
+    """The text of a template of this package."""
     return files(__package__).joinpath(template).read_text("utf-8").format(**values)

@@ -16,11 +16,11 @@ from controller.export.exported_controller import (
     trimmed_policy,
     unit_of_output,
 )
-from controller.export.given import GivenCommands, GivenUpdraft
+from controller.export.given import GivenCommands, GivenInputs, GivenUpdraft
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
-from controller.policy.policies import GainPolicy, Policy, gain_constants
+from controller.policy.policies import GainPolicy, Policy, Seen, gain_constants
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import (
@@ -105,6 +105,23 @@ def controller_loop(
     )
     inputs = tuple(Channel(f"command_{name}", unit) for name, unit in zip(names, units, strict=True))
     return ExportedLoop(function, states, _inputs(point), (_UPDRAFT, *inputs), longest_step(controller))
+
+
+def held_loop(
+    aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
+) -> tuple[ca.Function, tuple[Channel, ...]]:
+    """(y, u) -> (y', dihedral, measured) of the inputs u (5,) that a computer holds, y = [X; actuators], and y.
+
+    u, actuators and measured as deviations from trim. BadInputError as in `controller_loop`, and when the controller
+    measures what these actuators do not have.
+    """
+    policy, u = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(INPUTS))
+    Y, rate, _ = _closed(aircraft, point, GivenInputs(u), ca.SX(0), actuators=actuators)
+    X, moved = Y[: len(STATES)], Y[len(STATES) :]
+    x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
+    seen = Seen(x, x, actuators.position(moved, np.array(point.inputs)), actuators.rates(moved))
+    sensed = [X[STATES.index("dihedral")], ca.densify(policy.outputs.at(seen))]
+    return ca.Function("loop", [Y, u], [rate, *sensed], {"cse": True}), (*_states(point), *_actuator_states(actuators))
 
 
 class _Reference(NamedTuple):

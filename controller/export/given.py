@@ -1,4 +1,4 @@
-"""What a simulation works out and an exported controller is told: commands, measured outputs and the updraft."""
+"""What a simulation works out and an exported controller is told: commands, measured outputs, updraft, held inputs."""
 
 from __future__ import annotations
 
@@ -39,6 +39,22 @@ class GivenOutputs(NamedTuple):
     def at(self, seen: Seen) -> ca.SX:
         """y - Y0."""
         return self.values
+
+
+class GivenInputs(Memoryless):
+    """u, (5,), as an argument; the policy of a loop whose inputs are held from outside."""
+
+    def __init__(self, values: ca.SX) -> None:
+        self._values = values
+
+    @property
+    def constants_size(self) -> int:
+        """Nothing changes from tick to tick: 0."""
+        return 0
+
+    def control(self, *_: object) -> ca.SX:
+        """The argument u."""
+        return self._values
 
 
 class GivenUpdraft(Memoryless):

@@ -38,6 +38,6 @@ int main(void)
         for (int step = 0; step < 10; step++) hfa_step(flown, held, 0.0, 0.001);
     }
     for (int i = 0; i < HFA_STATES; i++)
-        printf("%-14s %.17g %s\n", hfa_state_name[i], flown[i], hfa_state_unit[i]);
+        printf("%-32s %.17g %s\n", hfa_state_name[i], flown[i], hfa_state_unit[i]);
     return 0;
 }

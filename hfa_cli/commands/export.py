@@ -3,8 +3,9 @@
 --c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
 gain of a policy, with an example of a 100 Hz loop. --fmu FILE: the nonlinear aircraft trimmed at --dihedral as an FMU
 2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --controller FILE: in both,
-a scheduled controller with its states in place of the policy; in the FMU behind --actuators. --matlab FILE: a function
-of MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
+a scheduled controller with its states in place of the policy; in the FMU behind --actuators, with which the C files
+have an example of a 100 Hz loop too. --matlab FILE: a function of MATLAB and Octave that makes state-space systems of
+what `hfa sweep` and `hfa linearize` write as .mat.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ def _check(arguments: argparse.Namespace) -> None:
         )
         if arguments.fmu is not None and arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
-    if arguments.controller is None or arguments.fmu is None:
-        options.refuse(arguments, ("actuators", "engine"), "belongs to --fmu with --controller; leave it out")
+    if arguments.controller is None:
+        options.refuse(arguments, ("actuators", "engine"), "belongs to --controller; leave it out")
 
 
 def _origin() -> str:
@@ -126,6 +127,7 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
     from controller.design.controller_file import load_controller
     from controller.export.c_model import CModel, write_c_model
+    from controller.export.controller_example import EXAMPLE, controller_example
     from controller.export.exported_controller import write_c_controller
     from controller.export.exported_loop import controller_loop
     from controller.export.fmu import write_fmu
@@ -137,9 +139,13 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
         write_fmu(controller_loop(aircraft, point, controller, actuators), arguments.fmu, provenance())
         written.append(arguments.fmu)
     if arguments.c is not None:
+        loop = None if actuators is None else controller_example(controller, aircraft, point, actuators, _origin())
         controlled = write_c_controller(controller, aircraft, point, _origin(), arguments.c)
         without = CModel(aircraft, linearize(aircraft, point), None, _origin())
         written += (*write_c_model(without, arguments.c), *controlled)
+        if loop is not None:
+            written.append(arguments.c / EXAMPLE)
+            write_text(written[-1], loop)
     return written
 
 

@@ -51,14 +51,16 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
 
     Columns of a matrix come one after the other. One function that it calls, of one argument and one result, comes
-    before it. BadInputError names an operation that is not known here.
+    before it. No warning of a compiler about what is empty or has no influence. BadInputError names an operation that
+    is not known here.
     """
     called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in function.find_functions(0))
     names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
     body = _statements(
         function, name, lambda which, i: f"{arguments[which]}[{i}]", lambda which, i: f"{results[which]}[{i}]"
     )
-    return f"{called}static void {name}({names})\n{{\n{body}\n}}\n"
+    idle = "".join(f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body)
+    return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
 
 
 def c_loop(function: ca.Function, name: str) -> str:

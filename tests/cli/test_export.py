@@ -51,7 +51,7 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
         (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
         (("--c", "out", "--dihedral", "steep"), ("--dihedral", "steep")),
         (("--c", "out", "--controller", "missing.npz"), ("missing.npz",)),
-        (("--c", "out", "--actuators", "0.5:60"), ("--actuators belongs to --fmu with --controller",)),
+        (("--c", "out", "--actuators", "0.5:60"), ("--actuators belongs to --controller; leave it out",)),
     ],
 )
 def test_refusals(
@@ -90,7 +90,8 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> N
     result = hfa("export", *targets, *words, "--json")
     assert (result.code, result.err) == (0, "")
     names = [Path(each["file"]).name for each in json.loads(result.out)["files"]]
-    assert names == ["a.fmu", "hfa_aircraft.h", "hfa_aircraft.c", "hfa_controller.h", "hfa_controller.c"]
+    c = ["hfa_aircraft.h", "hfa_aircraft.c", "hfa_controller.h", "hfa_controller.c", "controller_100hz.c"]
+    assert names == ["a.fmu", *c]
     assert f"--controller {tmp_path / 'servo.npz'}" in (tmp_path / "c" / "hfa_controller.c").read_text("utf-8")
     assert not constants(tmp_path / "c" / "hfa_aircraft.c", "hfa_K").any()
     with zipfile.ZipFile(tmp_path / "a.fmu") as archive:

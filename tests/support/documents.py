@@ -14,6 +14,7 @@ import difflib
 import io
 import re
 import shlex
+import subprocess
 from collections.abc import Container
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -120,8 +121,10 @@ def _wrong_with(command: Command) -> str:
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
         return "\n".join(f"the Makefile has no target {word!r}" for word in words[1:] if word not in targets)
+    if words[0] in ("cc", "size") or words[0].startswith("./"):
+        return difference(command.expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     if words[0] != "hfa":
-        return "neither hfa nor make"
+        return "neither hfa nor make, cc, size or ./PROGRAM"
     result = hfa(*words[1:])
     if result.code != command.code:
         return f"exit code {result.code} instead of {command.code}: {result.err}"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
-import subprocess
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from c_files import called, compiled, footprint, needs_gcc, ran
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, comment_lines, write_c_model
 from hfa_model.aircraft import Aircraft
@@ -23,14 +22,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import level_conditions, solve_level_flights
 
-COMPILER = shutil.which("gcc")
-pytestmark = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
-FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+pytestmark = needs_gcc
 POINTS = 1000
-
-
-def compiled(folder: Path, *words: str) -> None:
-    subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +39,6 @@ def folder(aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path
 @pytest.fixture(scope="module")
 def library(folder: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "hfa.so"))
-
-
-def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> int:
-    def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
-        return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
-
-    return int(getattr(library, name)(*map(passed, values)))
 
 
 def states_and_inputs(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
@@ -118,17 +104,12 @@ def test_the_policy_and_the_constants(library: ctypes.CDLL, folder: Path, aircra
 
 
 def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> None:
-    compiled(folder, EXAMPLE, SOURCE, "-o", "loop")
-    said = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
-    assert [line.split()[0] for line in said.splitlines()][:2] == ["speed", "alpha"]
-    compiled(folder, "-c", SOURCE, "-o", "hfa.o")
-    symbols = subprocess.run(["nm", "-u", folder / "hfa.o"], check=True, capture_output=True, text=True).stdout
-    assert {line.split()[-1] for line in symbols.splitlines()} <= {
+    assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
+    text, data, bss, asked = footprint(folder, SOURCE)
+    assert asked <= {
         *("sin", "cos", "atan2", "asin", "sqrt", "pow", "exp", "fmin", "fmax", "sincos", "__stack_chk_fail"),
         "_GLOBAL_OFFSET_TABLE_",
     }
-    sizes = subprocess.run(["size", folder / "hfa.o"], check=True, capture_output=True, text=True).stdout
-    text, data, bss = map(int, sizes.splitlines()[1].split()[:3])
     assert text < 64_000
     assert (data, bss) <= (512, 0)
 

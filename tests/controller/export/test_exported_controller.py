@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
-import subprocess
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from c_files import called, compiled, footprint, needs_gcc
 from controllers import small_controller
 
 from controller.design.scheduled_controller import ScheduledController
@@ -29,9 +28,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from trim.point.operating_point import OperatingPoint
 
-COMPILER = shutil.which("gcc")
-pytestmark = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
-FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+pytestmark = needs_gcc
 POINTS, STATES, HIGHEST = 1000, 4, 0.3
 Z = "vertical_acceleration_short_period"
 
@@ -69,17 +66,6 @@ def folder(
 @pytest.fixture(scope="module")
 def library(folder: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "controller.so"))
-
-
-def compiled(folder: Path, *words: str) -> None:
-    subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
-
-
-def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> None:
-    def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
-        return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
-
-    getattr(library, name)(*map(passed, values))
 
 
 def answered(
@@ -151,11 +137,8 @@ def test_a_step_is_the_exponential(library: ctypes.CDLL, controller: ScheduledCo
 
 
 def test_the_footprint_is_static_and_the_names_are_there(folder: Path) -> None:
-    compiled(folder, "-c", SOURCE, "-o", "controller.o")
-    asked = subprocess.run(["nm", "-u", folder / "controller.o"], check=True, capture_output=True, text=True).stdout
-    assert {line.split()[-1] for line in asked.splitlines()} <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
-    sizes = subprocess.run(["size", folder / "controller.o"], check=True, capture_output=True, text=True).stdout
-    text, data, bss = map(int, sizes.splitlines()[1].split()[:3])
+    text, data, bss, asked = footprint(folder, SOURCE)
+    assert asked <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
     assert text < 16_000
     assert (data, bss) <= (256, 0)
     header = (folder / HEADER).read_text("utf-8")

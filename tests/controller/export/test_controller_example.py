@@ -1,0 +1,95 @@
+"""The example loop around a controller in C: compiled without a warning, run, and compared with the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_files import needs_gcc, ran
+from controllers import integrating_controller, small_controller
+
+from controller.design.scheduled_controller import ScheduledController
+from controller.export.controller_example import COMMANDED, EXAMPLE, SECONDS, controller_example
+from controller.export.exported_controller import SOURCE, write_c_controller
+from controller.flight.actuators import Actuators
+from controller.flight.closed_loop import CompiledLoop
+from controller.flight.plants import NonlinearPlant
+from controller.flight.scenario import Scenario, loop_of
+from controller.policy.commands import CommandedStates, CommandSteps
+from controller.policy.servo_policy import servo_law
+from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import STATES, Input
+from trim.point.operating_point import OperatingPoint
+
+pytestmark = needs_gcc
+
+
+def actuators(order: int) -> Actuators:
+    """So slow and short that the command reaches both limits."""
+    return Actuators(Input(*[0.2] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.002] * 5), order=order)
+
+
+def printed(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, folder: Path, *words: str
+) -> dict[str, float]:
+    """What the example prints: name -> number."""
+    write_c_controller(controller, aircraft, point, "here", folder)
+    (folder / EXAMPLE).write_text(controller_example(controller, aircraft, point, actuators(2), "from */ here"))
+    return ran(folder, *words, EXAMPLE, SOURCE)
+
+
+def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> np.ndarray:
+    """The states after the same time where the controller is continuous."""
+    commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
+    if controller.commands:
+        commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
+    law = servo_law(controller, commands, aircraft, point)
+    initial = np.eye(len(STATES))[0]
+    scenario = Scenario(float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands), actuators=actuators(2))
+    loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
+    flight = loop.fly(
+        initial, law.constants, step=0.01, steps_per_tick=10, ticks=10 * SECONDS, memory=law.memory, compile_code=False
+    )
+    return np.asarray(flight.states[-1] + np.array(point.states))
+
+
+def with_memory(aircraft: Aircraft) -> ScheduledController:
+    return integrating_controller(
+        aircraft,
+        measurements=("aileron_outer_rate", "dihedral"),
+        C=np.full((3, 1, 1), -0.5),
+        D=np.array([[[0.05, -0.4, 0.4, 0.0]]] * 3),
+    )
+
+
+def without_memory_and_commands(aircraft: Aircraft) -> ScheduledController:
+    """C has no empty arrays."""
+    shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
+    stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {"D": np.full((3, 1, 1), -0.1)}
+    return small_controller(aircraft, **stacks, states=(), commands=(), measurements=("dihedral",))
+
+
+@pytest.mark.parametrize("made", [with_memory, without_memory_and_commands])
+def test_it_flies_what_we_fly_and_says_its_time(
+    made: Callable[[Aircraft], ScheduledController], published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path
+) -> None:
+    """Holding the inputs for a tick costs an error in proportion to the tick; without it the two are one."""
+    controller, states = made(published_aircraft), []
+    known = flown(controller, published_aircraft, point)
+    for hertz in (100, 1000):
+        said = printed(controller, published_aircraft, point, tmp_path, f"-DHERTZ={hertz}")
+        states.append(np.array([said[name] for name in STATES]))
+        assert 0.0 < said["microseconds a tick"] < 1000.0
+    size = np.abs(known - np.array(point.states)).max()
+    assert size > 0.1
+    assert np.abs(states[0] - known).max() < 0.03 * size
+    assert np.abs((10 * states[1] - states[0]) / 9 - known).max() < 3e-5 * size
+
+
+def test_what_the_actuators_do_not_have_is_refused(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    controller = integrating_controller(published_aircraft, measurements=("aileron_outer_rate", "dihedral"))
+    with pytest.raises(BadInputError, match="rates of its actuators"):
+        controller_example(controller, published_aircraft, point, actuators(1), "")

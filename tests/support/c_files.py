@@ -1,0 +1,44 @@
+"""Exported C in the tests: compiled without a warning, called through ctypes, its size."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+COMPILER = shutil.which("gcc")
+FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+needs_gcc = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
+
+
+def compiled(folder: Path, *words: str) -> None:
+    subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
+
+
+def ran(folder: Path, *words: str) -> dict[str, float]:
+    """What a compiled loop prints, a name and a number a line; units are left out."""
+    compiled(folder, *words, "-o", "loop")
+    said = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
+    return {line[:32].strip(): float(line[32:].split()[0]) for line in said.splitlines()}
+
+
+def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> int:
+    def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
+        return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
+
+    return int(getattr(library, name)(*map(passed, values)))
+
+
+def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
+    """Bytes of code and constants, of data and of data that is written; what is asked of other libraries."""
+    compiled(folder, "-c", source, "-o", "sized.o")
+    asked, sizes = (
+        subprocess.run([*words, folder / "sized.o"], check=True, capture_output=True, text=True).stdout.splitlines()
+        for words in (("nm", "-u"), ("size",))
+    )
+    text, data, bss = map(int, sizes[1].split()[:3])
+    return text, data, bss, {line.split()[-1] for line in asked}
