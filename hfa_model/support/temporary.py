@@ -1,11 +1,12 @@
 """Temporary files and folders that a killed run leaves go with the next run that makes one like them.
 
 Who works in one holds a lock on it, which the system takes back when that process ends, however it ends: what bears
-the name and is not locked is nobody's.
+the name and is not locked is nobody's. What a signal kept from being removed goes when the process ends.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import secrets
@@ -22,6 +23,9 @@ except ImportError:  # no such locks on this system: what a killed run leaves st
 
 #: Letters between prefix and suffix.
 _RANDOM = 16
+#: What is there, or about to be. A signal may come while it is removed, or before its block began; and a generator that
+#: waits in a cycle of garbage when Python ends (an exception and its frames) is never told to finish.
+_THERE = set[Path]()
 
 
 @contextmanager
@@ -67,6 +71,8 @@ def _locked(folder: Path, prefix: str, suffix: str, *, is_folder: bool) -> Itera
     _clear(folder, prefix, suffix)
     # The name is known before there is anything of that name: what a signal interrupts, here too, is removed.
     path, handles = folder / f"{prefix}{secrets.token_hex(_RANDOM // 2)}{suffix}", list[int]()
+    wherever = path.absolute()  # whatever folder is the current one when this process ends
+    _THERE.add(wherever)
     try:
         while not path.exists():  # another run may clear it before it is locked
             handles.append(_made(path, is_folder=is_folder))
@@ -74,12 +80,18 @@ def _locked(folder: Path, prefix: str, suffix: str, *, is_folder: bool) -> Itera
     finally:
         try:
             _remove(path)
-        except KeyboardInterrupt:
-            _remove(path)
-            raise
+            _THERE.discard(wherever)
         finally:
             for handle in handles:
                 os.close(handle)
+
+
+@atexit.register
+def remove_what_is_there() -> None:
+    """Remove the temporary files and folders of this process; what is at work in them is over."""
+    while _THERE:
+        with contextlib.suppress(OSError):
+            _remove(_THERE.pop())
 
 
 def _made(path: Path, *, is_folder: bool) -> int:

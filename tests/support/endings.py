@@ -111,20 +111,21 @@ def ended_wrongly(
     words, faults = LONG[name], list[str]()
     again: tuple[str, ...] = ()
     for number, said in SIGNALS.items():
+        before = _temporary(folder)  # of one that was killed: gone once a run comes to make the like
         ended = run(folder, *words, *again, number=number, after=moment.uniform(0.0, longest))
         what = f"{name}, {number.name} after {ended.seconds:.2f} s"
         if not until(lambda left=ended.workers: all(stat(each)[0] in "XZ" for each in left), 10.0):
             faults.append(f"{what}: workers are left")
         if said is not None and not (_said(ended, said) or _by_python(ended) or _finished(ended, folder, expected)):
             faults.append(f"{what}: exit code {ended.code}, {ended.err[-400:]!r}")
-        elif said is not None and _temporary(folder):
-            faults.append(f"{what}: left {_temporary(folder)}")
+        elif said is not None and (left := _temporary(folder) - before):
+            faults.append(f"{what}: left {sorted(left)}")
         again = _again(folder)
     last = run(folder, *words, *again)
     if last.code not in (0, 1) or result_of(folder) != expected:
         faults.append(f"{name}: continued to exit code {last.code}, {last.err[-400:]!r}, and another result")
     if _temporary(folder):
-        faults.append(f"{name}: at last there is {_temporary(folder)}")
+        faults.append(f"{name}: at last there is {sorted(_temporary(folder))}")
     return faults
 
 
@@ -148,9 +149,9 @@ def _finished(ended: Ended, folder: Path, expected: dict[str, Any]) -> bool:
     return ended.code in (0, 1, -signal.SIGINT, -signal.SIGTERM) and result_of(folder) == expected
 
 
-def _temporary(folder: Path) -> list[str]:
-    inside = [str(path.relative_to(folder)) for path in (folder / "temporary").iterdir()]
-    return inside + [str(path.relative_to(folder)) for path in folder.rglob(".*") if path.name != "."]
+def _temporary(folder: Path) -> set[str]:
+    inside = {*(folder / "temporary").glob("*"), *folder.rglob(".*")}
+    return {str(path.relative_to(folder)) for path in inside}
 
 
 def result_of(folder: Path) -> dict[str, Any]:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
+import pytest
+
+from hfa_model.support import files, temporary
 from hfa_model.support.files import write_text
-from hfa_model.support.temporary import temporary_file, temporary_folder
+from hfa_model.support.temporary import remove_what_is_there, temporary_file, temporary_folder
 
 HOLD = """
 import sys
@@ -48,3 +56,74 @@ def test_they_go_after_the_block_unless_they_were_renamed(tmp_path: Path) -> Non
         path.rename(tmp_path / "kept")
         folder.rename(tmp_path / "folder")
     assert sorted(each.name for each in tmp_path.iterdir()) == ["folder", "kept"]
+
+
+def _file(folder: Path) -> None:
+    write_text(folder / "result", "whole")
+
+
+def _folder(folder: Path) -> None:
+    with temporary_folder(folder, ".folder.") as unfinished:
+        (unfinished / "inside").mkdir()
+        (unfinished / "result").write_text("whole")
+        (unfinished / "result").rename(folder / "result")
+
+
+def _interrupted(work: Callable[[Path], None], folder: Path, step: int) -> bool:
+    """Ctrl-C at that step of the work, counted in the steps of Python between which it may come; whether it came."""
+    watched, steps = {each.__file__ for each in (contextlib, shutil, files, temporary)}, 0
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        nonlocal steps
+        if frame.f_code.co_filename not in watched:
+            return None
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        steps += event == "opcode"
+        if steps == step and event == "opcode":
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work(folder)
+    except (KeyboardInterrupt, OSError):  # rmtree, interrupted as it closes a folder, closes it twice
+        pass
+    finally:
+        sys.settrace(before)
+    return steps >= step
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("work", [_file, _folder])
+def test_wherever_a_signal_comes_nothing_is_left_when_the_process_ends(
+    tmp_path: Path, work: Callable[[Path], None]
+) -> None:
+    step, whole = 0, 0
+    while _interrupted(work, tmp_path, step := step + 3):  # no moment that counts is shorter
+        remove_what_is_there()
+        assert [each.name for each in tmp_path.iterdir()] in ([], ["result"]), step
+        for result in tmp_path.iterdir():
+            assert result.read_text() == "whole"
+            result.unlink()
+            whole += 1
+    assert step > 300
+    assert 0 < whole < step
+
+
+IN_A_CYCLE = """
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from hfa_model.support.temporary import temporary_folder
+held = SimpleNamespace(around=temporary_folder(Path(sys.argv[1]), "members-"))
+held.itself = held
+held.around.__enter__()
+del held
+print(len(list(Path(sys.argv[1]).iterdir())))
+"""
+
+
+def test_what_only_a_cycle_of_garbage_refers_to_goes_when_the_process_ends(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", IN_A_CYCLE, str(tmp_path)], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr, list(tmp_path.iterdir())) == ("1\n", "", [])
