@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from verification.balls.balls import (
     symmetric,
     symmetric_part,
 )
-from verification.balls.inertia import candidates, unstable_count
+from verification.balls.inertia import ProvedModes, counted
 from verification.riccati.gare_schur import schur_solution
 from verification.riccati.units import balanced_units, in_units
 
@@ -145,21 +145,9 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     )
 
 
-class ProvedModes(NamedTuple):
-    """How many eigenvalues of every matrix in the balls have a positive real part, with the proof (`inertia.py`)."""
-
-    unstable: int
-    H: np.ndarray
-    turn: np.ndarray
-
-
 def proved_modes(A: arb_mat) -> ProvedModes | None:
-    """None when an eigenvalue may lie on the axis."""
-    for H, turn in candidates(doubles(A), 0.0):
-        count = unstable_count([A], H, turn, 0.0)
-        if count is not None:
-            return ProvedModes(count, H, turn)
-    return None
+    """How many eigenvalues have a positive real part; None when one may lie on the axis."""
+    return counted([A], doubles(A), 0.0)
 
 
 def unstable_modes(A: arb_mat) -> int | None:

@@ -8,9 +8,8 @@ matrices form a convex cone: one H serves a whole box when it serves the corners
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,53 +28,59 @@ if TYPE_CHECKING:
     from flint import arb_mat
 
 
-def candidates(A: np.ndarray, rate: float, errors: Sequence[arb_mat] = ()) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of H (n, n) for one matrix, found in doubles, and the congruence T in which its proof is well scaled.
+class ProvedModes(NamedTuple):
+    """How many eigenvalues of every matrix have Re λ > -a, with what proves it: H (n, n) in the coordinates turn."""
 
-    In the coordinates T of the eigenvectors A is normal. The first H solves (A + a I)'H + H (A + a I) = -T⁻ᵀ T⁻¹ and
-    serves wide boxes; the others are T⁻ᵀ diag(±h) T⁻¹, which stay of size one where an eigenvalue nears the axis, with
-    h = 1 and with the h that allows for the errors best. None when the eigenvectors are dependent.
+    unstable: int
+    H: np.ndarray
+    turn: np.ndarray
+
+
+def counted(
+    corners: Sequence[arb_mat],
+    middle: np.ndarray,
+    rate: float,
+    moves: Sequence[arb_mat] = (),
+    errors: Sequence[arb_mat] = (),
+) -> ProvedModes | None:
+    """Of every matrix in the hull of the corners and the errors; None when a mode may lie on the axis Re λ = -a."""
+    for H, turn in candidates(middle, rate, [*moves, *errors], errors):
+        count = unstable_count(corners, H, turn, rate, errors)
+        if count is not None:
+            return ProvedModes(count, H, turn)
+    return None
+
+
+def candidates(A: np.ndarray, rate: float, *additions: Sequence[arb_mat]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """H (n, n) for a matrix and what may be added to it, found in doubles, and coordinates T in which to prove it.
+
+    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of A, in which A is normal. For all of some additions h = y/x with
+    G x = 1, G'y = 1, G = diag|Re λ + a| - N, N what they do at most in these coordinates: where G has a positive
+    inverse, diag(h) G + G' diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a|: Lyapunov's
+    equation, for additions that do less than their entries could. None when the eigenvectors are dependent.
     """
-    from scipy.linalg import LinAlgWarning, solve_continuous_lyapunov
-
     values, vectors = np.linalg.eig(A)
+    distances, shares = np.abs(values.real + rate), []
     try:
         inverse = np.linalg.inv(vectors)
-        weight = (inverse.conj().T @ inverse).real
-        # Real and imaginary parts: T = X U with a unitary U.
-        parts = np.where(values.imag > 0.0, vectors.real, vectors.imag)
-        congruence = np.where(values.imag == 0.0, vectors.real, np.sqrt(2.0) * parts)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", (RuntimeWarning, LinAlgWarning))
-            H = solve_continuous_lyapunov((A + rate * np.eye(len(A))).T, -weight)
+        for each in additions:
+            G = np.diag(distances)
+            for E in each:
+                G -= np.abs(inverse @ doubles(E) @ vectors) + np.abs(inverse) @ radii(E) @ np.abs(vectors)
+            x, y = (np.linalg.solve(own, np.ones(len(A))) for own in (G, G.T))
+            if min(x.min(), y.min()) > 0.0:
+                shares.append(y / x)
     except np.linalg.LinAlgError:
         return
-    yield (H + H.T) / 2, congruence
-    signs = np.where(values.real > -rate, -1.0, 1.0)
-    for share in (np.ones(len(A)), _shares(np.abs(values.real + rate), inverse, vectors, errors)):
-        if share is not None:
-            H = (inverse.conj().T @ ((signs * share)[:, None] * inverse)).real
+    with np.errstate(divide="ignore"):
+        shares.insert(1, 1.0 / distances)
+    # Real and imaginary parts: T = X U with a unitary U.
+    parts = np.where(values.imag > 0.0, vectors.real, vectors.imag)
+    congruence = np.where(values.imag == 0.0, vectors.real, np.sqrt(2.0) * parts)
+    for h in shares:
+        H = (inverse.conj().T @ ((np.where(values.real > -rate, -1.0, 1.0) * h)[:, None] * inverse)).real
+        if np.isfinite(H).all():
             yield (H + H.T) / 2, congruence
-
-
-def _shares(
-    distances: np.ndarray, inverse: np.ndarray, vectors: np.ndarray, errors: Sequence[arb_mat]
-) -> np.ndarray | None:
-    """h = y/x with G x = 1, G'y = 1, G = diag(distances) - N, N what the errors do at most in the eigenvectors.
-
-    Where G has a positive inverse, diag(h) G + G' diag(h) is positive definite (Berman and Plemmons 1979).
-    """
-    if not errors:
-        return None
-    worst = sum(
-        np.abs(inverse @ doubles(each) @ vectors) + np.abs(inverse) @ radii(each) @ np.abs(vectors) for each in errors
-    )
-    G = np.diag(distances) - worst
-    try:
-        x, y = (np.linalg.solve(each, np.ones(len(G))) for each in (G, G.T))
-    except np.linalg.LinAlgError:
-        return None
-    return y / x if min(x.min(), y.min()) > 0.0 else None
 
 
 def unstable_count(

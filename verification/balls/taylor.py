@@ -12,9 +12,8 @@ from verification.balls.balls import exact, interval, symmetric
 if TYPE_CHECKING:
     from flint import arb, arb_mat, arb_series
 
-#: Corners are those of a box this much wider, because whoever checks them may enclose its remainder a little worse; not
-#: of boxes of a radius, deg, at which the remainder hardly counts.
-_WIDER, _NARROW = 1.25, 2.0**-8
+#: Corners allow for a remainder this many times as large: whoever checks them may enclose it worse.
+_ROOM = 6
 #: Coefficients of the polynomial: 1, τ, τ². The remainder is of third order.
 ORDER = 3
 
@@ -100,6 +99,10 @@ class TaylorForm:
             total = each + tau * total
         return total
 
+    def moves(self) -> list[arb_mat]:
+        """F_1 r, F_2 r²: how far F moves from the middle of the box, but for the rest."""
+        return [each * self.radius**k for k, each in enumerate(self.coefficients[1:], 1)]
+
     def corners(self) -> Iterator[arb_mat]:
         """Four matrices whose convex hull holds F(τ) for every |τ| <= r.
 
@@ -108,8 +111,7 @@ class TaylorForm:
         on the box when it holds at these four.
         """
         constant, slope, bend = self.coefficients
-        radius = _WIDER * self.radius if self.radius > _NARROW else self.radius
-        square = radius**2
-        rest = (symmetric(radius) * square) * self.last
+        square = self.radius**2
+        rest = _ROOM * symmetric(self.radius) * square * self.last
         for tau, curve in ((1, 1), (0.5, 0), (-0.5, 0), (-1, 1)):
-            yield constant + (tau * radius) * slope + (curve * square) * bend + rest
+            yield constant + (tau * self.radius) * slope + (curve * square) * bend + rest

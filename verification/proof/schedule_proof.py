@@ -15,7 +15,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.balls.ball_function import Undecided
 from verification.balls.balls import doubles
-from verification.balls.inertia import candidates, unstable_count
+from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import ModelForms, TrimBranch
@@ -198,17 +198,16 @@ def _covered(
 
 def _least_and_most(form: TaylorForm, errors: list[arb_mat]) -> tuple[int, int]:
     """Bounds of the number of unstable modes: of those right of some a > 0, and of those right of some a < 0."""
-    middle, corners = doubles(form.coefficients[0]), list(form.corners())
+    middle, corners, moves = doubles(form.coefficients[0]), list(form.corners()), form.moves()
     values = sorted(np.linalg.eigvals(middle).real.tolist())
     cuts = sorted(((a + b) / 2 for a, b in pairwise(values) if b > a), key=abs)
 
     def first(tried: list[float]) -> int | None:
         """Modes right of the first cut that is proved to have no mode on it."""
         for cut in tried:
-            for H, congruence in candidates(middle, -cut, errors):
-                count = unstable_count(corners, H, congruence, -cut, errors)
-                if count is not None:
-                    return count
+            found = counted(corners, middle, -cut, moves, errors)
+            if found is not None:
+                return found.unstable
         return None
 
     least, most = first([cut for cut in cuts if cut > 0.0]), first([cut for cut in cuts if cut < 0.0])
@@ -223,9 +222,7 @@ def _prove(
         raise BadInputError("the loop's entries are too large to compute with; check the gains of the table")
     abscissa = float(np.linalg.eigvals(middle).real.max())
     rate = -RATE_SHARE * abscissa if rated and abscissa < 0.0 else 0.0
-    corners = list(form.corners())
-    for H, congruence in candidates(middle, rate, errors):
-        unstable = unstable_count(corners, H, congruence, rate, errors)
-        if unstable is not None:
-            return ProvedBox(model.box, unstable, rate, H, congruence, stated(model, free))
-    return None
+    found = counted(list(form.corners()), middle, rate, form.moves(), errors)
+    return (
+        None if found is None else ProvedBox(model.box, found.unstable, rate, found.H, found.turn, stated(model, free))
+    )
