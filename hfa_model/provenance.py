@@ -16,6 +16,8 @@ from hfa_model.support.version import toolchain_version
 SCHEMA = "hfa.provenance/1"
 #: Hexadecimal digits of a parameter hash.
 _DIGITS = 12
+#: Differences of a parameter set that people are told; files have all.
+_MOST_TOLD = 3
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,6 @@ class Provenance:
 
     def table(self) -> Table:
         """For a page: a row for each thing that is known."""
-        changes = [f"{name}: {text}" for name, text in self._changes().items()]
         rows = [
             ("command", self.command),
             ("version", f"hfa {self.version}"),
@@ -64,15 +65,19 @@ class Provenance:
             ("plant", self.model),
             ("dynamics", self.dynamics),
             ("parameters", f"{self.parameters} ({self.parameter_hash})" if self.parameters else ""),
-            ("not the identified aircraft", "; ".join(changes)),
+            ("not the identified aircraft", self._changes()),
         ]
         return Table(("origin", "value"), [row for row in rows if row[1]])
 
-    def _changes(self) -> dict[str, str]:
-        return {
-            name: f"{value:.6g} {getattr(FIELDS, name).unit} (identified: {known:.6g})"
-            for name, (value, known) in self.changed.items()
-        }
+    def _changes(self) -> str:
+        """The parameters that differ, the relatively largest differences first; of many their number and the first."""
+        sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
+        told = [
+            f"{name} {self.changed[name][0]:.6g} {getattr(FIELDS, name).unit} (identified: {self.changed[name][1]:.6g})"
+            for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]
+        ]
+        most = f"{len(sizes)} parameters differ, most: " if len(sizes) > _MOST_TOLD else ""
+        return most + "; ".join(told)
 
     def text(self) -> str:
         """For people: a line, and a second one where the aircraft is not the identified one."""
@@ -81,10 +86,9 @@ class Provenance:
             about.append(f"plant {self.model}")
         elif self.parameters:
             about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
-        changes = [f"{name} {text}" for name, text in self._changes().items()]
         lines = [", ".join(about)]
-        if changes:
-            lines.append(f"not the identified aircraft: {'; '.join(changes)}")
+        if self.changed:
+            lines.append(f"not the identified aircraft: {self._changes()}")
         return "\n".join(lines)
 
 

@@ -44,6 +44,14 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     assert json.loads(within.out)["warnings"] == []
 
 
+def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:
+    words = ("trim", "--dihedral", "10", "--free", "dihedral", "--hold", "aileron_outer=2")
+    saved = tmp_path / "at.json"
+    assert hfa(*words, "-o", str(saved)).err == "hfa: note: dihedral is free: the search begins at --dihedral 10\n"
+    again = hfa(*words, "--start", str(saved))
+    assert again.err == "hfa: note: dihedral is free: --start begins the search, not --dihedral 10\n"
+
+
 def test_a_plant_of_the_user_has_no_range(tmp_path: Path) -> None:
     plant = tmp_path / "plant.json"
     text = '{"A": [[0, 1], [-1, -1]], "B": [[0], [1]], "E": [[1], [1]], "Q": [[1, 0], [0, 1]], "R": [[1]], "delta": 10}'

@@ -30,6 +30,17 @@ def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
     assert json.loads(json.dumps(block.to_dict()))["changed"]["panel_mass"]["value"] == 10.5
 
 
+def test_of_many_differences_the_largest_are_said_and_all_are_in_the_data() -> None:
+    changed = changed_parameters(named_parameters("gibson-2011-simulation"))
+    block = Provenance("hfa trim", "published", "gibson-2011-simulation", "0" * 12, changed)
+    said = block.text().splitlines()[1]
+    assert said.startswith("not the identified aircraft: 15 parameters differ, most: inertia_roll 279.503 slug ft^2 (i")
+    assert len(said) < 250
+    assert said.count("(identified: ") == 3
+    assert len(block.to_dict()["changed"]) == len(changed) == 15
+    assert any(row[1] == said.partition(": ")[2] for row in block.table().rows)
+
+
 def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> None:
     values = parameter_set.values
     nudged = values._replace(gravity=math.nextafter(values.gravity, 33.0))

@@ -52,7 +52,8 @@ class TrimCondition:
 
     imposed: variable -> value. free: the unknowns; together they name every one of `VARIABLES` once.
     rates: state -> imposed value of its rate; the rates of `BALANCED` unless said. A rate that is left out is
-    not balanced. limits: variable, or pitch -> (lowest, highest); `LIMITS` for what is not named.
+    not balanced. limits: variable, or pitch -> (lowest, highest); `LIMITS` for what is not named. begin: variable ->
+    where the search for it begins.
     English units and radians. BadInputError when a name is unknown, a value is not finite or lies outside
     its limits, or a variable is named twice or not at all.
     """
@@ -61,6 +62,7 @@ class TrimCondition:
     free: tuple[str, ...]
     rates: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(BALANCED, 0.0))
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    begin: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is solved."""
@@ -167,7 +169,10 @@ def release(
     hold: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """The same condition with the named variables set free, others held at the given values, and further limits."""
+    """The same condition with the named variables set free, others held at the given values, and further limits.
+
+    The search for a variable set free begins at the value that it was held at.
+    """
     hold = dict(hold or {})
     for name in (*free, *hold):
         if name not in VARIABLES:
@@ -177,7 +182,8 @@ def release(
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
     imposed = {name: value for name, value in condition.imposed.items() if name not in free} | hold
     unknowns = tuple(name for name in VARIABLES if name not in imposed)
-    return TrimCondition(imposed, unknowns, condition.rates, {**condition.limits, **(limits or {})})
+    begin = {**condition.begin, **{name: condition.imposed[name] for name in free if name in condition.imposed}}
+    return TrimCondition(imposed, unknowns, condition.rates, {**condition.limits, **(limits or {})}, begin)
 
 
 def describe(name: str, value: float) -> str:

@@ -105,8 +105,8 @@ class TrimProblem:
         return np.array([values[name] for name in self.condition.free]) / self.scales
 
     def _flat_wing(self) -> dict[str, float]:
-        p, imposed = self.aircraft.parameters, self.condition.imposed
-        guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"], "altitude": 0.0} | dict(imposed)
+        p, known = self.aircraft.parameters, {**self.condition.begin, **self.condition.imposed}
+        guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"]} | known
         guess["pitch"] = guess["alpha"] + guess["gamma"]
         check_in_range(State(*(guess[name] for name in STATES)))
         pressure_area = float(density(guess["altitude"])) * guess["speed"] ** 2 / 2 * 3 * p.panel_span * p.chord

@@ -10,9 +10,10 @@ import pytest
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATES
-from trim.point.condition import BALANCED, CONTROL_LIMITS, TrimCondition, level_flight, release
+from trim.point.condition import BALANCED, CONTROL_LIMITS, SCALES, TrimCondition, level_flight, release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
+from trim.point.trim_problem import TrimProblem
 
 BASE = level_flight(float(np.radians(15.0)))
 
@@ -273,6 +274,15 @@ def test_release_refuses_unknown_and_doubled_names() -> None:
         release(BASE, free=("rudder",))
     with pytest.raises(BadInputError, match="alpha is both set free and held"):
         release(BASE, free=("alpha",), hold={"alpha": 0.0})
+
+
+@pytest.mark.parametrize(("name", "begin"), [("dihedral", -0.3), ("altitude", 12_000.0), ("gamma", 0.02)])
+def test_the_search_for_a_variable_set_free_begins_at_what_it_was_held_at(
+    aircraft: Aircraft, name: str, begin: float
+) -> None:
+    condition = release(release(BASE, hold={name: begin}), free=(name,))
+    guess = TrimProblem(aircraft, condition).first_guess(None)
+    assert guess[condition.free.index(name)] * SCALES[name] == pytest.approx(begin, rel=1e-15)
 
 
 def test_nothing_free_is_refused(aircraft: Aircraft) -> None:
