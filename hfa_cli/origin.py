@@ -51,6 +51,11 @@ def provenance() -> Provenance:
     )
 
 
+def origin_lines() -> str:
+    """The provenance of the run and its command, for the top of a source file."""
+    return f"{provenance().text()}\n{provenance().command}"
+
+
 def signed(report: Report) -> Report:
     """The report with the provenance of the run, as its last line and in its data."""
     from dataclasses import replace

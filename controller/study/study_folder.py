@@ -11,20 +11,23 @@ from typing import Any
 from controller.study.published_study import PlannedRun, StudyRow, StudyRun
 from controller.study.study_report import load_study, study_data
 from hfa_model.jobs.finished import finished, stamp
+from hfa_model.provenance import Provenance
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """The folder of a study; made when the first row is kept."""
+    """The folder of a study; made when the first row is kept. origin: what signs each row."""
 
     path: Path
+    origin: Provenance
 
     def keep(self, row: StudyRow, planned: Sequence[PlannedRun]) -> None:
         """Write a finished row, whole or not at all."""
         self.path.mkdir(exist_ok=True)
-        data = study_data((row,)) | stamp(_decides(row.name, planned))
+        signed = {"provenance": self.origin.to_dict()}
+        data = study_data((row,)) | stamp(_decides(row.name, planned)) | signed
         write_text(self._file(row.name), json.dumps(data, indent=1, allow_nan=False) + "\n")
 
     def known(self, name: str, planned: Sequence[PlannedRun]) -> tuple[StudyRun, ...] | None:

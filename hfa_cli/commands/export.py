@@ -24,7 +24,7 @@ from hfa_cli.options.argument_types import check_folder, input_file, output_file
 from hfa_cli.options.law_options import LAWS, check_learning
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
-from hfa_cli.origin import provenance
+from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
 from hfa_model.reporting.report import Report
@@ -96,10 +96,6 @@ def _check(arguments: argparse.Namespace) -> None:
         options.refuse(arguments, ("actuators", "engine"), "belongs to --controller; leave it out")
 
 
-def _origin() -> str:
-    return f"{provenance().text()}\n{provenance().command}"
-
-
 def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
     """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
     from controller.export.c_model import CModel, write_c_model
@@ -119,7 +115,7 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
         )
         written.append(arguments.fmu)
     if arguments.c is not None:
-        written += write_c_model(CModel(aircraft, model, gain, _origin()), arguments.c)
+        written += write_c_model(CModel(aircraft, model, gain, origin_lines()), arguments.c)
     return written
 
 
@@ -139,9 +135,9 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
         write_fmu(controller_loop(aircraft, point, controller, actuators), arguments.fmu, provenance())
         written.append(arguments.fmu)
     if arguments.c is not None:
-        loop = None if actuators is None else controller_example(controller, aircraft, point, actuators, _origin())
-        controlled = write_c_controller(controller, aircraft, point, _origin(), arguments.c)
-        without = CModel(aircraft, linearize(aircraft, point), None, _origin())
+        loop = None if actuators is None else controller_example(controller, aircraft, point, actuators, origin_lines())
+        controlled = write_c_controller(controller, aircraft, point, origin_lines(), arguments.c)
+        without = CModel(aircraft, linearize(aircraft, point), None, origin_lines())
         written += (*write_c_model(without, arguments.c), *controlled)
         if loop is not None:
             written.append(arguments.c / EXAMPLE)

@@ -12,7 +12,8 @@ import argparse
 from hfa_cli.options.argument_types import check_folder, parsed, whole
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.removed_options import add_removed
-from hfa_cli.options.shared_options import MOST_WORKERS, cores
+from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
+from hfa_cli.origin import provenance
 from hfa_cli.progress import Progress
 from hfa_model.support.files import write_text
 
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", about)
     add_removed(parser, "--reading", "the configuration is that of verification/experiments/section5.toml")
     parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")
+    parser.set_defaults(parameters=None, dynamics=DEFAULT_DYNAMICS)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,8 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
     flight = setting.configuration.flight
     steps = flight.ticks * flight.steps_per_tick
     processes = arguments.workers or (cores() if steps >= _LONG else 1)
-    table = reproduce(chosen, setting, folder, resume=arguments.resume, progress=show, processes=processes)
+    origin = provenance()
+    table = reproduce(chosen, setting, folder, origin, resume=arguments.resume, progress=show, processes=processes)
     write_text(folder / "claims.json", json_text(table))
-    write_text(folder / "claims.md", claims_markdown(table))
-    print(json_text(table) if arguments.json else claims_text(table), end="" if arguments.json else "\n")
+    write_text(folder / "claims.md", claims_markdown(table) + f"\n{origin.text()}\n")
+    said = json_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}\n"
+    print(said, end="")
     return 1 if table["own_failures"] else 0

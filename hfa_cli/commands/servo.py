@@ -1,7 +1,7 @@
 """Fly servos through the step commands of SimVFA, with the actuators as designed and with its faults, law by law.
 
-The flights begin at 11 degrees. Writes FOLDER/CASE.json and CASE.png as each case is finished. A law that loses the
-aircraft is a result, not a failure.
+The flights begin at 11 degrees. Writes FOLDER/CASE.json and CASE.png as each case is finished, in the units that
+--units names. A law that loses the aircraft is a result, not a failure.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import argparse
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, number, parsed
 from hfa_cli.options.parser import add_value
+from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
@@ -54,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
             name,
             controllers,
             arguments.output,
+            provenance(),
             duration=duration,
             resume=arguments.resume,
             progress=show_done,

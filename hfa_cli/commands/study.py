@@ -16,6 +16,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, check_target, parsed, whole
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.removed_options import add_removed
+from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
@@ -43,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output)
     if arguments.resume and arguments.folder is None:
         raise BadInputError("--resume needs the folder to continue; add --folder FOLDER")
-    folder = None if arguments.folder is None else StudyFolder(arguments.folder)
+    folder = None if arguments.folder is None else StudyFolder(arguments.folder, provenance())
     kept: dict[str, Any] = {} if folder is None else {"keep": folder.keep}
     if folder is not None and arguments.resume:
         kept["known"] = folder.known

@@ -64,7 +64,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patched.setattr(store, "draw", lambda picture: (plain if picture.number in ALIKE else draw)(picture))
         result = hfa("reproduce", "all", "-o", str(folder))
     assert (result.code, result.err) == (DONE, "")
-    assert len(result.out.splitlines()) == 2 + sum(len(one.claims) for one in EXPERIMENTS.values())
+    assert result.out.splitlines()[-1] in (folder / "claims.md").read_text(encoding="utf-8")
+    assert len(result.out.splitlines()) == 4 + sum(len(one.claims) for one in EXPERIMENTS.values())
     return folder
 
 
@@ -74,7 +75,22 @@ def table_of(folder: Path) -> dict[str, Any]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    """File by file, but for the command that each is signed with."""
+    return {str(path.relative_to(folder)): unsigned(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def unsigned(path: Path) -> bytes:
+    if path.suffix == ".json":
+        data = json.loads(path.read_text("utf-8"))
+        assert data.pop("provenance")["command"].startswith("hfa reproduce ")
+        return json.dumps(data).encode()
+    if path.suffix == ".npz":
+        with np.load(path) as arrays:
+            assert str(arrays["provenance.dynamics"]) == "published"
+            return b"".join(arrays[name].tobytes() for name in arrays if not name.startswith("provenance."))
+    if path.suffix == ".png":
+        assert b"parameters identified (" in path.read_bytes()
+    return path.read_bytes()
 
 
 @pytest.mark.parametrize("section", EXPERIMENTS)
@@ -84,7 +100,7 @@ def test_every_figure_is_there_with_its_data(finished: Path, section: str) -> No
     assert {path.name for path in (finished / section).iterdir()} == expected
     for name in names:
         with np.load(finished / section / f"{name}.npz") as data:
-            lines = {key.rpartition(" _ ")[0] for key in data.files}
+            lines = {key.rpartition(" _ ")[0] for key in data.files if " _ " in key}
             assert lines
             for line in lines:
                 assert len(data[f"{line} _ x"]) == len(data[f"{line} _ y"]) > 0
@@ -194,7 +210,7 @@ def test_an_interruption_leaves_nothing_half_written(tmp_path: Path, monkeypatch
 
 @pytest.mark.usefixtures("short")
 def test_progress_is_for_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, folder: store.result_of(outcome, ()))
+    monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, *_: store.result_of(outcome, ()))
     terminal = Terminal()
     words = ("reproduce", "5.4", "-o", str(tmp_path))
     assert hfa(*words, err=terminal).code == DONE

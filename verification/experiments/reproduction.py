@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa_model.jobs.workers import workers
+from hfa_model.provenance import Provenance
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
 from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
@@ -58,6 +59,7 @@ def reproduce(
     chosen: Sequence[Experiment],
     setting: Setting,
     folder: Path,
+    origin: Provenance,
     *,
     resume: bool = False,
     progress: Progress | None = None,
@@ -70,8 +72,8 @@ def reproduce(
     results = []
     for experiment in chosen:
         known = finished_experiment(experiment, setting, folder) if resume else None
-        results.append(known or write_outcome(run_experiment(experiment, setting, progress, processes), folder))
-    return claims_table(setting, results)
+        results.append(known or write_outcome(run_experiment(experiment, setting, progress, processes), folder, origin))
+    return claims_table(setting, results) | {"provenance": origin.to_dict()}
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from hfa_model.jobs.finished import finished, stamp
+from hfa_model.provenance import Provenance
+from hfa_model.reporting.data_files import save_data
 from hfa_model.reporting.figure import save
+from hfa_model.reporting.report import NO_RECORDS
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import save_npz, write_text
+from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable, records_text
 from hfa_model.support.temporary import temporary_folder
 from verification.experiments.experiment import Experiment, Outcome
@@ -60,21 +63,22 @@ def result_of(outcome: Outcome, pictures: Sequence[PaperFigure]) -> dict[str, An
     return result
 
 
-def write_outcome(outcome: Outcome, folder: Path) -> dict[str, Any]:
-    """Write the result and all pictures into folder/section, whole or not at all; returns the result.
+def write_outcome(outcome: Outcome, folder: Path, origin: Provenance) -> dict[str, Any]:
+    """Write the result and all pictures into folder/section, whole or not at all, signed; returns the result.
 
     An older result of the same section is replaced. Raises BadInputError when the folder cannot be written.
     """
     pictures = outcome.experiment.pictures(outcome.setting, outcome.flown)
-    section, result = outcome.experiment.section, result_of(outcome, pictures)
+    signed = {"provenance": origin.to_dict()}
+    section, result = outcome.experiment.section, result_of(outcome, pictures) | signed
     with ExitStack() as around:
         try:
             unfinished = around.enter_context(temporary_folder(folder, f".{section}."))
         except OSError as error:
             raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
         for picture in pictures:
-            save_npz(unfinished / f"{_name(picture)}.npz", picture.arrays)
-            save(draw(picture), unfinished / f"{_name(picture)}.png")
+            save_data(unfinished / f"{_name(picture)}.npz", {**picture.arrays, **signed}, NO_RECORDS)
+            save(draw(picture), unfinished / f"{_name(picture)}.png", origin.text())
         write_text(unfinished / _RESULT, json_text(result))
         unfinished.chmod(0o755)
         _replace(unfinished, folder / section)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.export.c_model import comment_lines
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
@@ -52,15 +53,16 @@ def lpv_report(grid: LpvGrid, tolerance: float, dynamics: str) -> Report:
     )
 
 
-def c_source(grid: LpvGrid) -> str:
-    """A C99 function that interpolates A, B and U0, row by row; it needs no library."""
+def c_source(grid: LpvGrid, origin: str) -> str:
+    """A C99 function that interpolates A, B and U0, row by row; it needs no library. origin: said at its top."""
     count = len(grid.dihedral_deg)
     bounds = ", ".join(f"{name} {value:.3g}" for name, value in grid.error.items())
     tables = "\n".join(
         f"static const double {name}_at[{count}][{values[0].size}] = {{\n{_rows(values)}}};"
         for name, values in (("A", grid.A), ("B", grid.B), ("U0", grid.inputs), ("K", grid.K))
     )
-    return f"""/* Linear models of the aircraft over the dihedral, linear between the nodes; proved errors: {bounds}.
+    return f"""/* {comment_lines(origin)} */
+/* Linear models of the aircraft over the dihedral, linear between the nodes; proved errors: {bounds}.
    States: {", ".join(LINEAR_STATES)}. Inputs: {", ".join(INPUTS)}. English units and radians; dihedral in degrees. */
 #include <stddef.h>
 static const double node_deg[{count}] = {{{_numbers(grid.dihedral_deg)}}};

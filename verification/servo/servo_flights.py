@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.signal_units import signal_unit
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
@@ -16,9 +17,13 @@ from controller.flight.tracking import fastest_inputs, tracked
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.jobs.finished import finished, stamp
+from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import save
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.unit_system import english, system_in_force
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import records_text
+from hfa_model.units_of_data import in_units_in_force
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.servo.cases import CASES, DURATION, TRIM_DEG, Flown, laws_of, scenario_of, simvfa_commands
@@ -68,26 +73,41 @@ def run_case(
     name: str,
     controllers: Mapping[str, ScheduledController],
     folder: Path,
+    origin: Provenance,
     *,
     duration: float = DURATION,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The result of a case in FOLDER/CASE.json, with its figure beside it.
+    """The result of a case, in FOLDER/CASE.json in the units in force, with its figure beside it.
 
-    resume: one that this version finished for the same aircraft, controllers and duration is not flown again.
+    resume: one that this version finished for the same aircraft, controllers, duration and units is not flown again.
     """
     target, picture = folder / f"{name}.json", folder / f"{name}.png"
     decides = _decides(aircraft, name, controllers, duration)
     known = finished(target, decides) if resume and picture.is_file() else None
     if known is not None:
-        return known
+        return _in_english(known)
     flights = fly_case(aircraft, name, controllers, duration, progress)
     result: dict[str, Any] = {"schema": SCHEMA, **stamp(decides), "case": name, "dynamics": aircraft.variant.name}
     result |= {"duration": duration, "flights": [flight.to_dict() for flight in flights]}
+    result["provenance"] = origin.to_dict()
     folder.mkdir(exist_ok=True)
-    save(servo_figure(name, flights), picture)
-    write_text(target, records_text(result))
+    save(servo_figure(name, flights), picture, origin.text())
+    write_text(target, records_text(in_units_in_force(Report("", data=result)).data))
+    return result
+
+
+def _in_english(result: dict[str, Any]) -> dict[str, Any]:
+    """A result as it was before its file was written."""
+    del result["units"]
+    for flight in result["flights"]:
+        for errors in ("rms_error", "largest_error"):
+            units = flight[f"{errors}_units"]
+            flight[errors] = {
+                name: english(error, units[name], signal_unit(name)) for name, error in flight[errors].items()
+            }
+            flight[f"{errors}_units"] = {name: signal_unit(name) for name in units}
     return result
 
 
@@ -102,6 +122,7 @@ def _decides(
         "dynamics": aircraft.variant.name,
         "parameters": aircraft.parameters._asdict(),
         "duration": duration,
+        "units": system_in_force(),
         "controllers": {
             key: {part: getattr(made, part) for part in ("dihedrals", "A", "B", "C", "D", "W")}
             for key, made in controllers.items()

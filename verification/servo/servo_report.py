@@ -20,14 +20,7 @@ def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
     """Root mean square errors, surface rates, and what was lost, law by law."""
     blocks = [Block((_title(result), _table(result))) for result in results]
     title = "Servos through the commands and the actuator faults of SimVFA"
-    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": [_with_units(result) for result in results]})
-
-
-def _with_units(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Beside each table of errors the units of its numbers."""
-    units = {name: signal_unit(name) for name in REGULATED}
-    beside = {"rms_error_units": units, "largest_error_units": units}
-    return {**result, "flights": [{**flight, **beside} for flight in result["flights"]]}
+    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": list(results)})
 
 
 def _title(result: Mapping[str, Any]) -> str:

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD
 from controller.flight.tracking import Tracked
-from hfa_model.outputs import unit_of
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.text import shown_unit
+from hfa_model.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,10 +30,13 @@ class ServoFlight:
 
     def to_dict(self) -> dict[str, Any]:
         """English units and radians."""
+        units = {each.name: each.unit for each in self.tracked}
         return {
             "law": self.law,
             "rms_error": {each.name: each.rms for each in self.tracked},
+            "rms_error_units": units,
             "largest_error": {each.name: each.largest for each in self.tracked},
+            "largest_error_units": units,
             "fastest_surface": self.fastest,
             "lost_at": self.lost_at,
             "left": self.left,
@@ -49,18 +50,18 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
     panels = figure.subplots(2, len(names), sharex=True, squeeze=False)
     longest = max(flights, key=lambda flight: len(flight.times))
     for column, name in enumerate(names):
-        unit = unit_of(name.removesuffix(SHORT_PERIOD))
-        factor = 180.0 / np.pi if unit == "rad" else 1.0
+        unit = longest.tracked[column].unit
+        command = shown_values(longest.tracked[column].command, unit)
         above, below = panels[:, column]
-        above.plot(longest.times, factor * longest.tracked[column].command, ":", color="black", label="command")
+        above.plot(longest.times, command, ":", color="black", label="command")
         for flight in flights:
             each = flight.tracked[column]
-            (line,) = above.plot(flight.times, factor * each.output, linewidth=1.0, label=flight.law)
-            error = factor * (each.output - each.command)
+            (line,) = above.plot(flight.times, shown_values(each.output, unit), linewidth=1.0, label=flight.law)
+            error = shown_values(each.output - each.command, unit)
             below.plot(flight.times, error, linewidth=1.0, color=line.get_color())
             if flight.lost_at is not None:
                 below.plot(flight.times[-1], error[-1], "x", color=line.get_color())
-        span = factor * float(np.abs(longest.tracked[column].command).max() or 1.0)
+        span = float(np.abs(command).max() or 1.0)
         above.set_ylim(-2.0 * span, 2.0 * span)
         below.set_ylim(-span, span)
         above.set_title(name, fontsize=9)

@@ -72,7 +72,7 @@ def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_the_c_function_interpolates(grid: LpvGrid, tmp_path: Path) -> None:
     source, library = tmp_path / "lpv.c", tmp_path / "lpv.so"
-    source.write_text(c_source(grid))
+    source.write_text(c_source(grid, "by a test */ of this"))
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
     subprocess.run(["gcc", *flags, str(source), "-o", str(library)], check=True)
     function = ctypes.CDLL(str(library)).hfa_lpv

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,13 @@ from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import Dryden, OneMinusCosine
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
+from controller.flight.tracking import Tracked
 from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
+from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import new_figure
+from hfa_model.reporting.unit_system import shown_in
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.servo import servo_flights
@@ -36,6 +40,8 @@ from verification.servo.servo_flights import fly_case, run_case
 from verification.servo.servo_report import servo_report
 from verification.servo.servo_result import ServoFlight
 from verification.synthesis.controllers import design_controller
+
+ORIGIN = Provenance("hfa servo")
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
@@ -135,7 +141,13 @@ def test_a_finished_case_is_kept_and_known_again(
     told: list[tuple[str, int, int]] = []
     own = {"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[9:15])}
     first = run_case(
-        published_aircraft, "order-2", own, tmp_path / "out", duration=4.0, progress=lambda *done: told.append(done)
+        published_aircraft,
+        "order-2",
+        own,
+        tmp_path / "out",
+        ORIGIN,
+        duration=4.0,
+        progress=lambda *done: told.append(done),
     )
     assert told[-1] == ("order-2", 5, 5)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["order-2.json", "order-2.png"]
@@ -143,10 +155,10 @@ def test_a_finished_case_is_kept_and_known_again(
     flown = []
     monkeypatch.setattr(servo_flights, "fly_case", lambda *given: flown.append(given) or ())
     monkeypatch.setattr("verification.servo.servo_flights.servo_figure", lambda *_: pytest.fail("drawn again"))
-    again = run_case(published_aircraft, "order-2", own, tmp_path / "out", duration=4.0, resume=True)
+    again = run_case(published_aircraft, "order-2", own, tmp_path / "out", ORIGIN, duration=4.0, resume=True)
     assert again == first
     with pytest.raises(pytest.fail.Exception):
-        run_case(published_aircraft, "order-2", {}, tmp_path / "out", duration=4.0, resume=True)
+        run_case(published_aircraft, "order-2", {}, tmp_path / "out", ORIGIN, duration=4.0, resume=True)
     assert len(flown) == 1
     text = servo_report([first]).text()
     assert "case order-2, published dynamics, 4 s" in text
@@ -161,12 +173,34 @@ def test_a_case_is_flown_again_unless_its_numbers_and_its_picture_are_there_and_
     monkeypatch.setattr(servo_flights, "servo_figure", lambda *_: new_figure(1.0, 1.0))
 
     def times_flown(resume: bool) -> int:
-        run_case(published_aircraft, "order-1", {}, tmp_path, resume=resume)
+        run_case(published_aircraft, "order-1", {}, tmp_path, ORIGIN, resume=resume)
         return len(flown)
 
     assert [times_flown(resume) for resume in (True, True, False)] == [1, 1, 2]
     (tmp_path / "order-1.png").unlink()
     assert times_flown(resume=True) == 3
+
+
+def test_a_case_is_kept_in_the_units_asked_for_and_read_back(
+    published_aircraft: Aircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = np.linspace(0.0, 1.0, 5)
+    missed = tuple(Tracked(name, times, times + 0.5) for name in REGULATED)
+    flown = ServoFlight("one", times, missed, 0.1, None, None)
+    monkeypatch.setattr(servo_flights, "fly_case", lambda *_: (flown,))
+    words = (published_aircraft, "order-1", {}, tmp_path, ORIGIN)
+    english = run_case(*words)
+    for _ in range(2):  # in other units it is flown again, and then kept
+        with shown_in("si"):
+            assert run_case(*words, resume=True)["flights"] == english["flights"]
+        kept = json.loads((tmp_path / "order-1.json").read_text("utf-8"))
+        assert kept["units"] == "si"
+        assert kept["provenance"]["command"] == "hfa servo"
+        errors = kept["flights"][0]["rms_error"]
+        assert errors["dihedral"] == pytest.approx(0.5)
+        assert errors["vertical_acceleration_short_period"] == pytest.approx(0.5 * 0.3048)
+        assert kept["flights"][0]["rms_error_units"]["vertical_acceleration_short_period"] == "m/s^2"
+        monkeypatch.setattr(servo_flights, "fly_case", lambda *_: pytest.fail("flown again"))
 
 
 @pytest.mark.slow
