@@ -192,6 +192,12 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     ),
     "delta² as delta, P": ("P", lambda game: value(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
     "delta² as delta, K": ("K", lambda game: gain(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
+    "gain without its actuators": (
+        "K",
+        lambda game: with_lags(game)[1],
+        "actuators of first order, bandwidth 20 rad",
+    ),
+    "value without its actuators": ("P", lambda game: with_lags(game)[0], "actuators of first order, bandwidth 20 rad"),
     "weak E": (
         "P",
         lambda game: value(replace(game, E=game.E[:, 1:2])),
@@ -217,8 +223,6 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
 #: Wrong, and without a reason that could be told.
 UNNAMED: dict[str, tuple[str, Plant]] = {
     "recorded policy": ("P", recorded_policy),
-    "gain without its actuators": ("K", lambda game: with_lags(game)[1]),
-    "value without its actuators": ("P", lambda game: with_lags(game)[0]),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
     "discounted": ("P", lambda game: value(replace(game, A=game.A - 0.05 * np.eye(len(game.A))))),
     "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),

@@ -53,6 +53,21 @@ def at_once(game: Game, actuators: Actuators) -> Game:
     )
 
 
+def with_actuators(game: Game, bandwidth: float, damping: float | None) -> Game:
+    """The game behind actuators of first order, x' = ω (u - x), or of second with a damping; their states come last."""
+    n, m = game.B.shape
+    order, zero, one = (1 if damping is None else 2), np.zeros((m, m)), np.eye(m)
+    lag = -bandwidth * one
+    if damping is not None:
+        lag = np.block([[zero, one], [-(bandwidth**2) * one, -2.0 * damping * bandwidth * one]])
+    A = np.block([[game.A, game.B, np.zeros((n, (order - 1) * m))], [np.zeros((order * m, n)), lag]])
+    Q = np.zeros_like(A)
+    Q[:n, :n] = game.Q
+    B, E = np.zeros((len(A), m)), np.zeros((len(A), game.E.shape[1]))
+    B[-m:], E[:n] = bandwidth**order * one, game.E
+    return replace(game, A=A, B=B, E=E, Q=Q)
+
+
 def with_speed(game: Game, actuators: Actuators, factor: float) -> Game:
     """The game with actuators `factor` times as fast."""
     A, B = game.A.copy(), game.B.copy()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import chain
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.critic.actuated import actuators_in, at_once
+from hfa_model.support.errors import NoSolutionError
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import input_weights, relative_error, value_errors
-from verification.critic.discrete_gains import discrete_gains
+from verification.critic.discrete_answers import discrete_answers
+from verification.critic.other_actuators import answers_with_other_actuators, without_positions
 from verification.critic.other_games import (
     game_at_another_angle,
     games_of_gain,
@@ -95,7 +95,7 @@ def _of_value(game: Game, exact: GameSolution, candidate: Candidate, P: np.ndarr
 
 def _of_gain(game: Game, exact: GameSolution, K: np.ndarray) -> str:
     scales = np.sqrt(np.diag(game.R))[:, None] * balanced_units(game)
-    repairs = repaired_gain(K, exact.K, game.R, scales)
+    repairs = chain(repaired_gain(K, exact.K, game.R, scales), (Repair(*each) for each in without_positions(game, K)))
     return _first(repairs, lambda repaired: _gain_error(game, repaired, exact.K), _gain_error(game, K, exact.K))
 
 
@@ -160,26 +160,13 @@ def _of_another_game(
         if best <= EXPLAINED * min(lqr, 1.0):
             difference = next(said for left, said in fits if left <= max(10.0 * best, _ROUNDING))
             return f"this is the {what} of another game, {difference}"
-    if P is None and told >= 1 + REDUNDANT:
-        for said, other_gain in chain(_without_actuators(game), discrete_gains(game, K)):
-            if _gain_error(game, K, other_gain) <= EXPLAINED * before * min(lqr, 1.0):
-                return f"this is the gain of {said}"
+        for said, answer in chain(answers_with_other_actuators(game, P, K), discrete_answers(game, P, K)):
+            left = _gain_error(game, K, answer) if P is None else _value_error(game, P, answer)
+            if left <= EXPLAINED * before * min(lqr, 1.0):
+                return f"this is the {'gain' if P is None else 'value'} of {said}"
     if lqr <= EXPLAINED:
         return f"this is nearly the LQR {what} (delta = inf): the disturbance is missing or far too weak (delta, E)"
     return ""
-
-
-def _without_actuators(game: Game) -> Iterator[tuple[str, np.ndarray]]:
-    """The gain of the plant whose inputs act at once, 0 for the states of the actuators."""
-    actuators = actuators_in(game)
-    try:
-        solution = solve_game(at_once(game, actuators))
-    except (BadInputError, NoSolutionError):
-        return
-    K = np.zeros(game.B.T.shape)
-    K[:, [i for i in range(len(game.A)) if i not in actuators.states]] = solution.K
-    listed = ", ".join(str(state + 1) for state in actuators.states)
-    yield f"the plant without its actuators (states {listed})", K
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:

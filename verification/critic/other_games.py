@@ -149,13 +149,17 @@ def searched(
 
 
 def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
-    squared = np.outer(units := balanced_units(game), units)
-    exact = schur_solution(game)
-    return np.asarray((exact - P) * squared / np.linalg.norm(exact * squared))
+    return value_error_of(game, schur_solution(game), P)
 
 
 def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:
     return gain_error_of(game, game.gain(schur_solution(game)), K)
+
+
+def value_error_of(game: Game, exact: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """(exact - P) in balanced units over the size of the exact one, (n, n)."""
+    squared = np.outer(units := balanced_units(game), units)
+    return np.asarray((exact - P) * squared / np.linalg.norm(exact * squared))
 
 
 def gain_error_of(game: Game, exact: np.ndarray, K: np.ndarray) -> np.ndarray:

@@ -1,0 +1,62 @@
+"""A gain and a value of the discrete-time problem are named with their sample time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+
+from controller.game.zero_sum import Game
+from verification.critic.actuated import with_actuators
+from verification.critic.candidate import Candidate, from_gain, from_value
+from verification.critic.critic_check import LIMIT
+from verification.critic.diagnosis import diagnose
+from verification.critic.discrete_answers import discrete_lqr
+from verification.riccati.gare import GameSolution, solve_game
+
+
+def test_dlqr_is_the_textbook_s(game: Game) -> None:
+    """Written out once more in the plant's own units."""
+    (n, m), dt = game.B.shape, 0.02
+    F = expm(np.block([[game.A, game.B], [np.zeros((m, n + m))]]) * dt)
+    A, B = F[:n, :n], F[:n, n:]
+    expected = solve_discrete_are(A, B, game.Q, game.R)
+    S, K = discrete_lqr(game, dt)
+    np.testing.assert_allclose(S, expected, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        K, np.linalg.solve(game.R + B.T @ expected @ B, B.T @ expected @ A), rtol=1e-6, atol=1e-9
+    )
+
+
+def noisy(matrix: np.ndarray) -> np.ndarray:
+    """With random errors of 1 percent; a value stays symmetric."""
+    noise = np.random.default_rng(4).standard_normal(matrix.shape)
+    return matrix * (1.0 + 0.01 * (noise if matrix.shape[0] != matrix.shape[1] else noise + noise.T))
+
+
+def assert_named(game: Game, exact: GameSolution, candidates: dict[str, Candidate]) -> None:
+    for words, candidate in candidates.items():
+        said = diagnose(game, exact, candidate, LIMIT)
+        assert said.endswith(words), said
+
+
+@pytest.mark.parametrize(
+    ("design", "kind", "dt"),
+    [(False, "dlqr", 0.02), (False, "lqrd", 0.05), (False, "euler", 0.005), (True, "dlqr", 0.02), (True, "lqrd", 0.05)],
+)
+def test_an_answer_of_discrete_time_is_named_with_its_sample_time(
+    game: Game, design: bool, kind: str, dt: float
+) -> None:
+    """Of the plant alone and of a design with actuators."""
+    game = with_actuators(game, 20.0, None) if design else game
+    exact = solve_game(game)
+    S, K = discrete_lqr(game, dt, kind)
+    words = {"dlqr": "hold)", "euler": "I + A dt, B dt)", "lqrd": "(lqrd)"}[kind]
+    wrong = {
+        f"{words} at dt = {dt:g} s": from_value(game, S * dt),
+        f"{words}, a sum over its samples, at dt = {dt:g} s": from_value(game, S),
+    }
+    assert_named(game, exact, {f"{words} at dt = {dt:g} s": from_gain(game, K)})
+    assert_named(game, exact, wrong)
+    for right in (from_gain(game, noisy(K)), from_value(game, noisy(S)), from_value(game, noisy(S * dt))):
+        assert diagnose(game, exact, right, LIMIT) == ""

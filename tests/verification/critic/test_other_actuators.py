@@ -1,0 +1,47 @@
+"""Answers of a plant with other actuators than the game's, and gains with the actuators' positions in them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller.game.zero_sum import Game
+from verification.critic.actuated import actuators_in, with_actuators
+from verification.critic.candidate import from_gain, from_value
+from verification.critic.critic_check import LIMIT
+from verification.critic.diagnosis import diagnose
+from verification.riccati.gare import solve_game
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"), [(None, "first order, bandwidth 20 rad/s"), (0.7, "second order, bandwidth 12 rad/s")]
+)
+def test_the_part_of_a_design_s_answer_that_fits_the_plant_is_named(
+    game: Game, damping: float | None, words: str
+) -> None:
+    exact, n = solve_game(game), len(game.A)
+    design = solve_game(with_actuators(game, 20.0 if damping is None else 12.0, damping))
+    for candidate in (from_gain(game, design.K[:, :n]), from_value(game, design.P[:n, :n])):
+        assert words in diagnose(game, exact, candidate, LIMIT)
+    noise = np.random.default_rng(5).standard_normal((5, n))
+    assert diagnose(game, exact, from_gain(game, design.K[:, :n] * (1.0 + 0.01 * noise)), LIMIT) == ""
+
+
+@pytest.mark.parametrize("damping", [None, 0.7])
+def test_the_answer_of_the_plant_alone_and_positions_in_a_gain_are_named(game: Game, damping: float | None) -> None:
+    design, n = with_actuators(game, 20.0, damping), len(game.A)
+    actuators = actuators_in(design)
+    assert actuators.inputs == tuple(range(5))
+    alone, exact = solve_game(game), solve_game(design)
+    P, K, positions = np.zeros_like(exact.P), np.zeros_like(exact.K), np.zeros_like(exact.K)
+    P[:n, :n], K[:, :n] = alone.P, alone.K
+    positions[actuators.inputs, actuators.positions] = 1.0
+    wrong = {
+        "the gain of the plant without its actuators (states 7, 8, 9, 10, 11": from_gain(design, K),
+        "the value of the plant without its actuators (states 7, 8, 9, 10, 11": from_value(design, P),
+        "(states 7, 8, 9, 10, 11) are +1 off: the gain gives u - position": from_gain(design, exact.K + positions),
+        "(states 7, 8, 9, 10, 11) are -1 off: the gain gives u + position": from_gain(design, exact.K - positions),
+    }
+    for words, candidate in wrong.items():
+        assert words in diagnose(design, exact, candidate, LIMIT)
+    assert diagnose(design, exact, from_gain(design, exact.K + 0.9 * positions), LIMIT) == ""
