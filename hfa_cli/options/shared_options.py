@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from hfa_cli.options.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
 from hfa_cli.options.parser import add_named, add_value
-from hfa_cli.progress import say_notes
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_model.reporting.data_files import SUFFIXES
@@ -188,10 +188,8 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> Ope
     condition = condition_of(arguments)
     if "dihedral" in condition.free:
         typed = f"--dihedral {math.degrees(arguments.dihedral):g}"
-        said = (
-            f"the search begins at {typed}" if arguments.start is None else f"--start, not {typed}, begins the search"
-        )
-        say_notes([f"dihedral is free: {said}"])
+        begins = f"the search begins at {typed}" if arguments.start is None else "the search begins at --start"
+        warnings.warn(f"dihedral is free: {begins}", stacklevel=2)
     try:
         return find_operating_point(aircraft, condition, arguments.start)
     except TrimError as error:
