@@ -91,9 +91,11 @@ def in_a_fork(work: Callable[[], dict[str, Any]], limit: float) -> dict[str, Any
                 answer.write(json.dumps({"error": traceback.format_exc()}).encode())
                 answer.flush()
             os._exit(0)
-        os.waitpid(child, 0)
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(child, signal.SIGKILL)
+        try:
+            os.waitpid(child, 0)
+        finally:  # also when it is interrupted: nothing of a trial goes on
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)
         answer.seek(0)
         found = json.loads(answer.read() or b"{}")
         if "error" in found:
@@ -145,53 +147,58 @@ class Tests:
         return {"seconds": watch.seconds, "executed": executed}
 
     def deciding(self, module: str, line: int, limit: float) -> dict[str, list[str]]:
-        """Test file -> its tests, in the order in which they are asked: those of the module, then what runs the line.
+        """Test file -> its tests, in the order in which they are asked; the module must be without a mistake.
 
-        Those of other files cost `limit` seconds together at most.
+        Those of the module; what executes the line, of the files beside them; a few of each other file, and the rest.
+        What goes on from the line where few do comes first, and what is cheap. Those of other files than the module's
+        cost `limit` seconds together at most.
         """
-        own = str(_own(module))
-        groups, later = [], []
+        own, groups = _own(module), []
         for file, known in self._known.items():
             seconds = {test: cost for test, cost in known["seconds"].items() if cost < _LONGEST_TEST}
-            direct = self._executing(file, module, line) if module in known["executed"] else set()
-            tests = sorted(direct & set(seconds), key=seconds.__getitem__)
-            if file == own:
-                groups.append((-1.0, file, tests + sorted(set(seconds) - direct, key=seconds.__getitem__)))
+            direct, few = self._executing(file, module, line) if module in known["executed"] else (set(), set())
+            tests = sorted(direct & set(seconds), key=lambda one: (one not in few, seconds[one]))
+            if file == str(own):
+                groups.append((0, file, tests + sorted(set(seconds) - direct, key=seconds.__getitem__)))
+            elif Path(file).parent == own.parent:
+                groups.append((1, file, tests))
             else:
-                groups += [(sum(seconds[each] for each in tests[:_FIRST]), file, tests[:_FIRST])] if tests else []
-                later += (
-                    [(sum(seconds[each] for each in tests[_FIRST:]), file, tests[_FIRST:])] if tests[_FIRST:] else []
-                )
+                groups += [(2, file, tests[:_FIRST]), (3, file, tests[_FIRST:])]
+        costs = {test: cost for known in self._known.values() for test, cost in known["seconds"].items()}
         chosen: dict[str, list[str]] = {}
-        for cost, file, tests in sorted(groups) + sorted(later):
-            if cost < 0 or (limit := limit - cost) > 0:
-                chosen[file] = chosen.get(file, []) + tests
+        for turn, file, tests in sorted(groups, key=lambda one: (one[0], sum(map(costs.__getitem__, one[2])))):
+            for test in tests:
+                if turn == 0 or costs[test] < limit:
+                    chosen.setdefault(file, []).append(test)
+                    limit -= costs[test] if turn else 0.0
         return chosen
 
-    def _executing(self, file: str, module: str, line: int) -> set[str]:
-        """The tests of a file that execute a line of a module, or any line of it where the module is another now.
+    def _executing(self, file: str, module: str, line: int) -> tuple[set[str], set[str]]:
+        """The tests of a file that execute a line of a module, and of them the few that come to the line after it.
 
-        What an import executes, all use, and only the first test of a file is listed for it.
+        All that use the module, where it is not as it was, and where an import executes the line, for which only the
+        first test of a file is listed.
         """
         data = self._data(file)
         data.read()
         by_line = _by_line(data, module)
         if self._known[file]["executed"][module] == _digest(Path(module)) and _is_in_a_function(module, line):
             # A line within a statement is not listed: its statement begins above.
-            return by_line.get(max((each for each in by_line if each <= line), default=0), set())
-        return set().union(*by_line.values())
+            here = by_line.get(max((each for each in by_line if each <= line), default=0), set())
+            after = here & by_line.get(min((each for each in by_line if each > line), default=0), set())
+            return here, after if 2 * len(after) < len(here) else set()
+        return set().union(*by_line.values()), set()
 
     def state(self, module: str) -> str:
         """What changes when a test beside those of a module does."""
         beside = sorted(_own(module).parent.glob("*.py"))
         return hashlib.sha256("".join(map(_digest, beside)).encode()).hexdigest()[:16]
 
-    def judge(self, module: str, line: int, limit: float) -> dict[str, Any]:
-        """Whether a test fails with the module as it is now in the current folder, which, and how many ran.
+    def judge(self, asked: dict[str, list[str]]) -> dict[str, Any]:
+        """Whether one of these tests fails with what is now in the current folder, which, and how many ran.
 
         Three times as long as they took when they were listed is a failure too.
         """
-        asked = self.deciding(module, line, limit)
         usual = sum(self._known[file]["seconds"][each] for file, tests in asked.items() for each in tests)
 
         def work() -> dict[str, Any]:

@@ -87,9 +87,10 @@ def tried(mutant: Mutant, tests: Tests, limit: float) -> dict[str, Any]:
     """What becomes of a mutant in the current folder."""
     path = Path(mutant.module)
     right = path.read_text(encoding="utf-8")
+    asked = tests.deciding(mutant.module, mutant.mutation.line, limit)
     try:
         _write(path, mutant.mutation.applied(right))
-        return tests.judge(mutant.module, mutant.mutation.line, limit)
+        return tests.judge(asked)
     finally:
         _write(path, right)
 
