@@ -149,7 +149,7 @@ class Tests:
     def deciding(self, module: str, line: int, limit: float) -> dict[str, list[str]]:
         """Test file -> its tests, in the order in which they are asked; the module must be without a mistake.
 
-        Those of the module; what executes the line, of the files beside them; a few of each other file, and the rest.
+        What executes the line, of the module's own file; of the files beside it; a few of each other file; the rest.
         What goes on from the line where few do comes first, and what is cheap. Those of other files than the module's
         cost `limit` seconds together at most.
         """
@@ -159,7 +159,7 @@ class Tests:
             direct, few = self._executing(file, module, line) if module in known["executed"] else (set(), set())
             tests = sorted(direct & set(seconds), key=lambda one: (one not in few, seconds[one]))
             if file == str(own):
-                groups.append((0, file, tests + sorted(set(seconds) - direct, key=seconds.__getitem__)))
+                groups.append((0, file, tests))
             elif Path(file).parent == own.parent:
                 groups.append((1, file, tests))
             else:

@@ -1,7 +1,7 @@
 """`make mutants`: small mistakes planted one at a time in the packages; a test must fail with each of them.
 
 Works in a copy of the project. First every test file runs once, which says what each test executes. Then for each
-mistake the tests of its module run, after them those that execute its line, the cheapest first, to the first failure.
+mistake the tests that execute its line run, those of its module first, the cheapest first, to the first failure.
 The modules take turns, so that each has about as many mistakes as another; which ones, the seed decides. What is known
 is kept in a folder, where the next run goes on: what was found is not tried again, what was not is where the tests
 beside its module have changed. Everything is loaded once, and forked for each mistake.
@@ -156,7 +156,7 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", metavar="MODULE", help="like trim/point/solve.py; all when none is named")
     parser.add_argument("--count", type=int, default=400, help="mutants, with those of earlier runs")
     parser.add_argument("--seconds", type=float, default=3600.0, help="for all")
-    parser.add_argument("--limit", type=float, default=15.0, help="seconds of tests for one mutant")
+    parser.add_argument("--limit", type=float, default=8.0, help="seconds of tests for one mutant")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path("out/mutants"), help="what is known")
     parser.add_argument("--root", type=Path, default=ROOT, help="the project")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from proof_cases import exact_table, family, model_at, unstable_between
 
-from verification.proof.rate_proof import prove_rate
+from verification.balls.taylor import DihedralBox
+from verification.proof.rate_proof import _angles, prove_rate
 
 
 @pytest.mark.parametrize(("dynamics", "least"), [("published", 25.0), ("newton", 8.0)])
@@ -29,6 +30,10 @@ def test_the_lyapunov_function_decreases_at_every_rate(dynamics: str, least: flo
     loop = model.A - model.B @ K
     fast = [loop.T @ P + P @ loop + sign * 2 * np.radians(found.rate) * slope for sign in (-1.0, 1.0)]
     assert max(np.linalg.eigvalsh(growth)[-1] for growth in fast) > 0.0
+
+
+def test_pieces_end_where_the_table_s_do_and_are_as_short_as_asked() -> None:
+    assert _angles([DihedralBox(0.0, 1.0), DihedralBox(1.0, 1.25)], 0.5) == [0.0, 0.5, 1.0, 1.25]
 
 
 def test_an_unstable_loop_has_no_rate() -> None:

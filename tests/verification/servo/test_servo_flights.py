@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,17 @@ def test_the_commands_are_sixteen_steps_of_seventy_seconds() -> None:
     assert np.degrees(commands.values[:, 0]).tolist() == pytest.approx(
         [1, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0]
     )
+
+
+def test_faults_act_from_the_start() -> None:
+    parts = attrgetter("begin", "effectiveness", "bandwidth", "damping")
+    weak = {name: [parts(fault) for fault in case.faults] for name, case in CASES.items()}
+    assert weak == {
+        "order-1": [],
+        "order-1-fault": [(0.0, 0.2, 0.5, None)],
+        "order-2": [],
+        "order-2-fault": [(0.0, 0.2, 0.5, 0.8)],
+    }
 
 
 def test_two_steps_with_a_fault(published_aircraft: Aircraft) -> None:
