@@ -100,6 +100,7 @@ def _run(words: list[str]) -> int:
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)  # the project's own are notes, whatever PYTHONWARNINGS says
             code = int(module.run(arguments))
         _say_warnings(caught)
     return code

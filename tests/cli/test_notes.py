@@ -44,7 +44,6 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     assert json.loads(within.out)["warnings"] == []
 
 
-@pytest.mark.filterwarnings("always::UserWarning")
 def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:
     words = ("trim", "--dihedral", "10", "--free", "dihedral", "--hold", "aileron_outer=2")
     saved = tmp_path / "at.json"
