@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -14,7 +13,6 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.support.files import write_text
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
@@ -86,15 +84,12 @@ class CModel:
         )
 
 
-def write_c_model(what: CModel, folder: Path) -> tuple[Path, ...]:
-    """Write header, source and, with a gain, a loop of 100 Hz that uses them into a folder, made if need be."""
-    folder.mkdir(exist_ok=True)
+def c_model_texts(what: CModel) -> dict[str, str]:
+    """File -> its text: header, source and, with a gain, a loop of 100 Hz that uses them."""
     texts = {HEADER: what.header(), SOURCE: what.source()}
     if what.gain is not None:
         texts[EXAMPLE] = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return tuple(folder / name for name in texts)
+    return texts
 
 
 def comment_lines(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,6 @@ from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
 from hfa_model.outputs import OUTPUTS
-from hfa_model.support.files import write_text
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 from trim.point.operating_point import OperatingPoint
 
@@ -89,10 +87,10 @@ def longest_step(controller: ScheduledController) -> float:
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
 
-def write_c_controller(
-    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, origin: str, folder: Path
-) -> tuple[Path, ...]:
-    """Write header and source into a folder, made if need be. origin: where it comes from, lines of text.
+def c_controller_texts(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, origin: str
+) -> dict[str, str]:
+    """File -> its text: header and source. origin: where it comes from, lines of text.
 
     BadInputError as in `trimmed_policy`.
     """
@@ -109,7 +107,7 @@ def write_c_controller(
         for kind, both in names_and_units.items()
         for what, words in zip(("name", "unit"), both, strict=True)
     ]
-    texts = {
+    return {
         HEADER: filled(
             "hfa_controller.h.in",
             origin=comment_lines(origin),
@@ -130,10 +128,6 @@ def write_c_controller(
             longest=repr(longest),
         ),
     }
-    folder.mkdir(exist_ok=True)
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return tuple(folder / name for name in texts)
 
 
 def filled(template: str, **values: object) -> str:

@@ -30,7 +30,7 @@ from hfa_cli.progress import say_notes
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
+from hfa_model.support.files import write_text, write_texts
 from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
     """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
-    from controller.export.c_model import CModel, write_c_model
+    from controller.export.c_model import CModel, c_model_texts
     from controller.export.exported_loop import aircraft_loop, gain_loop
     from controller.export.fmu import write_fmu
 
@@ -115,16 +115,16 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
         )
         written.append(arguments.fmu)
     if arguments.c is not None:
-        written += write_c_model(CModel(aircraft, model, gain, origin_lines()), arguments.c)
+        written += write_texts(arguments.c, c_model_texts(CModel(aircraft, model, gain, origin_lines())))
     return written
 
 
 def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
     from controller.design.controller_file import load_controller
-    from controller.export.c_model import CModel, write_c_model
+    from controller.export.c_model import CModel, c_model_texts
     from controller.export.controller_example import EXAMPLE, controller_example
-    from controller.export.exported_controller import write_c_controller
+    from controller.export.exported_controller import c_controller_texts
     from controller.export.exported_loop import controller_loop
     from controller.export.fmu import write_fmu
 
@@ -135,13 +135,11 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
         write_fmu(controller_loop(aircraft, point, controller, actuators), arguments.fmu, provenance())
         written.append(arguments.fmu)
     if arguments.c is not None:
-        loop = None if actuators is None else controller_example(controller, aircraft, point, actuators, origin_lines())
-        controlled = write_c_controller(controller, aircraft, point, origin_lines(), arguments.c)
         without = CModel(aircraft, linearize(aircraft, point), None, origin_lines())
-        written += (*write_c_model(without, arguments.c), *controlled)
-        if loop is not None:
-            written.append(arguments.c / EXAMPLE)
-            write_text(written[-1], loop)
+        texts = c_model_texts(without) | c_controller_texts(controller, aircraft, point, origin_lines())
+        if actuators is not None:
+            texts[EXAMPLE] = controller_example(controller, aircraft, point, actuators, origin_lines())
+        written += write_texts(arguments.c, texts)
     return written
 
 

@@ -23,7 +23,7 @@ from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
+from hfa_model.support.files import write_text, write_texts
 from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import STATES
 from trim.point.named_condition import NamedCondition
@@ -105,6 +105,6 @@ def _written(job: MainJob, report: Report, target: Path | None, folder: Path | N
     pictures = list(report.pictures())
     for picture in pictures:
         save(picture.draw(), folder / picture.name, report.source)
-    write_text(folder / "numbers.json", json.dumps(jsonable(report.data), allow_nan=False) + "\n")
-    write_text(folder / "report.html", page(job, report, provenance()))
+    numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
+    write_texts(folder, {"numbers.json": numbers, "report.html": page(job, report, provenance())})
     return [f"{folder / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

@@ -15,7 +15,7 @@ from hfa_cli.options.removed_options import add_removed
 from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
 from hfa_cli.origin import provenance
 from hfa_cli.progress import Progress
-from hfa_model.support.files import write_text
+from hfa_model.support.files import write_texts
 
 #: Steps of a flight from which starting processes pays.
 _LONG = 100_000
@@ -59,8 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
     processes = arguments.workers or (cores() if steps >= _LONG else 1)
     origin = provenance()
     table = reproduce(chosen, setting, folder, origin, resume=arguments.resume, progress=show, processes=processes)
-    write_text(folder / "claims.json", json_text(table))
-    write_text(folder / "claims.md", claims_markdown(table) + f"\n{origin.text()}\n")
+    written = claims_markdown(table) + f"\n{origin.text()}\n"
+    write_texts(folder, {"claims.json": json_text(table), "claims.md": written})
     said = json_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}\n"
     print(said, end="")
     return 1 if table["own_failures"] else 0

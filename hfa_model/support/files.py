@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -41,6 +41,24 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a UTF-8 text file whole or not at all."""
     with written_whole(path) as stream:
         stream.write(text.encode("utf-8"))
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is made if need be."""
+    with ExitStack() as around:
+        if not folder.exists():
+            folder.mkdir()
+            around.callback(_remove_empty, folder)
+        for name, text in texts.items():
+            stream = around.enter_context(written_whole(folder / name))
+            stream.write(text.encode("utf-8"))
+            stream.flush()  # what the disk has no room for is told before the first of them is renamed
+    return [folder / name for name in texts]
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def save_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -68,9 +68,16 @@ def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     assert resumed.out == hfa_process(*SWEEP, folder=elsewhere).out
 
 
-@pytest.mark.parametrize("words", ["learn --dihedral 15 -o a.npz", "trim --dihedral 15 --picture a.png"])
-def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, words: str) -> None:
-    (small_disk / "full").write_bytes(b"x" * 396 * 1024)
+@pytest.mark.parametrize(
+    ("words", "left"),
+    [
+        ("learn --dihedral 15 -o a.npz", 4),
+        ("trim --dihedral 15 --picture a.png", 4),
+        ("export --dihedral 15 --c folder", 12),  # room for the header, not for the rest
+    ],
+)
+def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, words: str, left: int) -> None:
+    (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (BAD_INPUT, "hfa: cannot write the output: No space left on device\n")
     assert [path.name for path in small_disk.iterdir()] == ["full"]

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
 
-from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, comment_lines, write_c_model
+from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_texts
 from hfa_model.symbolic import state_rates, symbols
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES, STATES
 from trim.linear.linearize import linearize
@@ -31,7 +32,7 @@ def folder(aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path
     made = tmp_path_factory.mktemp("c")
     point = find_operating_point(aircraft, level_flight(np.radians(15.0)))
     gain = np.arange(30.0).reshape(5, 6) / 100
-    write_c_model(CModel(aircraft, linearize(aircraft, point), gain, "from */ here"), made)
+    write_texts(made, c_model_texts(CModel(aircraft, linearize(aircraft, point), gain, "from */ here")))
     compiled(made, "-shared", "-fPIC", SOURCE, "-o", "hfa.so")
     return made
 

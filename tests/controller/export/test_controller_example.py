@@ -12,7 +12,7 @@ from controllers import integrating_controller, small_controller
 
 from controller.design.scheduled_controller import ScheduledController
 from controller.export.controller_example import COMMANDED, EXAMPLE, SECONDS, controller_example
-from controller.export.exported_controller import SOURCE, write_c_controller
+from controller.export.exported_controller import SOURCE, c_controller_texts
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
@@ -21,6 +21,7 @@ from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_texts
 from hfa_model.vectors import STATES, Input
 from trim.point.operating_point import OperatingPoint
 
@@ -36,7 +37,7 @@ def printed(
     controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, folder: Path, *words: str
 ) -> dict[str, float]:
     """What the example prints: name -> number."""
-    write_c_controller(controller, aircraft, point, "here", folder)
+    write_texts(folder, c_controller_texts(controller, aircraft, point, "here"))
     (folder / EXAMPLE).write_text(controller_example(controller, aircraft, point, actuators(2), "from */ here"))
     return ran(folder, *words, EXAMPLE, SOURCE)
 

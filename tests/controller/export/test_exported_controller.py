@@ -15,16 +15,17 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.export.exported_controller import (
     HEADER,
     SOURCE,
+    c_controller_texts,
     commandable,
     longest_step,
     unit_of_output,
-    write_c_controller,
 )
 from controller.policy.commands import CommandSteps
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_texts
 from hfa_model.vectors import LINEAR_STATES
 from trim.point.operating_point import OperatingPoint
 
@@ -58,7 +59,7 @@ def folder(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     made = tmp_path_factory.mktemp("c")
-    write_c_controller(controller, published_aircraft, point, "from */ here", made)
+    write_texts(made, c_controller_texts(controller, published_aircraft, point, "from */ here"))
     compiled(made, "-shared", "-fPIC", SOURCE, "-o", "controller.so")
     return made
 
@@ -156,9 +157,6 @@ def test_units(name: str, unit: str) -> None:
     assert unit_of_output(name) == unit
 
 
-def test_a_controller_of_another_aircraft_is_refused(
-    controller: ScheduledController, point: OperatingPoint, tmp_path: Path
-) -> None:
+def test_a_controller_of_another_aircraft_is_refused(controller: ScheduledController, point: OperatingPoint) -> None:
     with pytest.raises(BadInputError, match="was designed for published dynamics"):
-        write_c_controller(controller, Aircraft(dynamics="newton"), point, "", tmp_path / "c")
-    assert list(tmp_path.iterdir()) == []
+        c_controller_texts(controller, Aircraft(dynamics="newton"), point, "")
