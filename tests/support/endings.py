@@ -18,16 +18,9 @@ from cli import SCRIPT
 
 #: Command -> its words.
 LONG: dict[str, tuple[str, ...]] = {
-    "sweep": (
-        "sweep",
-        "--dihedral",
-        "0:14:0.02",
-        "--vary",
-        "panel_mass=1:1.02:0.001",
-        "--workers",
-        "2",
-        "-o",
-        "a.zarr",
+    "sweep": (  # three chunks
+        *("sweep", "--dihedral", "0:14:0.01", "--vary", "panel_mass=1:1.02:0.000125"),
+        *("--workers", "2", "-o", "a.zarr"),
     ),
     "monte-carlo": (
         *("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "1500", "--duration", "1"),
