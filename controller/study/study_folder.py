@@ -10,7 +10,7 @@ from typing import Any
 
 from controller.study.published_study import PlannedRun, StudyRow, StudyRun
 from controller.study.study_report import load_study, study_data
-from hfa_model.jobs.finished import finished, stamp
+from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
@@ -27,7 +27,7 @@ class StudyFolder:
         """Write a finished row, whole or not at all."""
         self.path.mkdir(exist_ok=True)
         signed = {"provenance": self.origin.to_dict()}
-        data = study_data((row,)) | stamp(_decides(row.name, planned)) | signed
+        data = stamped(study_data((row,)) | signed, _decides(row.name, planned))
         write_text(self._file(row.name), json.dumps(data, indent=1, allow_nan=False) + "\n")
 
     def known(self, name: str, planned: Sequence[PlannedRun]) -> tuple[StudyRun, ...] | None:

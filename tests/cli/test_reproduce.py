@@ -210,7 +210,7 @@ def test_an_interruption_leaves_nothing_half_written(tmp_path: Path, monkeypatch
 
 @pytest.mark.usefixtures("short")
 def test_progress_is_for_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, *_: store.result_of(outcome, ()))
+    monkeypatch.setattr(reproduce, "write_outcome", lambda outcome, _, origin: store.result_of(outcome, (), origin))
     terminal = Terminal()
     words = ("reproduce", "5.4", "-o", str(tmp_path))
     assert hfa(*words, err=terminal).code == DONE

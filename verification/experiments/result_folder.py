@@ -7,14 +7,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from hfa_model.jobs.finished import finished, stamp
+from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
 from hfa_model.reporting.data_files import save_data
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import NO_RECORDS
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
-from hfa_model.support.jsonable import jsonable, records_text
+from hfa_model.support.jsonable import records_text
 from hfa_model.support.temporary import temporary_folder
 from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
@@ -36,31 +36,29 @@ def deciding(experiment: Experiment, setting: Setting) -> dict[str, Any]:
     }
 
 
-def result_of(outcome: Outcome, pictures: Sequence[PaperFigure]) -> dict[str, Any]:
+def result_of(outcome: Outcome, pictures: Sequence[PaperFigure], origin: Provenance) -> dict[str, Any]:
     """What is kept of an experiment beside its pictures, as JSON has it."""
     experiment, setting = outcome.experiment, outcome.setting
-    result: dict[str, Any] = jsonable(
-        {
-            "schema": SCHEMA,
-            **stamp(deciding(experiment, setting)),
-            "section": experiment.section,
-            "title": experiment.title,
-            "matrices": setting.matrices,
-            "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in outcome.flown)},
-            "flights": [
-                {
-                    "name": plan.name,
-                    **vars(plan),
-                    "learned_from": record.learned_from,
-                    "metrics": record.metrics.to_dict(),
-                }
-                for plan, record in outcome.flown.items()
-            ],
-            "claims": [checked.to_dict() for checked in outcome.claims],
-            "pictures": [_name(picture) for picture in pictures],
-        }
-    )
-    return result
+    content = {
+        "schema": SCHEMA,
+        "section": experiment.section,
+        "title": experiment.title,
+        "matrices": setting.matrices,
+        "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in outcome.flown)},
+        "flights": [
+            {
+                "name": plan.name,
+                **vars(plan),
+                "learned_from": record.learned_from,
+                "metrics": record.metrics.to_dict(),
+            }
+            for plan, record in outcome.flown.items()
+        ],
+        "claims": [checked.to_dict() for checked in outcome.claims],
+        "pictures": [_name(picture) for picture in pictures],
+        "provenance": origin.to_dict(),
+    }
+    return stamped(content, deciding(experiment, setting))
 
 
 def write_outcome(outcome: Outcome, folder: Path, origin: Provenance) -> dict[str, Any]:
@@ -69,15 +67,15 @@ def write_outcome(outcome: Outcome, folder: Path, origin: Provenance) -> dict[st
     An older result of the same section is replaced. Raises BadInputError when the folder cannot be written.
     """
     pictures = outcome.experiment.pictures(outcome.setting, outcome.flown)
-    signed = {"provenance": origin.to_dict()}
-    section, result = outcome.experiment.section, result_of(outcome, pictures) | signed
+    section, result = outcome.experiment.section, result_of(outcome, pictures, origin)
     with ExitStack() as around:
         try:
             unfinished = around.enter_context(temporary_folder(folder, f".{section}."))
         except OSError as error:
             raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
         for picture in pictures:
-            save_data(unfinished / f"{_name(picture)}.npz", {**picture.arrays, **signed}, NO_RECORDS)
+            arrays = {**picture.arrays, "provenance": origin.to_dict()}
+            save_data(unfinished / f"{_name(picture)}.npz", arrays, NO_RECORDS)
             save(draw(picture), unfinished / f"{_name(picture)}.png", origin.text())
         write_text(unfinished / _RESULT, json_text(result))
         unfinished.chmod(0o755)

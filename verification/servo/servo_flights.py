@@ -16,7 +16,7 @@ from controller.flight.simulate import fly_law
 from controller.flight.tracking import fastest_inputs, tracked
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
-from hfa_model.jobs.finished import finished, stamp
+from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
@@ -89,18 +89,18 @@ def run_case(
     if known is not None:
         return _in_english(known)
     flights = fly_case(aircraft, name, controllers, duration, progress)
-    result: dict[str, Any] = {"schema": SCHEMA, **stamp(decides), "case": name, "dynamics": aircraft.variant.name}
-    result |= {"duration": duration, "flights": [flight.to_dict() for flight in flights]}
-    result["provenance"] = origin.to_dict()
+    result = {"schema": SCHEMA, "case": name, "dynamics": aircraft.variant.name, "duration": duration}
+    result |= {"flights": [flight.to_dict() for flight in flights], "provenance": origin.to_dict()}
     folder.mkdir(exist_ok=True)
     save(servo_figure(name, flights), picture, origin.text())
-    write_text(target, records_text(in_units_in_force(Report("", data=result)).data))
+    write_text(target, records_text(stamped(in_units_in_force(Report("", data=result)).data, decides)))
     return result
 
 
 def _in_english(result: dict[str, Any]) -> dict[str, Any]:
     """A result as it was before its file was written."""
-    del result["units"]
+    for name in ("units", "toolchain", "identity", "digest"):
+        del result[name]
     for flight in result["flights"]:
         for errors in ("rms_error", "largest_error"):
             units = flight[f"{errors}_units"]

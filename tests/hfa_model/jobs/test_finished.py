@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hfa_model.jobs import finished as module
-from hfa_model.jobs.finished import finished, stamp
+from hfa_model.jobs.finished import finished, stamped
 
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
@@ -16,12 +17,14 @@ DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 @pytest.fixture
 def part(tmp_path: Path) -> Path:
     path = tmp_path / "part.json"
-    path.write_text(json.dumps({"result": 3.5, **stamp(DECIDES)}), encoding="utf-8")
+    path.write_text(json.dumps(stamped({"result": 3.5, "lost": np.inf}, DECIDES)), encoding="utf-8")
     return path
 
 
 def test_a_part_of_today_is_read(part: Path) -> None:
-    assert finished(part, DECIDES) == {"result": 3.5, **stamp(DECIDES)}
+    found = finished(part, DECIDES)
+    assert found == stamped({"result": 3.5, "lost": None}, DECIDES)
+    assert found.keys() == {"result", "lost", "toolchain", "identity", "digest"}
     assert finished(part, dict(reversed(DECIDES.items()))) is not None
 
 
@@ -32,6 +35,14 @@ def test_what_others_decided_is_not(part: Path, decides: dict[str, object]) -> N
 
 def test_another_version_is_not(part: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "toolchain_version", lambda: "0.0.1")
+    assert finished(part, DECIDES) is None
+
+
+@pytest.mark.parametrize(("written", "damaged"), [("3.5", "3.6"), ("result", "resuld"), (', "lost": null', "")])
+def test_a_damaged_one_is_not(part: Path, written: str, damaged: str) -> None:
+    text = part.read_text(encoding="utf-8")
+    assert text.count(written) == 1
+    part.write_text(text.replace(written, damaged), encoding="utf-8")
     assert finished(part, DECIDES) is None
 
 
