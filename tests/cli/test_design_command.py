@@ -57,9 +57,11 @@ def test_a_search_writes_a_design_and_goes_on_where_it_ended() -> None:
         key: first[key] for key in first if key != "provenance"
     }
     assert Path("best.toml.record").read_text(encoding="utf-8").splitlines() == record
-    for damaged in (b"[1]\n", b"\xff\n", b'[[1.0], "x", 1, [], [], [], []]\n', b"[[1.0], 1.0, 1, 2, [], [], []]\n"):
-        Path("best.toml.record").write_bytes("\n".join(record).encode() + b"\n" + damaged)
+    digit = record[-1].replace("1", "2", 1)
+    for damaged in (b"[1]\n", b"\xff\n", b"\n", digit.encode()):
+        Path("best.toml.record").write_bytes("\n".join(record[:-1]).encode() + b"\n" + damaged)
         assert answer(*words, code=1)["best"] == first["best"]
+        assert Path("best.toml.record").read_text(encoding="utf-8").splitlines() == record
     write_tuning(Path(), seed=2)
     assert_refused(hfa(*words), 2, "best.toml.record: this is the record of another search; remove it")
 

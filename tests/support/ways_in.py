@@ -7,10 +7,11 @@ import importlib
 import json
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import chdir
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from cli import hfa
@@ -26,6 +27,8 @@ _AT = ("--dihedral", "15")
 _FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
 _MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
 _SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
+_TUNED = ("design", "--tune", "tune.toml", "-o", "best.toml")
+_ROW = ("study", "--only", "theorem gains, explicit", "--folder", "row")
 #: A condition file that every command takes.
 CONDITION = """description = "slow"
 free = ["speed"]
@@ -94,6 +97,8 @@ COMMAND_LINES = (
     "monte-carlo --dihedral 15 --members 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
     "schedule --dihedral 15 --to 15.1 --over 0.1 --points 2 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
     "prove solution --dihedral 15",
+    "lpv --dihedral 10:10.1 --tolerance 0.01 -o a.c",
+    "design --design simvfa-1 --dihedral 10 --feedback state -o a.npz",
     "prove --check a.json",
     "export --formats a.json",
     "export --dihedral 15 --c folder",
@@ -121,10 +126,14 @@ WAYS = {
     "controller.npz": Way(("fly", *_FLOWN, "--controller", "{}", "--actuators", "0.5:60"), "controller.npz"),
     "table.json": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.json"),
     "table.npz": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.npz"),
-    "certificate.json": Way(("prove", "--check", "{}"), "certificate.json"),
+    **{each: Way(("prove", "--check", "{}"), each) for each in ("certificate.json", "game.json", "lpv.json")},
     "certificate.json to resume": Way(
         ("prove", "schedule", "--dihedral", "15:15.001", "--resume", "-o", "{}"), "certificate.json"
     ),
+    "tune.toml": Way(("design", "--tune", "{}", "-o", "best.toml"), "tune.toml", ("own.toml",)),
+    "best.toml.record": Way(_TUNED, "best.toml.record", ("tune.toml", "own.toml")),
+    "claims.json": Way(("report", "--dihedral", "5", "--sweep", "5", "--claims", "{}", "--json"), "claims.json"),
+    "row of a study": Way((*_ROW, "--resume"), "row/theorem-gains-explicit.json"),
     "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr"),
     "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr"),
 }
@@ -145,6 +154,7 @@ def seeds() -> Mapping[str, bytes]:
     """Files as the commands write them, name -> content; those of a store by their path."""
     from controllers import small_controller
     from proof_cases import exact_table
+    from servo_cases import write_tuning
 
     from controller import save_controller
     from hfa_model.aircraft import Aircraft
@@ -168,11 +178,25 @@ def seeds() -> Mapping[str, bytes]:
         _run(folder, (*_SWEPT[:-1], "{}"), "points.zarr")
         _run(folder, (*_MEMBERS[:-1], "{}"), "members.zarr")
         _run(folder, ("prove", "schedule", "--dihedral", "15:15.001", "-o", "{}"), "certificate.json")
+        _run(folder, ("prove", "solution", *_AT, "-o", "{}"), "game.json")
+        _run(folder, ("lpv", "--dihedral", "15:15.01", "--certificate", "{}"), "lpv.json")
+        _run(folder, (*_ROW[:-1], "{}"), "row")
+        (folder / "claims.json").write_text(json.dumps(_few_claims()))
+        with chdir(folder):  # the name of the design is part of what the record is known by
+            write_tuning(Path(), design="own.toml", evaluations=1)
+            assert hfa(*_TUNED).code == 1  # a corner stays unstable
         for suffix in SUFFIXES:
             _run(folder, ("solve", *_AT, "-o", "{}"), f"gain{suffix}")
             _run(folder, ("solve", "--model", str(folder / "plant.json"), "-o", "{}"), f"critic{suffix}")
             _run(folder, ("learn", "--model", str(folder / "plant.json"), "-o", "{}"), f"history{suffix}")
         return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _few_claims() -> dict[str, Any]:
+    table = json.loads((Path(__file__).parents[2] / "docs/results/claims.json").read_bytes())
+    first = table["experiments"][0]
+    few = {"claims": table["claims"][:2], "experiments": [first | {"flights": first["flights"][:1]}]}
+    return dict(table | few | {"lost_flights": table["lost_flights"][:1]})
 
 
 def _run(folder: Path, words: tuple[str, ...], name: str) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,15 +88,16 @@ def _read_record(path: Path, aircraft: Aircraft, tuning: Tuning) -> dict[str, Ev
 
 
 def _line(values: str, found: Evaluation) -> str:
-    return json.dumps([json.loads(values), *found])
+    text = json.dumps([json.loads(values), *found])
+    return f"{text} {zlib.crc32(text.encode()):08x}"
 
 
 def _whole(lines: list[str]) -> Iterator[tuple[str, Evaluation]]:
-    """What the lines hold, up to the first one that was cut off or damaged."""
+    """What the lines hold, up to the first one that was cut off or damaged: each ends in its checksum."""
     for line in lines:
-        try:
-            values, cost, abscissa, errors, rates, rms, stood, *rest = json.loads(line)
-            found = Evaluation(float(cost), abscissa, tuple(errors), tuple(rates), tuple(rms), tuple(stood), *rest)
-        except (ValueError, TypeError, RecursionError):
+        text, _, check = line.rpartition(" ")
+        if check != f"{zlib.crc32(text.encode()):08x}":
             return
-        yield json.dumps(values), found
+        values, *rest = json.loads(text)
+        found: list[Any] = [tuple(each) if isinstance(each, list) else each for each in rest]
+        yield json.dumps(values), Evaluation(*found)
