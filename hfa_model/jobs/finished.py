@@ -19,7 +19,7 @@ def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of a finished part, as JSON values: the content, the stamp of today, and a digest of all of it."""
+    """What is kept of a finished part, as JSON values: the content, the stamp of today, a digest of what it holds."""
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
     return whole | {"digest": _digest(whole)}
 
@@ -28,12 +28,13 @@ def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
     """The JSON object in a file, if it bears the stamp of today and is as it was written; else None."""
     try:
         data = read_json(path)
-        content = {name: value for name, value in data.items() if name != "digest"}
-        known = data["digest"] == _digest(content) and stamp(decides).items() <= content.items()
+        known = data["digest"] == _digest(data) and stamp(decides).items() <= data.items()
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
     return data if known else None
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    """Of all but itself, and the date and the words of the run: the same result has the same one."""
+    told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
