@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, NamedTuple
@@ -147,6 +148,13 @@ def named_parameters(name: str) -> ParameterSet:
     """A parameter set that comes with the package, by its name in `NAMED`; BadInputError for another name."""
     if name not in NAMED:
         raise BadInputError(f"unknown parameter set {name!r}; choose from {', '.join(NAMED)}, or give a file")
+    known = _packaged(name)
+    return replace(known, sources=dict(known.sources), notes=dict(known.notes), covariance=known.covariance.copy())
+
+
+@cache
+def _packaged(name: str) -> ParameterSet:
+    """Read once: nothing changes it while the program runs."""
     return replace(load_parameters(Path(str(files("hfa_model").joinpath(NAMED[name])))), name=name)
 
 

@@ -22,6 +22,7 @@ from controller.flight.plants import Plant
 from controller.flight.stiff import integrate_stiff
 from controller.policy.policies import Policy, Seen
 from controller.policy.signals import TimeVector
+from hfa_model.native.bound import RowsFunction
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
@@ -183,8 +184,8 @@ class CompiledLoop:
         now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
         seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
-        self._seen = ca.Function("loop_seen", [*arguments], seen)
-        self._updraft = ca.Function("loop_updraft", [*arguments], [now.updraft])
+        self._seen = RowsFunction(ca.Function("loop_seen", [*arguments], seen))
+        self._updraft = RowsFunction(ca.Function("loop_updraft", [*arguments], [ca.densify(now.updraft)]))
 
     def fly(
         self,
@@ -217,15 +218,14 @@ class CompiledLoop:
         """w at times (N,) and rows y (N, n) under the constants p of one tick, as in `Flight`; None in still air."""
         if self.loop.gust is None:
             return None
-        return _by_panel(np.array(self._updraft.map(len(times))(times[None], y.T, np.tile(p[:, None], len(times)))).T)
+        return _by_panel(*self._updraft(len(times), times[:, None], y, p))
 
     def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:
         """Errors, inputs, disturbances and updrafts, a row a step, in blocks: one map of all steps takes a gigabyte."""
         blocks = []
         for begin in range(0, len(times), _BLOCK):
             rows = slice(begin, begin + _BLOCK)
-            many = self._seen.map(len(times[rows]))
-            blocks.append([np.array(part).T for part in many(times[None, rows], states[rows].T, constants[rows].T)])
+            blocks.append(self._seen(len(times[rows]), times[rows, None], states[rows], constants[rows]))
         return tuple(np.vstack(parts) for parts in zip(*blocks, strict=True))
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
+from hfa_model.native.bound import RowsFunction
+from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import Parameters
 from hfa_model.reporting.text import degrees, short_number
 from hfa_model.support.errors import BadInputError
@@ -52,16 +53,16 @@ def angles_of_attack(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndar
     """
     if updrafts is None:
         return np.asarray(states[:, STATES.index("alpha")])
-    through_the_air, places = _angle_of_attack(), updrafts.reshape(len(states), -1).T
-    found = [np.array(through_the_air(states.T, each[None])).ravel() for each in places]
+    places = updrafts.reshape(len(states), -1).T
+    found = [_angle_of_attack()(len(states), states, each[:, None])[0].ravel() for each in places]
     return found[0] if len(found) == 1 else np.where(np.abs(found[1]) > np.abs(found[0]), found[1], found[0])
 
 
-@cache
-def _angle_of_attack() -> ca.Function:
+@cached_per_thread(1)
+def _angle_of_attack() -> RowsFunction:
     """(x (7,), w) -> alpha through the air: asked at every tick of a flight, so that it is built once."""
     x, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("w")
-    return ca.Function("angle_of_attack", [x, w], [angle_of_attack(State(*ca.vertsplit(x)), w)])
+    return RowsFunction(ca.Function("angle_of_attack", [x, w], [angle_of_attack(State(*ca.vertsplit(x)), w)]))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
 
+
+@cache
 def toolchain_version() -> str:
     """As the installed distribution has it, such as "0.1.0"."""
     from importlib.metadata import version
