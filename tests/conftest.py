@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import math
 import os
 import sys
+from collections.abc import Iterator
 
 # Matrices of six rows gain nothing from threads; must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -16,6 +18,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
 import pytest
+from learnt_once import share_learning
 
 from controller.game.zero_sum import Game, published_game
 from hfa_model.aircraft import Aircraft
@@ -40,6 +43,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items.sort(
             key=lambda item: [hashlib.sha256(f"{seed} {it}".encode()).digest() for it in (item.path, item.nodeid)]
         )
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()  # thousands of tests, which are never garbage
+
+
+@pytest.fixture(autouse=True, scope="session")
+def learnt_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patched:
+        share_learning(patched)
+        yield
 
 
 @pytest.fixture(scope="session")

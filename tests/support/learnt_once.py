@@ -1,0 +1,39 @@
+"""Runs of the learning laws that the tests of commands share: a run follows from its arguments alone."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game
+
+#: Arguments -> the result, and the tests that had it.
+_RUNS: dict[tuple[Any, ...], tuple[LearningResult, set[str]]] = {}
+
+
+def share_learning(patched: pytest.MonkeyPatch) -> None:
+    """`learn`, as commands call it, runs once for the same arguments; again where one test asks twice."""
+    from controller.laws import learn as module
+    from controller.policy import learned_gain
+
+    learn = module.learn
+
+    def shared(game: Game, law: str = "certified", seed: int = 0, **options: Any) -> LearningResult:
+        if options.get("progress") is not None:
+            return learn(game, law, seed, **options)
+        matrices = (each.tobytes() for each in (game.A, game.B, game.E, game.Q, game.R))
+        key = (law, seed, game.delta, repr(sorted(options.items())), game.B.shape, *matrices)
+        test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0]
+        known = _RUNS.get(key)
+        if known is not None and test not in known[1]:
+            known[1].add(test)
+            return known[0]
+        result = learn(game, law, seed, **options)
+        _RUNS.setdefault(key, (result, set()))[1].add(test)
+        return result
+
+    patched.setattr(module, "learn", shared)
+    patched.setattr(learned_gain, "learn", shared)
