@@ -14,6 +14,8 @@ import numpy as np
 
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
+from hfa_model.native.bound import BoundFunction
+from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.symbolic import by_name, state_rates, symbols
@@ -62,6 +64,12 @@ def compiled_dynamics(variant: Variant) -> CompiledDynamics:
     return CompiledDynamics(variant)
 
 
+@cached_per_thread(maxsize=16)
+def _bound(variant: Variant, name: str) -> BoundFunction:
+    """A Function of `CompiledDynamics` for single points."""
+    return BoundFunction(getattr(compiled_dynamics(variant), name))
+
+
 class Aircraft:
     """Parameters, by default the identified ones, and a variant of the equations, bound together.
 
@@ -85,16 +93,17 @@ class Aircraft:
 
     def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
         """dX/dt, (7,)."""
-        return self._finite(self._functions.rates(*self._checked(x, u), self._p), "rates").ravel()
+        return self._at(x, u, "rates")[0]
 
     def jacobians(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """dX/dt (7,), ∂/∂x (7, 7), ∂/∂u (7, 5)."""
-        value, A, B = self._functions.jacobians(*self._checked(x, u), self._p)
-        return self._finite(value, "rates").ravel(), self._finite(A, "∂/∂x"), self._finite(B, "∂/∂u")
+        value, A, B = self._at(x, u, "jacobians")
+        by_rows = [np.ascontiguousarray(each.reshape(-1, len(STATES)).T) for each in (A, B)]
+        return value, by_rows[0], by_rows[1]
 
     def loads(self, x: ArrayLike, u: ArrayLike) -> Loads:
         """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
-        flat = self._finite(self._functions.loads(*self._checked(x, u), self._p), "loads").ravel().tolist()
+        flat = self._at(x, u, "loads")[0].tolist()
         first, second = len(_AIRCRAFT_LOADS), len(_AIRCRAFT_LOADS) + len(PanelLoads._fields)
         totals = dict(zip(_AIRCRAFT_LOADS, flat[:first], strict=True))
         return Loads(**totals, center=PanelLoads(*flat[first:second]), outer=PanelLoads(*flat[second:]))
@@ -120,11 +129,16 @@ class Aircraft:
         check_in_range(State(*state.tolist()))
         return state, control
 
-    def _finite(self, value: ca.DM, what: str) -> np.ndarray:
-        array = np.array(value)
-        if not np.isfinite(array).all():
-            raise FloatingPointError(f"{what} of the {self.variant.name} dynamics are not finite")
-        return array
+    def _at(self, x: ArrayLike, u: ArrayLike, name: str) -> tuple[np.ndarray, ...]:
+        """The results of a Function of `CompiledDynamics`, flat: columns one after the other."""
+        bound = _bound(self.variant, name)
+        for place, value in zip(bound.inputs, (*self._checked(x, u), self._p), strict=True):
+            place[:] = value
+        bound()
+        results = tuple(result.copy() for result in bound.results)
+        if not all(np.isfinite(result).all() for result in results):
+            raise FloatingPointError(f"{name} of the {self.variant.name} dynamics are not finite")
+        return results
 
 
 def check_in_range(x: State) -> None:

@@ -45,12 +45,8 @@ def is_hurwitz(matrix: np.ndarray) -> bool:
 
 
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """D⁻¹ M D, its rows and columns of similar size, and the diagonal of D, powers of two (LAPACK gebal).
+    """D⁻¹ M D, its rows and columns of similar size, and the diagonal of D, powers of two (LAPACK gebal)."""
+    from scipy.linalg.lapack import dgebal  # SciPy's matrix_balance takes ten times as long around it
 
-    SciPy casts the scaling to integers in passing; where a scale exceeds 2^63 that cast warns, to no effect.
-    """
-    from scipy.linalg import matrix_balance
-
-    with np.errstate(invalid="ignore"):
-        scaled, (scaling, _) = matrix_balance(matrix, permute=False, separate=True)
+    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
     return scaled, scaling
