@@ -18,18 +18,18 @@ from hfa_model.vectors import LINEAR_STATES, UNITS
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("prove") / "certificate.json"
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "--rate", "-o", str(path), "--json")
+    result = hfa("prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(path), "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
     assert data["proved"] is True
-    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 15.0, "unstable": 0}]
+    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 14.25, "unstable": 0}]
     return path
 
 
 def test_a_certificate_is_verified(certificate: Path) -> None:
     result = hfa("prove", "--check", str(certificate))
     assert result.code == 0
-    assert "Verified, proved: dihedral from 14 to 15 deg" in result.out
+    assert "Verified, proved: dihedral from 14 to 14.25 deg" in result.out
     assert "the dihedral moves by at most" in result.out
     assert_refused(hfa("prove", "schedule", "--check", str(certificate)), 2, "leave the statement out")
 
@@ -82,12 +82,12 @@ def test_one_edited_digit_is_refused(certificates: dict[str, Path], kind: str, t
 def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.json"
     copy.write_text(certificate.read_text())
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "--rate", "-o", str(copy), "--resume")
+    result = hfa("prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(copy), "--resume")
     assert result.code == 0
     assert json.loads(copy.read_text())["digest"] == json.loads(certificate.read_text())["digest"]
     edited = copy.read_text().replace('"rate": 0.3', '"rate": 0.4', 1)
     copy.write_text(edited)
-    assert_refused(hfa("prove", "schedule", "--dihedral", "14:15", "-o", str(copy), "--resume"), 2, "edited")
+    assert_refused(hfa("prove", "schedule", "--dihedral", "14:14.25", "-o", str(copy), "--resume"), 2, "edited")
     assert copy.read_text() == edited
     copy.write_text(certificate.read_text())
     other = hfa("prove", "schedule", "--dihedral", "14:14.5", "-o", str(copy), "--resume")
@@ -231,16 +231,16 @@ def test_another_condition_of_the_trims(tmp_path: Path) -> None:
 
 
 def test_errors_of_the_parameters_are_within_the_proof() -> None:
-    result = hfa("prove", "schedule", "--dihedral", "14:15", "--errors", "1", "--rate", "--json")
+    result = hfa("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "--rate", "--json")
     assert result.code == 0
     data = json.loads(result.out)
-    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 15.0, "unstable": 0}]
+    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 14.25, "unstable": 0}]
     assert data["dihedral_rate_deg_s"] > 20.0
 
 
 def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
     for name in ("lpv.npz", "lpv.mat", "lpv.c"):
-        result = hfa("lpv", "--dihedral", "14:14.5", "--tolerance", "2e-3", "-o", str(tmp_path / name))
+        result = hfa("lpv", "--dihedral", "14:14.125", "--tolerance", "2e-3", "-o", str(tmp_path / name))
         assert result.code == 0
         assert result.out.startswith("Proved: ")
     with np.load(tmp_path / "lpv.npz") as stored:
@@ -257,12 +257,12 @@ def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert hfa("design", "--design", "servo", "--dihedral", "11:11.5:0.5", "-o", "servo.npz").code == 0
-    words = ("prove", "schedule", "--dihedral", "11:11.5", "--table", "servo.npz", "--design")
+    assert hfa("design", "--design", "servo", "--dihedral", "11:11.125:0.125", "-o", "servo.npz").code == 0
+    words = ("prove", "schedule", "--dihedral", "11:11.125", "--table", "servo.npz", "--design")
     proved = hfa(*words, "simvfa-1", "-o", "certificate.json")
     assert (proved.code, proved.out.splitlines()[0]) == (
         0,
-        "Proved: every dihedral from 11 to 11.5 deg, published dynamics",
+        "Proved: every dihedral from 11 to 11.125 deg, published dynamics",
     )
-    assert hfa("prove", "--check", "certificate.json").out.startswith("Verified, proved: dihedral from 11 to 11.5 deg")
+    assert hfa("prove", "--check", "certificate.json").out.startswith("Verified, proved: dihedral from 11 to 11.125 deg")
     assert_refused(hfa(*words, "paper"), 2, "aileron_outer has no actuator")
