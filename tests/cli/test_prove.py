@@ -264,5 +264,7 @@ def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design(
         0,
         "Proved: every dihedral from 11 to 11.125 deg, published dynamics",
     )
-    assert hfa("prove", "--check", "certificate.json").out.startswith("Verified, proved: dihedral from 11 to 11.125 deg")
+    assert hfa("prove", "--check", "certificate.json").out.startswith(
+        "Verified, proved: dihedral from 11 to 11.125 deg"
+    )
     assert_refused(hfa(*words, "paper"), 2, "aileron_outer has no actuator")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import Parameters
+from hfa_model.variants import Variant
 from hfa_model.vectors import Input
 from trim.linear.linearize import linearize
 from trim.point.condition import CONTROL_LIMITS
@@ -108,8 +111,13 @@ def _adaptive(order: int) -> Callable[[Flown], FlownLaw]:
 
 def _servo(on: Flown) -> FlownLaw:
     """Ours: the packaged design `servo`, from the same three measurements; one design for both orders."""
-    controller = design_controller(on.aircraft, load_design("servo"), OWN_ANGLES)
-    return servo_law(controller, on.commands, on.aircraft, on.point)
+    return servo_law(_own_design(on.aircraft.parameters, on.aircraft.variant), on.commands, on.aircraft, on.point)
+
+
+@lru_cache(maxsize=2)
+def _own_design(parameters: Parameters, variant: Variant) -> ScheduledController:
+    """One for all cases."""
+    return design_controller(Aircraft(parameters, variant), load_design("servo"), OWN_ANGLES)
 
 
 def _own(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
