@@ -14,6 +14,7 @@ from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from controller.laws import certified, policy_iteration, ramp
 from controller.laws.certified import CertifiedLaw, CertifiedSettings, certified_law
+from controller.laws.law_settings import MOST_SAMPLES
 from controller.laws.learn import learn
 from controller.laws.policy_iteration import Point, stabilizing_step
 from controller.samples.recording import random_pool, record
@@ -195,6 +196,10 @@ def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInputError, match=message):
         learn(published(PUBLISHED[0])[0], **options)
+
+
+def test_the_limits_of_settings_belong_to_them() -> None:
+    assert CertifiedSettings(samples=1, pool_samples=MOST_SAMPLES, tick=10.0).predefined_time == 10.0
 
 
 def test_a_stack_of_too_low_rank_is_refused() -> None:

@@ -53,6 +53,15 @@ def test_exact_solution_passes(name: str) -> None:
     assert failures(game, QUADRATIC.weights(exact.P)) == []
 
 
+def test_the_relative_residual_is_that_of_the_scaled_equation() -> None:
+    game, exact = published(PUBLISHED[0])
+    P, D = exact.P + np.eye(6), np.diag(np.arange(1.0, 7.0))
+    terms = game.A.T @ P, P @ game.A, game.Q, -P @ game.S @ P
+    sizes = [np.linalg.norm(D @ term @ D) for term in terms]
+    expected = np.linalg.norm(D @ sum(terms) @ D) / (2.0 * sizes[0] + sizes[2] + sizes[3])
+    assert relative_residual(game, P, np.diag(D)) == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_small_errors_of_P_are_seen_and_sized(name: str) -> None:
     game, exact = published(name)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 
 import pytest
 
-from hfa_model.jobs.interrupts import held_back
+from hfa_model.jobs.interrupts import Terminated, ended_by_signals, held_back
 
 
 def test_a_signal_is_given_after_the_block() -> None:
@@ -45,3 +46,20 @@ def test_another_thread_holds_nothing_back() -> None:
     thread.start()
     thread.join()
     assert seen == [signal.getsignal(signal.SIGINT)]
+
+
+@pytest.mark.parametrize(("number", "ending"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])
+def test_a_signal_that_comes_where_python_only_prints_it_is_given_again(
+    number: signal.Signals, ending: type[KeyboardInterrupt]
+) -> None:
+    class Gone:
+        def __del__(self) -> None:
+            signal.raise_signal(number)
+
+    def work() -> None:
+        Gone()
+        time.sleep(5.0)
+
+    with pytest.raises(KeyboardInterrupt) as raised, ended_by_signals():
+        work()
+    assert raised.type is ending

@@ -121,3 +121,14 @@ def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> Non
     assert '<td>1.5</td><td class="words good">pass</td>' in Report("", (table,)).html()
     assert "good" not in Report("", (table,)).markdown() + Report("", (table,)).latex()
     assert pickle.loads(pickle.dumps(Toned("pass", "good"))).tone == "good"
+
+
+def test_a_column_of_words_has_fewer_numbers_than_words_in_what_it_says() -> None:
+    columns = {
+        "words": ("a", "b", "-1"),
+        "half": ("a", "-", "2"),
+        "numbers": ("±3", "+4", "b"),
+        "empty": ("-", "", "-"),
+    }
+    page = Report("", (Table(("of", *columns), list(zip("xyz", *columns.values(), strict=True))),)).html()
+    assert [name for name in columns if f'<th scope="col" class="words">{name}</th>' in page] == ["words"]

@@ -10,13 +10,14 @@ import zarr
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import INPUTS, STATE_UNITS, STATES
-from trim.sweeps.stored_sweep import stream_sweep
+from trim.sweeps.stored_sweep import status_counts, stream_sweep
 from trim.sweeps.sweep_plan import SweepPlan
 
 
 def test_a_store_names_its_columns(tmp_path: Path, parameters: Parameters) -> None:
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
-    stream_sweep(SweepPlan(axes, parameters, "published"), tmp_path / "a.zarr")
+    store = stream_sweep(SweepPlan(axes, parameters, "published"), tmp_path / "a.zarr")
+    assert status_counts(store, 4) == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
     attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
     assert attributes["schema"] == "hfa.sweep-store/1"
     assert attributes["variables"] == ["dihedral", "speed"]
