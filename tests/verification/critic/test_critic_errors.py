@@ -83,6 +83,11 @@ def test_every_entry_of_the_value_is_seen(change: float) -> None:
         assert not found["P_entry_error"].ok
 
 
+def test_errors_are_shares_of_what_is_exact() -> None:
+    found = (*value_errors(GAME, 3.0 * EXACT.P, EXACT.P, LIMIT), *gain_errors(GAME, 3.0 * EXACT.K, EXACT.K, LIMIT))
+    assert [check.value for check in found] == pytest.approx([2.0] * 6)
+
+
 def test_every_entry_of_the_gain_is_seen() -> None:
     for i, j in np.ndindex(5, 6):
         K = EXACT.K.copy()

@@ -82,6 +82,12 @@ def test_the_linear_model_recovers_from_everywhere_and_alike_on_both_sides(recov
 def test_a_map_shows_its_report_at_the_prompt(recoverable: RecoverableMap) -> None:
     assert repr(recoverable).startswith("How far u = -K z holds, dihedral 15 deg\n\nnewton dynamics\nfrom trim")
     assert "<table>" in recoverable._repr_html_()
+    ours = [edge for edge in recoverable.edges if edge.plant == "nonlinear"]
+    linear = {(edge.axis, edge.sign): edge for edge in recoverable.edges if edge.plant == "linear"}
+    lines = [line for line in recoverable.report().text().splitlines() if line.startswith(("speed", "dihedral"))]
+    whole = [(edge.held, edge.returned, linear[edge.axis, edge.sign].held).count(edge.reach) for edge in ours]
+    assert [line.count("(all)") for line in lines[: len(ours)]] == whole
+    assert 0 < sum(whole) < 3 * len(whole)
 
 
 def test_commands_arrive_or_not(recoverable: RecoverableMap) -> None:

@@ -11,6 +11,7 @@ from proof_cases import exact_table, family, model_at, unstable_between
 
 from controller.policy.gain_table import GainTable
 from hfa_model.parameters import default_parameters
+from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
 from verification.checker.checker import check_certificate
 from verification.proof.certificate_file import ScheduleCertificate
@@ -60,6 +61,11 @@ def test_an_instability_between_two_angles_is_found_and_refuted() -> None:
     assert proof.loop.counts[-1][1:] == (15.06, 0)
     # What is open are the places where a mode crosses the axis, and they are narrow.
     assert 0.0 < sum(high - low for low, high in proof.loop.gaps) < 0.03
+    report = schedule_report(proof)
+    assert f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for" in report.text()
+    (loop,) = [each for each in report.parts if isinstance(each, Table) and each.header[0].startswith("loop")]
+    assert [row[1] for row in loop.rows].count("open") == len(proof.loop.gaps)
+    assert len(loop.rows) == len(proof.loop.gaps) + len(proof.loop.counts)
 
 
 def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
