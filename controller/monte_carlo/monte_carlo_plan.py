@@ -98,8 +98,8 @@ class MonteCarlo:
 
     @cached_property
     def identity(self) -> str:
-        """A hash of everything that decides the results."""
-        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
+        """A hash of everything that decides the results, the order in which errors are drawn included."""
+        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MonteCarlo) and self.identity == other.identity

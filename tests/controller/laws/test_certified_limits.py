@@ -151,6 +151,17 @@ def test_a_step_too_long_is_halved_until_it_stabilizes() -> None:
     assert fractions < 1.0
 
 
+def test_policy_iteration_on_the_way_ends_where_the_next_step_is_small() -> None:
+    game, exact = lq(PUBLISHED[0])
+    equations = build(game, seed=0)
+    here = Point(equations.scaled(QUADRATIC.weights(1.5 * exact.P)), LQ, 0)
+    n = np.sqrt(1.0 + np.sum(equations.at(here.weights, LQ).regressors ** 2, axis=1))
+    end, converged = policy_iteration.iterate(equations, here, n, to_the_floor=False)
+    assert converged
+    left = np.linalg.norm(newton_step(equations.at(end.weights, LQ), n)) / np.linalg.norm(end.weights)
+    assert left <= policy_iteration.TRACKING**2 * 10.0
+
+
 def test_a_singular_stack_ends_the_iteration_without_convergence() -> None:
     game = stable_game()
     stack = record(game, np.array([[1.0, 0.0]] * 5))

@@ -231,3 +231,5 @@ def test_all_members_fly_one_compiled_function(plan: MonteCarlo, monkeypatch: py
     result = fly_members(replace(plan, seed=99), 0, 4)  # no other test has this plan's loop made
     assert len(made) == 1
     assert len(np.unique(result["final"][:, 0])) == 4
+    _, alone = fly_member(replace(plan, seed=99), 2)
+    np.testing.assert_array_equal(result["final"][2], alone.final + np.array(plan.point.states))

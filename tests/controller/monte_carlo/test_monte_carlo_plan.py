@@ -28,6 +28,7 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
         replace(plan, law=gain_law("exact", 1.01 * gain)),
         replace(plan, law=critic_law("published", critic)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
+        with_scenario(plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))),
         with_scenario(plan, step=0.0005),
         with_scenario(plan, reference=zero(6)),
         with_scenario(plan, gust=OneMinusCosine(100.0, 1.0, 68.0), uncertainty=replace(EVERYTHING, turbulence=None)),

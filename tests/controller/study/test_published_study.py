@@ -127,7 +127,7 @@ def test_another_outcome_is_seen(committed: dict[str, StudyRow]) -> None:
 
 def test_ends_that_hang_on_the_ninth_digit_of_the_start_are_said_to(committed: dict[str, StudyRow]) -> None:
     row = committed["theorem gains, implicit"]
-    assert {len(run.P_errors_nearby) for run in row.runs} == {2}
+    assert {(type(run.P_errors_nearby), len(run.P_errors_nearby)) for run in row.runs} == {(tuple, 2)}
     by_rounding = [run for run in row.runs if run.decided_by_rounding]
     assert by_rounding
     assert all(run.settings.stack_policies == "reevaluated" for run in by_rounding)

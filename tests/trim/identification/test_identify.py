@@ -17,7 +17,7 @@ from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, State
-from trim.identification.evidence import ALTERNATIVES, save_fit
+from trim.identification.evidence import ALTERNATIVES, _left_out, save_fit
 from trim.identification.fit_result import IDENTIFIED, Fit
 from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import regenerate
@@ -246,3 +246,11 @@ def test_a_number_printed_twice_counts_once(parameters: Parameters) -> None:
     relative = entry.half_unit_B[row, column] / np.sqrt(3) / entry.B[row, column]
     error = found.parameters.standard_errors["panel_mass"] / found.parameters.values.panel_mass
     assert error == pytest.approx(relative, rel=0.01)
+
+
+def test_one_angle_determines_all_but_one_combination() -> None:
+    """Which is the pitch inertia's constant and its sin² part, together one factor of the row."""
+    for row in _left_out(lambda _: None):
+        assert row.determined == len(IDENTIFIED) - 1
+        assert row.errors["pitch_rate"] > 0.1
+        assert row.pitch_shape_error < 1e-5

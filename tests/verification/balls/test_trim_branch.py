@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from proof_cases import family, model_at
 
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import default_parameters
 from hfa_model.support.errors import NoSolutionError
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
 from verification.balls.ball_function import Undecided
 from verification.balls.balls import exact
 from verification.balls.taylor import DihedralBox, TaylorForm
@@ -35,6 +41,27 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
             found = at(form, tau)
             rounding = 1e-11 * (1.0 + np.abs(expected).max())
             assert np.all(np.abs(found[..., 0] - expected) <= found[..., 1] + rounding)
+
+
+@pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
+def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> None:
+    values = default_parameters().values
+    width = 1e-4 * getattr(values, name)
+    spread = tuple(width if each == name else 0.0 for each in values._fields)
+    box = DihedralBox(12.0, 12.03125)
+    (errors,) = TrimBranch(replace(family(), spread=spread)).forms(box).errors
+    ends = []
+    for sign in (-1.0, 1.0):
+        moved = Aircraft(values._replace(**{name: getattr(values, name) + sign * width}))
+        ends.append(linearize(moved, find_operating_point(moved, level_flight(math.radians(float(box.middle))))))
+    for part in ("A", "B"):
+        expected = (getattr(ends[1], part) - getattr(ends[0], part)) / 2.0
+        rows = getattr(errors, part).tolist()
+        middle, radius = (
+            np.array([[float(getattr(each, of)()) for each in row] for row in rows]) for of in ("mid", "rad")
+        )
+        assert np.all(np.abs(middle - expected) <= radius + 1e-4 * np.abs(expected).max())
+        assert radius.max() <= 0.5 * np.abs(expected).max()
 
 
 def test_the_remainder_shrinks_with_the_third_power() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,9 @@ def test_actuators_are_found(game: Game) -> None:
     assert (faster.A[4, 4], faster.B[4, 0]) == (-12.0, 12.0)
     assert (faster.A[6, 5], faster.A[6, 6], faster.B[6, 1]) == (-400.0, -28.0, 400.0)
     assert actuators_in(without).inputs == ()
+    B = game.B.copy()
+    B[4, 0] = 5.0  # it ends at 5/6 of its input
+    assert actuators_in(replace(game, B=B)).inputs == (1,)
 
 
 def wrong_gains(game: Game) -> dict[str, np.ndarray]:

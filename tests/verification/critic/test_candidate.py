@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cli import hfa
 from game_answers import AT_15, answer
@@ -14,12 +15,22 @@ from game_files import stored
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from verification.critic.candidate import Candidate
 from verification.riccati.gare import solve_game
 
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("K", "P", "finite"),
+    [(1.0, 1.0, True), (1.0, None, True), (np.nan, 1.0, False), (np.inf, None, False), (1.0, np.nan, False)],
+)
+def test_a_critic_is_finite_where_all_of_it_is(K: float, P: float | None, finite: bool) -> None:
+    made = Candidate(np.full((5, 6), K), None if P is None else np.full((6, 6), P), basis("quadratic", 6))
+    assert made.finite == finite
 
 
 @pytest.fixture(scope="module")

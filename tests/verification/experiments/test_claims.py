@@ -60,6 +60,14 @@ def test_the_coupling_is_that_of_the_printed_rows() -> None:
     assert measured == pytest.approx(min(ratios), rel=1e-14)
 
 
+def test_the_quoted_eigenvalues_are_those_of_the_printed_matrix_but_for_the_slow_pair() -> None:
+    claim = next(claim for _, claim in OF_THE_PRINT if claim.number == "5.3-1")
+    eigenvalues = np.linalg.eigvals(published_models()[1].A)
+    slow = min(eigenvalues[eigenvalues.imag > 0.0], key=abs)
+    measured = claim.measure(Evidence(setting_of("regenerated"), "5.3", {}), PRINT)
+    assert measured == pytest.approx(np.hypot(abs(slow.real) - 0.016, slow.imag - 0.64), rel=1e-9)
+
+
 def evidence_of(setting: Setting, section: str, *records: FlightRecord) -> Evidence:
     return Evidence(setting, section, {record.plan: record for record in records})
 

@@ -194,6 +194,9 @@ def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED), "5.2")
     exact = setting.case(5.0).exact.K
     first, last = (constants(tick)[:30].reshape(6, 5).T for tick in (0, 99))
+    forward = constants_of(setting, CERTIFIED_FF, 0.5)
+    assert not forward(0)[30:].any()
+    assert forward(99)[30:].any()
     assert np.linalg.norm(first - exact) > 0.5 * np.linalg.norm(exact)
     assert np.linalg.norm(last - exact) < 1e-9 * np.linalg.norm(exact)
     assert 0.0 < record.learned_from < 0.5
@@ -226,6 +229,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
         )
     )
     K, n = setting.case(5.0).exact.K, setting.configuration.noise.signal
+    assert (plain.critic, plain.residual.size) == (None, 0)
     np.testing.assert_allclose(plain.inputs, -plain.errors @ K.T, atol=1e-12)
     np.testing.assert_allclose(wrong.inputs, -wrong.errors @ K.T, atol=1e-12)
     np.testing.assert_allclose(noisy.inputs, -(noisy.errors + n.sampled(noisy.times)) @ K.T, atol=1e-12)
