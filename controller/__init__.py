@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from controller.flight.spanwise import side_by_side as side_by_side, spanwise_dryden as spanwise_dryden
     from controller.flight.uncertain import Uncertainty as Uncertainty
     from controller.game.basis import Basis as Basis, basis as basis
+    from controller.game.critic_file import load_critic as load_critic, load_history as load_history
     from controller.game.history import History as History
-    from controller.game.history_file import load_history as load_history
     from controller.game.learning_result import LearningResult as LearningResult
-    from controller.game.model_file import load_critic as load_critic, load_game as load_game
+    from controller.game.model_file import load_game as load_game
     from controller.game.zero_sum import Game as Game, published_game as published_game
     from controller.laws.certified import CertifiedSettings as CertifiedSettings
     from controller.laws.integral_rl import IrlSettings as IrlSettings

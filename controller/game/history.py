@@ -1,14 +1,24 @@
-"""A critic or a gain over time, as a learner has written it down, whoever's it is."""
+"""A critic or a gain, once or over time, as a learner has written it down, whoever's it is."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.model_file import LARGEST_CRITIC_ENTRY, StoredCritic
 from hfa_model.support.errors import BadInputError
+
+#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
+LARGEST_CRITIC_ENTRY = 1e50
+
+
+class StoredCritic(NamedTuple):
+    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m, n); not all None."""
+
+    W: np.ndarray | None
+    P: np.ndarray | None
+    K: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)

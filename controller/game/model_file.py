@@ -1,4 +1,4 @@
-"""A user's plant and a user's critic, read from .json, .npz, .mat or .csv files."""
+"""A user's plant, read from .json, .npz, .mat or .csv files."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.basis import Basis
-from controller.game.file_units import aircraft_scales, file_scales, in_scales
+from controller.game.array_file import aircraft_scales, found_in, read_arrays
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
 from hfa_model.support.echo import shortened
@@ -21,16 +19,6 @@ MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 _NAMES = ("states", "inputs", "state_units", "input_units")
 #: How python-control calls them in a `StateSpace`, and what else it has.
 _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
-#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
-LARGEST_CRITIC_ENTRY = 1e50
-
-
-class StoredCritic(NamedTuple):
-    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m, n); not all None."""
-
-    W: np.ndarray | None
-    P: np.ndarray | None
-    K: np.ndarray | None
 
 
 class StoredGame(NamedTuple):
@@ -78,7 +66,7 @@ def stored_game(
     given |= {key: value for key, value in (("Q", Q), ("R", R), ("delta", delta)) if value is not None}
     for key in ("A", "B"):
         if key not in given:
-            raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{_present(stored)}")
+            raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{found_in(stored)}")
     notes = (f"{path}: A and B are read from its structure {inside}",) * bool(inside) + _notes(path, stored, given)
     shape_A, shape_B = _shape(path, "A", given["A"]), _shape(path, "B", given["B"])
     if shape_B[0] == 1 != shape_A[0]:
@@ -166,40 +154,6 @@ def _defaults(missing: list[str]) -> str:
     return ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
 
 
-def load_critic(path: str | Path, state_units: tuple[str, ...] = (), functions: Basis | None = None) -> StoredCritic:
-    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line.
-
-    state_units: of the plant; a file that says others is converted, W as weights of `functions`.
-    """
-    stored = read_arrays(path)
-    if not any(key in stored for key in StoredCritic._fields):
-        raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{_present(stored)}")
-    parts = {key: _part(path, key, stored[key]) for key in StoredCritic._fields if key in stored}
-    try:
-        scales = file_scales(stored, state_units)
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
-    if np.any(scales != 1.0):
-        parts = in_scales(parts, scales, functions)
-    return StoredCritic(**{key: parts.get(key) for key in StoredCritic._fields})
-
-
-def _part(path: str | Path, key: str, value: Any) -> np.ndarray:
-    values = _numbers(path, key, value)
-    if key == "W":
-        if max(values.shape, default=1) != values.size:
-            raise BadInputError(f"{path}: W has shape {values.shape}; weights are one row or one column")
-        values = values.reshape(-1)
-    elif values.ndim != 2:
-        raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
-    if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
-        raise BadInputError(
-            f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed {LARGEST_CRITIC_ENTRY:g}"
-        )
-    values.setflags(write=False)
-    return values
-
-
 def parse_diagonal(name: str, text: str) -> np.ndarray:
     """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given on the command line.
 
@@ -214,18 +168,6 @@ def parse_diagonal(name: str, text: str) -> np.ndarray:
                 f"{name}: entry {position} is {entry.strip()!r}; give the diagonal as numbers, as in 1,0.5,2"
             ) from error
     return np.diag(entries)
-
-
-def _numbers(path: str | Path, name: str, value: Any) -> np.ndarray:
-    try:
-        array = np.array(value)
-    except ValueError as error:
-        raise BadInputError(f"{path}: {name} has rows that differ in length") from error
-    if array.dtype.kind not in "iuf":
-        raise BadInputError(f"{path}: {name} does not consist of real numbers")
-    if array.size == 0 or not np.all(np.isfinite(array)):
-        raise BadInputError(f"{path}: {name} is empty or has entries that are not finite")
-    return array.astype(float)
 
 
 def _shape(path: str | Path, name: str, value: Any) -> tuple[int, ...]:
@@ -244,7 +186,3 @@ def _scalar(path: str | Path, name: str, value: Any) -> float:
     if array.size != 1 or array.dtype.kind not in "iuf":
         raise BadInputError(f"{path}: {name} must be one number")
     return float(array.reshape(-1)[0])
-
-
-def _present(stored: dict[str, Any]) -> str:
-    return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"

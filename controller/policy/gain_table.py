@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.file_units import file_scales
+from controller.game.array_file import file_scales, read_arrays
+from controller.game.critic_file import load_critic
 from controller.game.history import real_array
-from controller.game.model_file import load_critic
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 

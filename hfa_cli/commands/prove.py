@@ -150,7 +150,7 @@ def _solution(arguments: argparse.Namespace) -> int:
 
 def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.basis import basis
-    from controller.game.model_file import load_critic
+    from controller.game.critic_file import load_critic
     from verification.proof.certificate_file import write_certificate
     from verification.proof.game_certificate import critic_claim
     from verification.proof.game_proof_report import critic_proof_report

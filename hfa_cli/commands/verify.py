@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from controller.game.basis import basis
-from controller.game.history_file import load_history
+from controller.game.critic_file import critic_in
+from controller.game.history import History
 from controller.game.learning_result import LearningResult
-from controller.game.model_file import load_critic
 from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, positive
@@ -86,16 +86,14 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
     """The critic in a file, or each of its rows where it has a time."""
     path, time, game = arguments.weights, arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
-    history = load_history(path, game, arguments.basis, named.state_units)
-    if history is None and time is not None:
+    found = critic_in(path, game, arguments.basis, named.state_units)
+    if not isinstance(found, History) and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     try:
-        if history is not None:
+        if isinstance(found, History):
             told = Progress("compare")
-            return check_history(game, history, predefined_time=time, progress=told, **options_of_all)
-        return check_critic(
-            game, from_stored(game, load_critic(path, named.state_units, functions), functions), **options_of_all
-        )
+            return check_history(game, found, predefined_time=time, progress=told, **options_of_all)
+        return check_critic(game, from_stored(game, found, functions), **options_of_all)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
 

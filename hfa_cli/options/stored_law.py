@@ -45,7 +45,7 @@ def check_stored(arguments: argparse.Namespace) -> bool:
 def stored_law(arguments: argparse.Namespace, game: Game, state_units: tuple[str, ...]) -> FlownLaw:
     """u = -K z of the file that the options name. game: whose B and R make K of a value; state_units: of its states."""
     from controller.game.basis import basis
-    from controller.game.model_file import load_critic
+    from controller.game.critic_file import load_critic
     from controller.policy.flown_law import gain_law
     from verification.critic.candidate import from_gain, from_stored
 

@@ -8,7 +8,7 @@ from verification.critic.critic_errors import ORDINARY_DEVIATIONS
 from verification.experiments.configuration import section5_configuration
 
 #: Values, bases and files: what a critic is made of.
-JUDGED = {f"controller.game.{name}" for name in ("basis", "model_file", "history_file", "learning_result")}
+JUDGED = {f"controller.game.{name}" for name in ("basis", "critic_file", "history", "learning_result")}
 
 
 def test_the_command_takes_no_yardstick_from_the_learner() -> None:

@@ -9,11 +9,11 @@ from types import FrameType
 
 import pytest
 from cli import hfa
-from game_files import small, stored
+from game_files import stored
 from import_graph import LAYERS, ROOT
 
 from controller.game.basis import basis
-from controller.game.model_file import load_game
+from controller.game.zero_sum import Game
 from hfa_cli.main import DONE
 from verification.riccati.gare import solve_game
 
@@ -60,11 +60,10 @@ def test_every_station_of_a_gust_runs() -> None:
     )
 
 
-def test_the_tour_of_a_critic_is_what_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tour_of_a_critic_is_what_runs(tmp_path: Path, game: Game, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exact = solve_game(load_game(small("plant.json")))
-    critic = stored("critic.json", W=basis("quadratic", 2).weights(exact.P))
-    ran = executed("verify", "--model", "plant.json", "--weights", critic)
+    critic = stored("critic.json", W=basis("quadratic", len(game.A)).weights(solve_game(game).P))
+    ran = executed("verify", "--dihedral", "15", "--weights", critic)
     assert len(stations(CRITIC)) <= 15
     assert named(CRITIC) - ran == set()
     of_the_judge = {path for path in ran if path.startswith(_ROOMS)}

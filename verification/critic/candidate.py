@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.game.basis import Basis, basis
-from controller.game.model_file import StoredCritic
+from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 

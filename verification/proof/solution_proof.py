@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.game.model_file import StoredCritic
+from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.balls.balls import flint_or_refusal, matrix, norm

@@ -13,7 +13,8 @@ from game_files import small, stored
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
-from controller.game.model_file import load_critic, load_game, parse_diagonal, stored_game
+from controller.game.critic_file import load_critic
+from controller.game.model_file import load_game, parse_diagonal, stored_game
 from controller.game.zero_sum import Game
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError

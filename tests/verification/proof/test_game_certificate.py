@@ -12,7 +12,7 @@ import pytest
 from proof_cases import family, forge, model_at
 
 from controller.game.basis import basis
-from controller.game.model_file import StoredCritic
+from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import NoSolutionError
 from verification.checker.checker import check_certificate

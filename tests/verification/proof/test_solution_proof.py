@@ -8,7 +8,7 @@ from proof_cases import family, model_at
 from reference_riccati import reference_solution
 
 from controller.game.basis import basis
-from controller.game.model_file import StoredCritic
+from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.balls.balls import flint_or_refusal, matrix

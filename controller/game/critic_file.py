@@ -1,4 +1,4 @@
-"""Critics over time in files: .npz, .mat and .json by name, .csv by column."""
+"""Critics in files, once or over time: .npz, .mat and .json by name, .csv by column."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.basis import basis
+from controller.game.array_file import file_scales, found_in, in_scales, read_arrays
+from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices
-from controller.game.file_units import file_scales, in_scales
-from controller.game.history import History, real_array
+from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic, real_array
 from controller.game.zero_sum import Game
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
@@ -31,6 +30,14 @@ class _Shape(NamedTuple):
     what: str
 
 
+def critic_in(
+    path: str | Path, game: Game, functions: str | None = None, state_units: tuple[str, ...] = ()
+) -> StoredCritic | History:
+    """`load_history` of a file with times, else `load_critic`; the file is read once."""
+    history, stored = _history(path, game, functions, state_units)
+    return history or _once(path, stored, state_units, basis(functions or "quadratic", len(game.A)))
+
+
 def load_history(
     path: str | Path, game: Game, functions: str | None = None, state_units: tuple[str, ...] = ()
 ) -> History | None:
@@ -43,13 +50,72 @@ def load_history(
     state_units: of the plant; a file that says others is converted.
     Raises BadInputError, one line that names the file.
     """
+    return _history(path, game, functions, state_units)[0]
+
+
+def _history(
+    path: str | Path, game: Game, functions: str | None, state_units: tuple[str, ...]
+) -> tuple[History | None, dict[str, Any]]:
+    """`load_history`, and what the file holds."""
     try:
         if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
-            return _of_table(*_read_csv(path), _shapes(game, functions or "quadratic"), functions or "quadratic")
-        return _of_arrays(read_arrays(path), game, functions, state_units)
+            return _of_table(*_read_csv(path), _shapes(game, functions or "quadratic"), functions or "quadratic"), {}
+        stored = read_arrays(path)
+        return _of_arrays(stored, game, functions, state_units), stored
     except BadInputError as error:
         text = str(error)
         raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def load_critic(path: str | Path, state_units: tuple[str, ...] = (), functions: Basis | None = None) -> StoredCritic:
+    """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line.
+
+    state_units: of the plant; a file that says others is converted, W as weights of `functions`.
+    """
+    return _once(path, read_arrays(path), state_units, functions)
+
+
+def _once(
+    path: str | Path, stored: dict[str, Any], state_units: tuple[str, ...], functions: Basis | None
+) -> StoredCritic:
+    if not any(key in stored for key in StoredCritic._fields):
+        raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{found_in(stored)}")
+    parts = {key: _part(path, key, stored[key]) for key in StoredCritic._fields if key in stored}
+    try:
+        scales = file_scales(stored, state_units)
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    if np.any(scales != 1.0):
+        parts = in_scales(parts, scales, functions)
+    return StoredCritic(**{key: parts.get(key) for key in StoredCritic._fields})
+
+
+def _part(path: str | Path, key: str, value: Any) -> np.ndarray:
+    values = _numbers(path, key, value)
+    if key == "W":
+        if max(values.shape, default=1) != values.size:
+            raise BadInputError(f"{path}: W has shape {values.shape}; weights are one row or one column")
+        values = values.reshape(-1)
+    elif values.ndim != 2:
+        raise BadInputError(f"{path}: {key} has {values.ndim} dimension(s); it must be a matrix")
+    if np.abs(values).max() > LARGEST_CRITIC_ENTRY:
+        raise BadInputError(
+            f"{path}: {key} has an entry of {np.abs(values).max():g}; entries must not exceed {LARGEST_CRITIC_ENTRY:g}"
+        )
+    values.setflags(write=False)
+    return values
+
+
+def _numbers(path: str | Path, name: str, value: Any) -> np.ndarray:
+    try:
+        array = np.array(value)
+    except ValueError as error:
+        raise BadInputError(f"{path}: {name} has rows that differ in length") from error
+    if array.dtype.kind not in "iuf":
+        raise BadInputError(f"{path}: {name} does not consist of real numbers")
+    if array.size == 0 or not np.all(np.isfinite(array)):
+        raise BadInputError(f"{path}: {name} is empty or has entries that are not finite")
+    return array.astype(float)
 
 
 def _is_critic(path: str | Path) -> bool:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from controller.game.array_file import file_scales, in_scales
 from controller.game.basis import basis
-from controller.game.file_units import file_scales, in_scales
 from hfa_model.support.errors import BadInputError
 
 FOOT = 0.3048

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from game_files import stored
 
-from controller.game.history_file import load_history
+from controller.game import critic_file
+from controller.game.array_file import read_arrays
+from controller.game.critic_file import critic_in, load_history
+from controller.game.history import History, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
@@ -115,3 +118,11 @@ def test_columns_that_fit_two_kinds_are_to_be_named() -> None:
 def test_no_file_is_one_line(name: str) -> None:
     with pytest.raises(BadInputError, match=r"there is no such file|is not known"):
         load_history(name, GAME)
+
+
+def test_a_critic_is_read_once_whether_it_is_over_time_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = []
+    monkeypatch.setattr(critic_file, "read_arrays", lambda path: opened.append(path) or read_arrays(path))
+    assert isinstance(critic_in(stored("once.npz", K=K[0]), GAME), StoredCritic)
+    assert isinstance(critic_in(stored("rows.npz", K=K, time=TIMES), GAME), History)
+    assert opened == ["once.npz", "rows.npz"]
