@@ -99,9 +99,13 @@ class TaylorForm:
             total = each + tau * total
         return total
 
-    def moves(self) -> list[arb_mat]:
-        """F_1 r, F_2 r²: how far F moves from the middle of the box, but for the rest."""
-        return [each * self.radius**k for k, each in enumerate(self.coefficients[1:], 1)]
+    def at(self, s: int) -> arb_mat:
+        """The polynomial at τ = s radius."""
+        return sum(self.moves(s), self.coefficients[0])
+
+    def moves(self, s: int = 1) -> list[arb_mat]:
+        """F_1 r, F_2 r²: how far F moves from the middle of the box, but for the rest; r = s radius."""
+        return [each * (s * self.radius) ** k for k, each in enumerate(self.coefficients[1:], 1)]
 
     def corners(self) -> Iterator[arb_mat]:
         """Four matrices whose convex hull holds F(τ) for every |τ| <= r.

@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import published_game
 from controller.policy.gain_table import GainTable
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import LINEAR_STATES
-from trim.linear.linearize import linearize
-from trim.point.solve import find_operating_point
 from verification.balls.ball_function import Undecided
 from verification.balls.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
-from verification.balls.trim_branch import ModelForms, TrimBranch
+from verification.balls.trim_branch import TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
-from verification.riccati.gare import solve_game
 
-#: Largest distance between two angles at which P is given, deg; a loop with memory changes faster.
-_STEP, _STEP_WITH_MEMORY = 0.5, 0.125
+#: Largest distance between two angles at which P is given, deg.
+_STEP = 0.125
 #: Parts of the rate that points suggest, tried until one is proved on the whole interval.
 _SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 #: Narrower boxes, deg, are not tried.
 _NARROWEST = 2.0**-6
+#: Steps of the search for W, which goes from angle to angle at most this many of them apart ..
+_TRIES, _STRIDE = 16, 8
+#: .. and how much the angle that allows least counts.
+_POWER = 8
+
+Rows = np.ndarray
 
 
 class MotionBox(NamedTuple):
@@ -95,32 +95,34 @@ def prove_rate(
     low: float,
     high: float,
     *,
-    changes: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RateProof:
     """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
 
-    P is given at some angles and linear between: V is continuous, and its derivative is the above where η is inside a
-    piece. It is the game's for gains of the states, that of `_loop_P` for a loop with memory. changes: of the
-    published game that gives P.
+    P solves A_c'P + P A_c = -W at some angles, with one W for all, and is linear between: V is continuous, its
+    derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
     """
     branch = TrimBranch(family)
-    memory = table.K.shape[-1] > len(LINEAR_STATES)
-    angles = _angles(segments(table, low, high), _STEP_WITH_MEMORY if memory else _STEP)
-    P = np.array(
-        [
-            _loop_P(_loop_at(branch, table, angle)) if memory else _game_P(family, angle, changes or {})
-            for angle in angles
-        ]
-    )
+    angles = _angles(segments(table, low, high))
     boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]
+    nothing = RateProof(0.0, np.array(angles), np.zeros(0))
+    try:
+        loops = [closed_loop(table, branch.forms(box))[0] for box in boxes]
+    except Undecided:
+        return nothing
+    points = [(doubles(loop.coefficients[0]), doubles(loop.coefficients[1])) for loop in loops]
+    if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
+        return nothing
+    suggested, W = _weight([*points[::_STRIDE], points[-1]])
+    ends = [doubles(loop.at(-1)) for loop in loops] + [doubles(loops[-1].at(1))]
+    P = np.array([_lyapunov(A, W) for A in ends])
 
-    def piece(index: int, box: DihedralBox) -> tuple[ModelForms, _Piece]:
+    def piece(index: int, box: DihedralBox) -> tuple[StatedModel, _Piece]:
         forms = branch.forms(box)
         first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
-        return forms, _Piece(*closed_loop(table, forms), value, rise)
+        return stated(forms, branch.free), _Piece(*closed_loop(table, forms), value, rise)
 
     def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
@@ -130,12 +132,12 @@ def prove_rate(
             while waiting:
                 box, turn = waiting.pop(), None
                 try:
-                    forms, own = piece(index, box)
+                    model, own = piece(index, box)
                     turn = own.decreases(rate)
                 except Undecided:
                     pass
                 if turn is not None:
-                    found.append(MotionBox(box, stated(forms, branch.free), turn))
+                    found.append(MotionBox(box, model, turn))
                 elif box.high - box.low > _NARROWEST:
                     waiting += box.halves()[::-1]
                 else:
@@ -144,54 +146,62 @@ def prove_rate(
                 progress(index + 1, len(boxes))
         return tuple(found)
 
-    if not all(is_positive_definite(matrix(each)) for each in P):
-        return RateProof(0.0, np.array(angles), P)
-    suggested = min(_suggested(piece(index, _narrow(box))[1]) for index, box in enumerate(boxes))
-    for share in _SHARES if suggested > 0.0 else ():
-        found = proved_boxes(share * suggested)
-        if found:
-            return RateProof(share * suggested, np.array(angles), P, found)
-    return RateProof(0.0, np.array(angles), P)
+    if all(is_positive_definite(matrix(each)) for each in P):
+        for share in _SHARES:
+            rate = _two_digits(share * suggested)
+            found = proved_boxes(rate)
+            if found:
+                return RateProof(rate, np.array(angles), P, found)
+    return nothing
 
 
-def _angles(segments: list[DihedralBox], step: float) -> list[float]:
-    parts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in segments]
-    return [*np.concatenate(parts).tolist(), segments[-1].high]
+def _two_digits(rate: float) -> float:
+    """A rate, rounded down: what the search found beyond is not worth stating."""
+    unit = math.floor(math.log10(rate)) - 1
+    return float(f"{math.floor(rate / 10.0**unit)}e{unit}")
 
 
-def _game_P(family: Family, degrees: float, changes: Mapping[str, Any]) -> np.ndarray:
-    model = linearize(family.aircraft, find_operating_point(family.aircraft, family.condition(degrees)))
-    return solve_game(published_game(model.A, model.B, **changes)).P
+def _angles(parts: list[DihedralBox], step: float = _STEP) -> list[float]:
+    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in parts]
+    return [*np.concatenate(cuts).tolist(), parts[-1].high]
 
 
-def _loop_at(branch: TrimBranch, table: GainTable, degrees: float) -> np.ndarray:
-    """The loop with memory at an angle, in doubles."""
-    end = min(degrees, float(table.dihedral_deg[-1]) - _NARROWEST)
-    return doubles(closed_loop(table, branch.forms(DihedralBox(end, end + _NARROWEST)))[0].coefficients[0])
-
-
-def _loop_P(loop: np.ndarray) -> np.ndarray:
-    """A_c'P + P A_c = -T⁻ᵀ T⁻¹ with eigenvectors T of norm 1: it changes as smoothly as distinct modes do."""
+def _lyapunov(A: Rows, W: Rows) -> Rows:
+    """P of A'P + P A = -W."""
     from scipy.linalg import solve_continuous_lyapunov
 
-    try:
-        inverse = np.linalg.inv(np.linalg.eig(loop)[1])
-    except np.linalg.LinAlgError as error:
-        raise NoSolutionError("the loop has dependent modes; no rate is proved for it, leave --rate out") from error
-    found = solve_continuous_lyapunov(loop.T, -(inverse.conj().T @ inverse).real)
+    found = solve_continuous_lyapunov(A.T, -W)
     return np.asarray((found + found.T) / 2)
 
 
-def _narrow(box: DihedralBox) -> DihedralBox:
-    middle = float(box.middle)
-    return DihedralBox(middle - _NARROWEST / 2, middle + _NARROWEST / 2)
+def _weight(points: list[tuple[Rows, Rows]]) -> tuple[float, Rows]:
+    """The rate that W allows at all of the points A, dA/dη, and W > 0 which allows much.
 
-
-def _suggested(piece: _Piece) -> float:
-    """The rate at which the decrease at the middle becomes singular, in doubles; 0 when there is none."""
-    decrease, slope = doubles(piece.decrease().coefficients[0]), doubles(piece.slope)
+    At a rate W + η' dP/dη > 0 is asked. W begins so that P is the identity in the modes of the middle point, and is
+    then moved, step by step, towards Σ |dP/dη|^p, a sum over the points in units of W, where the largest counts most.
+    """
+    A = points[len(points) // 2][0]
+    values, vectors = np.linalg.eig(A)
+    best, W = (0.0, np.eye(len(A))), np.eye(len(A))
     try:
-        turn = np.linalg.inv(np.linalg.cholesky(decrease))
-    except np.linalg.LinAlgError:
-        return 0.0
-    return float(1.0 / np.abs(np.linalg.eigvalsh(turn @ slope @ turn.T)).max())
+        inverse = np.linalg.inv(vectors)
+        W = (inverse.conj().T @ (-values.real[:, None] * inverse)).real
+        np.linalg.cholesky(W)
+    except np.linalg.LinAlgError:  # dependent modes
+        W = np.eye(len(A))
+    for _ in range(_TRIES):
+        try:
+            root = np.linalg.cholesky(W)
+        except np.linalg.LinAlgError:
+            break
+        inverse, total, largest = np.linalg.inv(root), np.zeros_like(W), 0.0
+        for A, slope in points:
+            half = _lyapunov(A, W) @ slope
+            sizes, axes = np.linalg.eigh(inverse @ _lyapunov(A, half + half.T) @ inverse.T)
+            largest = max(largest, float(np.abs(sizes).max()))
+            total += (axes * np.abs(sizes) ** _POWER) @ axes.T
+        best = max(best, (1.0 / largest, W), key=lambda each: each[0])
+        sizes, axes = np.linalg.eigh(total)
+        sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
+        W = root @ ((axes * (1.0 + sizes)) @ axes.T) @ root.T / 2
+    return best

@@ -10,26 +10,24 @@ from verification.balls.taylor import DihedralBox
 from verification.proof.rate_proof import _angles, prove_rate
 
 
-@pytest.mark.parametrize(("dynamics", "least"), [("published", 25.0), ("newton", 8.0)])
-def test_the_lyapunov_function_decreases_at_every_rate(dynamics: str, least: float) -> None:
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_lyapunov_function_decreases_at_every_rate(dynamics: str) -> None:
     table = exact_table(14.0, 14.5, dynamics=dynamics)
     found = prove_rate(family(dynamics), table, 14.0, 14.5)
-    assert found.rate > least
-    first, last = found.P[0], found.P[-1]
-    slope = (last - first) / np.radians(0.5)
-    for share in (0.0, 0.3, 0.7, 1.0):
-        model = model_at(14.0 + 0.5 * share, dynamics)
-        P = first + share * (last - first)
-        loop = model.A - model.B @ (table.K[0] + share * (table.K[1] - table.K[0]))
+    assert found.rate > 60.0
+    angles, fastest = found.dihedral_deg, []
+    for i, share in ((0, 0.0), (1, 0.3), (2, 0.7), (3, 1.0)):
+        angle = angles[i] + share * (angles[i + 1] - angles[i])
+        model, along = model_at(angle, dynamics), (angle - 14.0) / 0.5
+        P = found.P[i] + share * (found.P[i + 1] - found.P[i])
+        slope = (found.P[i + 1] - found.P[i]) / np.radians(angles[i + 1] - angles[i])
+        loop = model.A - model.B @ (table.K[0] + along * (table.K[1] - table.K[0]))
         for sign in (-1.0, 1.0):
             growth = loop.T @ P + P @ loop + sign * np.radians(found.rate) * slope
             assert np.linalg.eigvalsh(growth)[-1] < 0.0
+            fastest.append(np.linalg.eigvalsh(growth + sign * np.radians(found.rate) * slope)[-1])
     # Twice as fast, the same function grows somewhere: the rate is not far from what it can prove.
-    model = model_at(14.25, dynamics)
-    P, K = (first + last) / 2, (table.K[0] + table.K[1]) / 2
-    loop = model.A - model.B @ K
-    fast = [loop.T @ P + P @ loop + sign * 2 * np.radians(found.rate) * slope for sign in (-1.0, 1.0)]
-    assert max(np.linalg.eigvalsh(growth)[-1] for growth in fast) > 0.0
+    assert max(fastest) > 0.0
 
 
 def test_pieces_end_where_the_table_s_do_and_are_as_short_as_asked() -> None:
@@ -41,7 +39,7 @@ def test_an_unstable_loop_has_no_rate() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("dynamics", "least"), [("published", 25.0), ("newton", 8.0)])
-def test_the_whole_range(dynamics: str, least: float) -> None:
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_whole_range(dynamics: str) -> None:
     table = exact_table(*np.linspace(0.0, 20.0, 11).tolist(), dynamics=dynamics)
-    assert prove_rate(family(dynamics), table, 0.0, 20.0).rate > least
+    assert prove_rate(family(dynamics), table, 0.0, 20.0).rate > 60.0

@@ -105,12 +105,13 @@ def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
     assert found.rate == proof.rate
 
 
-def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path: Path) -> None:
-    """Modes apart from each other: filters and actuators of different speed."""
+@pytest.mark.parametrize("apart", [0.0, 200.0])
+def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path: Path, apart: float) -> None:
+    """Filters and actuators of different speed, and of the same: modes that are equal, in their vectors too."""
     controller, path = filtered(), tmp_path / "certificate.json"
-    speeds = np.diag(np.linspace(400.0, 600.0, len(SENSORS)))
+    speeds = np.diag(np.linspace(400.0, 400.0 + apart, len(SENSORS)))
     controller = replace(controller, A=-np.array([speeds, speeds]), B=np.array([speeds, speeds]))
-    actuators = {name: Actuator(order=1, bandwidth=200.0 + 20.0 * i) for i, name in enumerate(INPUTS)}
+    actuators = {name: Actuator(order=1, bandwidth=200.0 + 0.1 * apart * i) for i, name in enumerate(INPUTS)}
     table = servo_table(controller, actuators, 68.0)
     proof, motion = prove_schedule(family(), table, 14.0, 14.125), prove_rate(family(), table, 14.0, 14.125)
     assert motion.rate > 0.1
