@@ -160,18 +160,20 @@ def _scaled(value: Any, unit: str) -> Any:
 
 
 def _records(table: Table) -> Table:
-    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`."""
+    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`;
+    printed entries stay as they are."""
     in_brackets = [name.partition(" [")[2].removesuffix("]") for name in table.header]
     pairs = zip(table.header, in_brackets, strict=True)
     header = tuple(name.replace(f"[{unit}]", f"[{unit_in_force(unit)}]") for name, unit in pairs)
-    place = table.header.index("unit") if "unit" in table.header else None
+    stated = "unit" in table.header and any(name in table.header for name in _IN_UNIT)
+    place = table.header.index("unit") if stated else None
 
     def row(index: int) -> tuple[Any, ...]:
         cells = table.rows[index]
         units = in_brackets
         if place is not None:
             units = [cells[place] if name in _IN_UNIT else "" for name in table.header]
-        found = [_scaled(cell, unit) for cell, unit in zip(cells, units, strict=True)]
+        found = [_scaled(cell, unit) if unit else cell for cell, unit in zip(cells, units, strict=True)]
         if place is not None:
             found[place] = unit_in_force(cells[place])
         return tuple(found)

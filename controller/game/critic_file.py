@@ -15,6 +15,7 @@ from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic, real_array
 from controller.game.zero_sum import Game
+from hfa_model.reporting.unit_system import si_unit
 from hfa_model.support.echo import shortened
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.input_files import LARGEST_TEXT, regular_file
@@ -45,7 +46,8 @@ def load_history(
 
     .npz, .mat, .json: `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
     matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). .csv: a line for each time, the time first,
-    then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides.
+    then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides. Behind
+    the names of weights may stand their units in brackets, as `hfa learn` writes them.
     functions: name of the basis of W; by default the one that the file names, or `quadratic`.
     state_units: of the plant; a file that says others is converted.
     Raises BadInputError, one line that names the file.
@@ -59,7 +61,8 @@ def _history(
     """`load_history`, and what the file holds."""
     try:
         if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
-            return _of_table(*_read_csv(path), _shapes(game, functions or "quadratic"), functions or "quadratic"), {}
+            name = functions or "quadratic"
+            return _of_table(*_read_csv(path), _shapes(game, name), name, state_units), {}
         stored = read_arrays(path)
         return _of_arrays(stored, game, functions, state_units), stored
     except BadInputError as error:
@@ -206,7 +209,13 @@ def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
     return tuple(names[column] for column in used) if names else (), table
 
 
-def _of_table(names: tuple[str, ...], table: np.ndarray, shapes: dict[str, _Shape], functions: str) -> History:
+def _of_table(
+    names: tuple[str, ...],
+    table: np.ndarray,
+    shapes: dict[str, _Shape],
+    functions: str,
+    state_units: tuple[str, ...],
+) -> History:
     times, values = table[:, 0], table[:, 1:]
     count = values.shape[1]
     letters = {name[:1].upper() for name in names[1:]}
@@ -219,7 +228,19 @@ def _of_table(names: tuple[str, ...], table: np.ndarray, shapes: dict[str, _Shap
         raise BadInputError(f"there are {count} columns beside the time; {wanted}")
     if len(fitting) > 1:
         raise BadInputError(f"{count} columns may be {' or '.join(sorted(fitting))}; name them, as in t,W1,W2")
-    return History(times, **{fitting[0]: values.reshape(len(times), *shapes[fitting[0]].size)}, basis=functions)
+    kind = fitting[0]
+    rows = {kind: values.reshape(len(times), *shapes[kind].size)}
+    if kind == "W" and any(state_units):
+        psi = basis(functions, len(state_units))
+        rows = in_scales(rows, file_scales({"state_units": _units_of(names[1:], psi, state_units)}, state_units), psi)
+    return History(times, **rows, basis=functions)
+
+
+def _units_of(names: tuple[str, ...], psi: Basis, state_units: tuple[str, ...]) -> tuple[str, ...]:
+    """State units of columns like "W1 [1/((m/s) (m/s))]": those of the plant unless all say the SI ones."""
+    si = tuple(map(si_unit, state_units))
+    said = [name.partition("[")[2].removesuffix("]") for name in names]
+    return si if said == psi.weight_units(si) else state_units
 
 
 def _is_number(cell: str) -> bool:

@@ -127,12 +127,16 @@ class LearningResult(Reported):
                 *([Table(("number of the law", "value"), numbers)] if numbers else []),
             ),
             data=data | rows if history else data,
-            records=self._records(),
+            records=self._records(of_states),
         )
 
-    def _records(self) -> Table:
-        """One row a recorded time: residuals and weights."""
-        header = ("time", "residual_norm", "law_residual_norm", *(f"W{i + 1}" for i in range(self.weights.shape[1])))
+    def _records(self, state_units: tuple[str, ...]) -> Table:
+        """One row a recorded time: residuals and weights, with units where they are known."""
+        units = ["" for _ in self.weights[0]]
+        if any(state_units):
+            units = [f" [{unit}]" for unit in basis(self.basis, len(state_units)).weight_units(state_units)]
+        weights = (f"W{i}{unit}" for i, unit in enumerate(units, start=1))
+        header = ("time [s]", "residual_norm", "law_residual_norm", *weights)
         columns = self.times, self.residual_norm, self.law_residual_norm
         return Table(
             header, RowsMade(len(self.times), lambda i: (*(column[i] for column in columns), *self.weights[i]))

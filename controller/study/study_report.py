@@ -19,6 +19,7 @@ from hfa_model.support.jsonable import jsonable
 SCHEMA = "hfa.published-study/2"
 #: Numbers that are nan, not inf, where a run did not get so far.
 _NAN = ("last_lambda_0",)
+_SECONDS = ("settled", "explicit_step_limit", "predefined_time", "step")
 _RANGES = ("lambda_0", "alpha1", "alpha2", "explicit_step_limit", "P_error", "K_error", "settled", "last_lambda_0")
 
 
@@ -102,7 +103,8 @@ def _records(rows: tuple[StudyRow, ...]) -> Table:
         for row in rows
         for run in row.runs
     ]
-    return Table(("row", *numbers, *settings), body)
+    header = [f"{name} [s]" if name in _SECONDS else name for name in (*numbers, *settings)]
+    return Table(("row", *header), body)
 
 
 def _counts(row: StudyRow) -> dict[str, int | None]:

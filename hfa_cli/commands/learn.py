@@ -10,7 +10,6 @@ from hfa_cli.options.games import add_game, game_of
 from hfa_cli.options.learning_options import add_learning
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
-from hfa_model.support.errors import BadInputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,10 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn and report; exit 1 when a certificate does not hold."""
-    if arguments.units == "si" and arguments.output is not None and arguments.output.suffix.lower() == ".csv":
-        raise BadInputError(
-            "--units does not go with .csv, whose columns of weights have no units; write .json or .npz"
-        )
     named = game_of(arguments)
     result = run_learning(arguments, named.game)
     whole = result.report(*named.names, history=True)

@@ -102,5 +102,10 @@ def _csv(records: Table) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(records.header)
     for row in records.rows:
-        writer.writerow([repr(float(cell)) if isinstance(cell, (float, np.floating)) else cell for cell in row])
+        writer.writerow([_digits(cell) if isinstance(cell, (float, np.floating)) else cell for cell in row])
     return stream.getvalue()
+
+
+def _digits(value: float | np.floating) -> str:
+    """All digits; polars takes NaN for a number, and nan for text."""
+    return "NaN" if np.isnan(value) else repr(float(value))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
-from importlib.util import find_spec
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,31 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
+#: What writes .csv files; the columns of numbers in it that have no unit.
+_ENTRIES = ("half_units", "percent")
+_ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
+_LEARNED = ("residual_norm", "law_residual_norm")
+_RUN = ("lambda_0", "alpha1", "alpha2", "P_error", "K_error", "last_lambda_0", "seed")
+_LAW = ("eta", "theta", "gamma", "samples", "pool_samples", "initial_weights", "recorded_weights", "gains")
 TABLES = {
-    "linearize": ("linearize", "--dihedral", "10"),
-    "sweep": ("sweep", "--dihedral", "0:10:5"),
-    "trim": ("trim", "--dihedral", "10"),
+    "linearize --dihedral 10 --outputs load_factor,gamma": (),
+    "sweep --dihedral 0:10:5": (),
+    "sweep --dihedral 5,60 --alpha 1,2 --game": ("delta_min", "disk_margin", "gain_margin"),
+    "trim --dihedral 10": (),
+    "regenerate": _ENTRIES,
+    "validate": _ENTRIES,
+    "solve --dihedral 10": (),
+    "learn --dihedral 10 --set predefined_time=2": _LEARNED,
+    "verify --dihedral 10": (),
+    "verify --dihedral 10 --weights learn.npz": _ERRORS,
+    "fly --dihedral 10 --duration 0.1": (),
+    "study --only 'theorem gains, explicit'": (*_RUN, *_LAW),
+}
+SLOW_TABLES = {
+    "schedule --dihedral 5 --to 5.1 --over 0.1 --points 2 --duration 5.2": (),
+    "map --dihedral 10 --speeds -1:1:1 --dihedrals 0 --commands 0,1": ("held", "returned"),
+    "lpv --dihedral 10:11": (),
+    "identify": _ENTRIES,
 }
 
 
@@ -73,25 +95,46 @@ def test_refusals_are_one_line(name: str, text: str, said: str, tmp_path: Path) 
     assert_refused(hfa("solve", "--model", str(tmp_path / name)), 2, name, said)
 
 
-@pytest.mark.parametrize("library", ["pandas", "polars"])
-@pytest.mark.parametrize("command", TABLES)
-def test_tables_are_read_as_they_are(command: str, library: str, tmp_path: Path) -> None:
-    if find_spec(library) is None:
-        pytest.skip(f"{library} is not installed")
-    module = __import__(library)
-    path = tmp_path / "table.csv"
-    data = json.loads(hfa(*TABLES[command], "-o", str(path), "--json").out)
-    table = module.read_csv(path)
-    columns = {name: table[name].to_numpy() for name in table.columns}
-    if command == "sweep":
-        np.testing.assert_array_equal(columns["dihedral [rad]"], np.ravel(data["values"]))
-        np.testing.assert_array_equal(columns["state speed [ft/s]"], np.array(data["operating_states"])[:, 0])
-        return
-    if command == "linearize":
-        rows = columns["matrix"] == "A"
-        np.testing.assert_array_equal(columns["value"][rows].reshape(6, 6), data["A"])
-        assert columns["unit"][0] == "(ft/s^2)/(ft/s)"
-        return
-    rows = columns["name"] == "throttle"
-    assert columns["value"][rows][0] == data["operating_point"]["inputs"]["throttle"]
-    assert columns["unit"][columns["name"] == "alpha"][0] == "rad"
+@pytest.mark.parametrize("command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)])
+def test_tables_are_read_as_they_are(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column "unit"."""
+    monkeypatch.chdir(tmp_path)
+    if "learn.npz" in command:
+        assert hfa("learn", "--dihedral", "10", "--set", "predefined_time=2", "-o", "learn.npz").code == 0
+    hfa(*shlex.split(command), "-q", "-o", "table.csv")
+    with Path("table.csv").open(encoding="utf-8", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    for library in ("pandas", "polars"):
+        table = pytest.importorskip(library).read_csv("table.csv")
+        assert list(table.columns) == header
+        for name, cells in zip(header, zip(*rows, strict=True), strict=True):
+            if any(cells) and all(map(is_number, cells)):
+                known = [float(cell or "nan") for cell in cells]
+                np.testing.assert_allclose(table[name].to_numpy().astype(float), known, rtol=1e-15, err_msg=name)
+                assert has_unit(name, header) != (name in (TABLES | SLOW_TABLES)[command]), name
+        about = json.loads(table["about"][0])
+        assert about["schema"].startswith("hfa.")
+        assert about["provenance"]["command"].startswith(f"hfa {command}")
+
+
+def is_number(cell: str) -> bool:
+    """Or nothing."""
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def has_unit(name: str, header: list[str]) -> bool:
+    beside = name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
+    return beside or name.endswith("]") or name.endswith("_deg")
+
+
+def test_a_column_of_units_is_found(tmp_path: Path) -> None:
+    pandas, path = pytest.importorskip("pandas"), tmp_path / "table.csv"
+    data = json.loads(hfa("linearize", "--dihedral", "10", "--units", "si", "-o", str(path), "--json").out)
+    table = pandas.read_csv(path).set_index(["matrix", "row", "column"])
+    assert table.unit["A", "speed", "pitch"] == "(m/s^2)/(rad)"
+    found = table.value["A"].unstack().loc[data["states"], data["states"]]
+    np.testing.assert_allclose(found.to_numpy(), data["A"], rtol=1e-15)

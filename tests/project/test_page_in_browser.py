@@ -56,6 +56,7 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
     with browser() as driver:
         assert hfa("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15").code == DONE
         driver.get((tmp_path / "page.html").as_uri())
+        assert settles(driver, "document.body.classList.contains('scripted')")
         with subtests.test("names are escaped and nothing is loaded from elsewhere"):
             assert driver.title == "Highly flexible aircraft: linear models"
             assert NAME in driver.find_element("tag name", "main").text

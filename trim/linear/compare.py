@@ -13,7 +13,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import TONES, Table, Toned, four_decimals
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
@@ -157,5 +157,9 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
     """The same with all digits; printed angle (deg) -> entries."""
-    rows = [(angle, *entry.to_dict().values()) for angle, group in entries.items() for entry in group]
-    return Table(("dihedral_deg", "entry", "printed", "computed", "half_units", "percent"), rows)
+    rows = [
+        (angle, *entry.to_dict().values(), entry_unit(entry.row, entry.column))
+        for angle, group in entries.items()
+        for entry in group
+    ]
+    return Table(("dihedral_deg", "entry", "printed", "computed", "half_units", "percent", "unit"), rows)

@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.zero_sum import published_game
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, shown_unit, shown_value
-from hfa_model.reporting.unit_system import system_in_force
+from hfa_model.reporting.unit_system import gain_unit
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.vectors import INPUTS, UNITS
@@ -89,9 +89,7 @@ def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     if records is not None:
         pairs = [(row, column) for row in INPUTS for column in found.model_states]
         pairs = [(row, column) for row in INPUTS for column in found.model_states]
-        # The unit stands beside the name where it is not that of the model.
-        units = [f" [({UNITS[row]})/({UNITS[column]})]" * (system_in_force() == "si") for row, column in pairs]
-        entries = [f"K({row}, {column}){unit}" for (row, column), unit in zip(pairs, units, strict=True)]
+        entries = [f"K({row}, {column}) [{gain_unit(UNITS[row], UNITS[column])}]" for row, column in pairs]
         header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
         numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
         rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]

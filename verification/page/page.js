@@ -1,4 +1,10 @@
-// Hands each figure to Plotly, and shows what belongs to the angle of the slider.
+// Unpacks Plotly's script, hands each figure to it, and shows what belongs to the angle of the slider.
+const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), (each) => each.charCodeAt(0));
+const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+const plotly = document.createElement("script");
+plotly.textContent = await new Response(unpacked).text();
+document.head.append(plotly);
+
 const plots = [...document.querySelectorAll("script[data-plot]")].map((script) => {
   const box = document.getElementById(script.dataset.plot);
   const figure = JSON.parse(script.textContent);

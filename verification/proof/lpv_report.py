@@ -9,7 +9,8 @@ import numpy as np
 from controller.export.c_model import comment_lines
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_model.reporting.unit_system import gain_unit
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, UNITS, entry_unit
 from verification.proof.lpv_grid import LpvGrid
 
 SCHEMA = "hfa.lpv/1"
@@ -99,15 +100,16 @@ def _numbers(values: np.ndarray) -> str:
 def _records(grid: LpvGrid) -> Table:
     rows = []
     for k, angle in enumerate(grid.dihedral_deg.tolist()):
-        for name, matrix, names, columns in (
-            ("A", grid.A[k], LINEAR_STATES, LINEAR_STATES),
-            ("B", grid.B[k], LINEAR_STATES, INPUTS),
-            ("K", grid.K[k], INPUTS, LINEAR_STATES),
+        for name, matrix, names, columns, unit in (
+            ("A", grid.A[k], LINEAR_STATES, LINEAR_STATES, entry_unit),
+            ("B", grid.B[k], LINEAR_STATES, INPUTS, entry_unit),
+            ("K", grid.K[k], INPUTS, LINEAR_STATES, lambda row, column: gain_unit(UNITS[row], UNITS[column])),
         ):
             rows += [
-                (angle, name, row, column, matrix[i, j])
+                (angle, name, row, column, matrix[i, j], unit(row, column))
                 for i, row in enumerate(names)
                 for j, column in enumerate(columns)
             ]
-        rows += [(angle, "U0", name, "", value) for name, value in zip(INPUTS, grid.inputs[k].tolist(), strict=True)]
-    return Table(("dihedral_deg", "matrix", "row", "column", "value"), rows)
+        offsets = zip(INPUTS, grid.inputs[k].tolist(), INPUT_UNITS, strict=True)
+        rows += [(angle, "U0", name, "", value, unit) for name, value, unit in offsets]
+    return Table(("dihedral_deg", "matrix", "row", "column", "value", "unit"), rows)

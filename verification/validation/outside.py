@@ -9,7 +9,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
+from hfa_model.vectors import INPUTS, LINEAR_STATES, Input, entry_unit
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,11 @@ class PrintedEntry:
     def value(self) -> float:
         """The printed number."""
         return float(self.digits)
+
+    @property
+    def unit(self) -> str:
+        """Of the number."""
+        return entry_unit(self.row, self.column)
 
     @property
     def half_unit(self) -> float:

@@ -67,8 +67,11 @@ class Validation(Reported):
             ),
             data=_data(self),
             records=Table(
-                ("entry", "printed", "computed", "half_units"),
-                [(each.printed.name, each.printed.value, each.computed, each.half_units) for each in self.entries],
+                ("entry", "printed", "computed", "half_units", "unit"),
+                [
+                    (each.printed.name, each.printed.value, each.computed, each.half_units, each.printed.unit)
+                    for each in self.entries
+                ],
             ),
         )
 
