@@ -55,7 +55,7 @@ _RATES = RATE_UNITS._asdict()
 _LINEAR = tuple(UNITS[name] for name in LINEAR_STATES)
 _OF_SIGNAL = dict.fromkeys(("constant", "slope", "sine", "cosine"), _LINEAR)
 #: Columns of records whose unit stands in the column "unit".
-_IN_UNIT = ("value", "band", "learned", "exact")
+_IN_UNIT = ("value", "band", "learned", "exact", "printed", "computed")
 _MOMENTS = ("pitching_moment", "hinge_moment", "center_moment", "outer_moment")
 #: Tables that state their own units: of what was typed, and of what is compared with the print.
 _AS_THEY_ARE = ("provenance", "regeneration")
@@ -160,13 +160,11 @@ def _scaled(value: Any, unit: str) -> Any:
 
 
 def _records(table: Table) -> Table:
-    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`;
-    printed entries stay as they are."""
+    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`."""
     in_brackets = [name.partition(" [")[2].removesuffix("]") for name in table.header]
     pairs = zip(table.header, in_brackets, strict=True)
     header = tuple(name.replace(f"[{unit}]", f"[{unit_in_force(unit)}]") for name, unit in pairs)
-    stated = "unit" in table.header and any(name in table.header for name in _IN_UNIT)
-    place = table.header.index("unit") if stated else None
+    place = table.header.index("unit") if "unit" in table.header else None
 
     def row(index: int) -> tuple[Any, ...]:
         cells = table.rows[index]

@@ -179,7 +179,7 @@ def test_learn_writes_the_same_history_in_every_format() -> None:
     with Path("run.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert json.loads(rows[0]["about"])["schema"] == data["schema"]
-    assert [float(row["time"]) for row in rows] == data["times"]
+    assert [float(row["time [s]"]) for row in rows] == data["times"]
     assert [[float(row[f"W{i}"]) for i in (1, 2, 3)] for row in rows] == data["weights"]
 
 

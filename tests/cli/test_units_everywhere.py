@@ -156,7 +156,6 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
         (("design", "--design", "servo", "-o", "a.npz"), "a controller and a design are in ft, slug, lbf"),
         (("identify", "-o", "a.toml"), "a parameters file is in ft, slug, lbf"),
         (("identify", "--write", "."), "a parameters file is in ft, slug, lbf"),
-        (("learn", *AT, "-o", "a.csv"), "whose columns of weights have no units"),
     ],
     ids=lambda value: " ".join(value[::3]) if isinstance(value, tuple) else "",
 )
@@ -180,6 +179,17 @@ def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path)
     for system in ("english", "si"):
         result = hfa("verify", "--model", files["linearize", "si"], "--weights", files["solve", system])
         assert result.code == 0, (result.out, result.err)
+
+
+def test_weights_over_time_in_the_units_of_their_columns(tmp_path: Path) -> None:
+    """A table says its units in the names of its columns; without them they are those of the plant."""
+    file = tmp_path / "run.csv"
+    assert hfa("learn", *AT, "--units", "si", "-o", str(file)).code == 0
+    text = file.read_text("utf-8")
+    assert text.startswith("time [s],residual_norm,law_residual_norm,W1 [1/((m/s) (m/s))],")
+    assert hfa("verify", *AT, "--weights", str(file)).code == 0
+    file.write_text(text.replace("(m/s)", "(ft/s)"), "utf-8")
+    assert hfa("verify", *AT, "--weights", str(file)).code == 1
 
 
 def test_weights_over_time_in_other_units(tmp_path: Path) -> None:

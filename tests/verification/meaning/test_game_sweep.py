@@ -61,9 +61,9 @@ def test_points_below_their_smallest_delta_say_it(tmp_path: Path) -> None:
     assert "\n0: no value of the game: the Hamiltonian has an eigenvalue on the imaginary axis" in text.out
     assert "delta = 113 is below delta_min = 114.9205; ask for a larger delta\n10: no value" in text.out
     rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-    assert [row["disk_margin"] == "nan" for row in rows] == [True, True, False]
+    assert [row["disk_margin"] == "NaN" for row in rows] == [True, True, False]
     assert [round(float(row["delta_min"]), 1) for row in rows] == [114.9, 114.5, 112.1]
-    assert float(rows[2]["K(throttle, speed)"]) > 0.0
+    assert float(rows[2]["K(throttle, speed) [(1)/(ft/s)]"]) > 0.0
 
 
 def test_files_hold_stacked_arrays(tmp_path: Path) -> None:
