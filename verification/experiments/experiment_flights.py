@@ -46,6 +46,7 @@ class FlightRecord:
 
     times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman residual of the learned
     value at the simulated error; critic: None for laws that do not learn. lost_at: s, inf when it came to its end.
+    limits: (2, 5), lowest and highest inputs that this project assumes.
     """
 
     plan: FlightPlan
@@ -59,6 +60,7 @@ class FlightRecord:
     learned_from: float
     lost_at: float
     metrics: FlightMetrics
+    limits: np.ndarray
 
     @property
     def held(self) -> bool:
@@ -96,6 +98,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
         learned_from=flown.certified_from,
         lost_at=lost_at,
         metrics=flight_metrics(setting, case, flight, lost_at, learning),
+        limits=case.input_limits,
     )
 
 

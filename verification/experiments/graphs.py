@@ -69,13 +69,15 @@ def input_panels(
             unit = getattr(INPUT_UNITS, name)
             label, marked = _labelled(name, unit), _mark(T_w, records)
             # The first instants are tens of times larger than the rest.
-            panels.append(Panel(title if row == 0 else "", label, lines, "asinh", marked, linear_part=0.1))
+            limits = tuple(records[0].limits[:, row].tolist())
+            panels.append(Panel(title if row == 0 else "", label, lines, "asinh", marked, 0.1, limits))
     return tuple(panels)
 
 
 def weights_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
     """The weights of the critic, in the units of the model (cost, ft/s, rad): the largest by name."""
-    return Panel(title, "weights W", _named_lines(record, record.times, _weights(record)), "asinh", _mark(T_w))
+    label = "weights W, of z in ft/s, rad"
+    return Panel(title, label, _named_lines(record, record.times, _weights(record)), "asinh", _mark(T_w))
 
 
 def increments_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
@@ -93,9 +95,11 @@ def _named_lines(record: FlightRecord, times: np.ndarray, values: np.ndarray) ->
     """The columns of the weights that end largest by their monomials, and all others as one bundle below them."""
     assert record.critic is not None
     order = np.argsort(-np.abs(_weights(record)[-1]), kind="stable")
-    others = Line(f"the other {len(order) - _NAMED}", times, values[:, np.sort(order[_NAMED:])])
-    exponents = record.critic.basis.exponents
-    return others, *(Line(_monomial(exponents[m]), times, values[:, m]) for m in order[:_NAMED])
+    named, others = np.sort(order[:_NAMED]), np.sort(order[_NAMED:])
+    names = [_monomial(powers) for powers in record.critic.basis.exponents]
+    return Line(f"the other {len(others)}", times, values[:, others]), *(
+        Line(names[m], times, values[:, m]) for m in named
+    )
 
 
 def _monomial(exponents: np.ndarray) -> str:

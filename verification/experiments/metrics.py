@@ -13,7 +13,6 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.laws.certify import settled_at
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from trim.point.condition import CONTROL_LIMITS
 
 if TYPE_CHECKING:
     from verification.experiments.flown_laws import Critic
@@ -102,7 +101,7 @@ def flight_metrics(
     errors, efforts = _quadratic(z, game.Q), _quadratic(u, game.R)
     size, command = np.abs(z[:, _ROWS]), np.abs(setting.configuration.reference.signal.constant[_ROWS])
     peak = np.abs(u).max(axis=0)
-    low, high = np.array(CONTROL_LIMITS).T - case.trim_inputs
+    low, high = case.input_limits
     banded = list(zip(TRACKED, size.T, (criteria.close * command).tolist(), strict=True))
     return FlightMetrics(
         lost_at=None,

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.reporting.figure import new_figure
-from verification.experiments.first_second import Line, draw_inset
+from hfa_model.reporting.figure import enlarge_first_second, new_figure
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, INTEGRAL, MODIFIED, PRINTED
 
 if TYPE_CHECKING:
@@ -19,6 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COMMAND = "command"
+#: Of the time: nothing is drawn from there on, which is said.
+_RESTS = 0.7
+#: Of a limit: from there on it is drawn.
+_NEAR = 0.8
 #: What follows the name of a law in the legend when its flight was lost.
 LOST = " (lost at "
 #: Lightness, dashes and width together tell the lines apart, also in print without color.
@@ -39,6 +42,8 @@ _STYLES: dict[str, dict[str, Any]] = {
     EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
     EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
 }
+#: Places besides 0 that a scale should have.
+_MARKS = 4
 #: For lines that are not laws: cases of uncertainty, weights.
 _CYCLE: tuple[dict[str, Any], ...] = (
     {"color": "black", "linestyle": "-", "linewidth": 2.2},
@@ -51,10 +56,20 @@ _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 
 @dataclass(frozen=True, eq=False)
+class Line:
+    """x: (N,), y: (N,) or (N, k) for a bundle without names of its own."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Panel:
     """One pair of axes. y_label with its unit; scale: "linear", "log" or "asinh"; marked: times of vertical lines.
 
     linear_part: the part of the largest value below which an "asinh" axis is linear, rounded to a power of ten.
+    limits: lowest and highest value that is allowed, drawn where a line comes near them.
     """
 
     title: str
@@ -63,6 +78,7 @@ class Panel:
     scale: str = "linear"
     marked: tuple[tuple[float, str], ...] = ()
     linear_part: float = 1e-3
+    limits: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +89,10 @@ class PaperFigure:
     title: str
     columns: int
     panels: tuple[Panel, ...]
+
+    def __str__(self) -> str:
+        """Number and title."""
+        return f"Figure {self.number}. {self.title}"
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -89,8 +109,7 @@ class PaperFigure:
 def draw(picture: PaperFigure) -> Figure:
     """The picture, with one legend for all panels."""
     rows = -(-len(picture.panels) // picture.columns)
-    figure = new_figure(5.4 * picture.columns, 0.9 + (2.1 if rows > 2 else 2.8) * rows)
-    figure.suptitle(f"Figure {picture.number}. {picture.title}", fontsize=11)
+    figure, title = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows), str(picture)
     grid = figure.subplots(rows, picture.columns, squeeze=False, sharex=True)
     labels: dict[str, Any] = {}
     for axes, panel in zip(grid.ravel(), picture.panels, strict=False):
@@ -104,10 +123,11 @@ def draw(picture: PaperFigure) -> Figure:
         last = (len(picture.panels) - 1 - column) // picture.columns
         grid[last, column].set_xlabel("time, s")
         grid[last, column].tick_params(labelbottom=True)
-    if labels:
-        figure.legend(
-            labels.values(), labels, loc="outside lower center", ncols=min(len(labels), 2 + picture.columns), fontsize=9
-        )
+    if labels:  # above, where no caption is
+        columns = min(len(labels), 2 + picture.columns)
+        figure.legend(labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title)
+    else:
+        figure.suptitle(title, fontsize=10)
     return figure
 
 
@@ -119,6 +139,10 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     _draw_lines(axes, panel.lines)
     if any(line.y.ndim == 2 for line in panel.lines):  # named lines of one panel are not those of the next
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
+    drawn = np.concatenate([line.y.ravel() for line in panel.lines])
+    for limit in panel.limits:
+        if np.any(drawn / limit > _NEAR):
+            axes.axhline(limit, color="black", linestyle=(0, (6, 3)), linewidth=0.7, zorder=0, label="limit")
     for time, _ in panel.marked:
         axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
     if panel.title and panel.marked:  # panels without a title stand below one that has the names already
@@ -130,12 +154,21 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set_ylabel(panel.y_label, fontsize=9)
     axes.tick_params(labelsize=8, which="both")
     axes.grid(alpha=0.3)
-    drawn = np.concatenate([line.x for line in panel.lines])
-    if len(drawn):  # of all values, also those that a logarithmic axis leaves out
-        margin = 0.02 * float(np.ptp(drawn)) or 1.0
-        axes.set_xlim(float(drawn.min()) - margin, float(drawn.max()) + margin)
-    if panel.scale == "linear":
-        draw_inset(axes, panel.lines, _draw_lines)
+    times = np.concatenate([line.x for line in panel.lines])
+    if len(times):  # of all values, also those that a logarithmic axis leaves out
+        margin = 0.02 * float(np.ptp(times)) or 1.0
+        axes.set_xlim(float(times.min()) - margin, float(times.max()) + margin)
+        moving = max(_last(line) for line in panel.lines if len(line.x))
+        if moving < _RESTS * times.max():
+            middle = 0.5 * float(moving + times.max())
+            axes.text(middle, 0.5, f"0 from {moving:.3g} s on", transform=axes.get_xaxis_transform(), ha="center")
+    if panel.scale != "log":
+        enlarge_first_second(axes)
+
+
+def _last(line: Line) -> float:
+    """The time of its last finite value."""
+    return float(line.x[np.isfinite(line.y.reshape(len(line.x), -1)).any(axis=1)].max(initial=0.0))
 
 
 def _draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
@@ -156,17 +189,22 @@ def _scale_by_asinh(axes: Axes, panel: Panel) -> None:
         return
     first, last = math.floor(math.log10(largest * panel.linear_part)), math.ceil(math.log10(largest))
     axes.set_yscale("asinh", linear_width=10.0**first)
-    powers = range(first, last + 1)
-    powers = powers[1:] if len(powers) > 2 else powers  # the first one would touch the 0
-    places = [-(10.0**power) for power in powers] + [0.0] + [10.0**power for power in powers]
-    names = [f"$-10^{{{power}}}$" for power in powers] + ["0"] + [f"$10^{{{power}}}$" for power in powers]
-    shown = [index for index, place in enumerate(places) if _reaches(panel, place)]
-    axes.set_yticks([places[index] for index in shown], [names[index] for index in shown])
+    powers = [10.0**power for power in range(first + (last - first > 1), last + 1)]  # the first would touch the 0
+    for sizes in (powers, [size for power in powers for size in (0.3 * power, power)]):
+        places = [place for size in sizes for place in (-size, size) if _reaches(panel, place)]
+        if len(places) >= _MARKS:
+            break
+    axes.set_yticks([0.0, *places], ["0", *map(_marked_as, places)])
     axes.set_yticks([], minor=True)
+
+
+def _marked_as(place: float) -> str:
+    power = math.floor(math.log10(abs(place)) + 1e-9)
+    if -3 < power < 3:
+        return f"{place:g}"
+    return f"${place / 10.0**power:.0f}\\cdot10^{{{power}}}$".replace("1\\cdot", "")
 
 
 def _reaches(panel: Panel, place: float) -> bool:
     """Whether a line comes up to a place on the axis, or nearly."""
-    if place == 0.0:
-        return True
     return any(bool(np.any(line.y / place >= 0.7)) for line in panel.lines)

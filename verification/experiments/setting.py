@@ -16,6 +16,7 @@ from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.compare import regenerate
+from trim.point.condition import CONTROL_LIMITS
 from verification.experiments.configuration import Configuration
 from verification.riccati.feedforward import Exosystem, exosystem_feedforward
 from verification.riccati.gare import GameSolution, solve_game
@@ -32,6 +33,12 @@ class PaperCase:
     dihedral_deg: float
     game: Game
     trim_inputs: np.ndarray
+
+    @property
+    def input_limits(self) -> np.ndarray:
+        """Lowest and highest deviations of the inputs, (2, 5), of those of a trim here; the paper has none."""
+        limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
+        return limits
 
     @property
     def name(self) -> str:

@@ -79,7 +79,7 @@ def test_the_gain_that_integral_learning_ends_with_is_its_last() -> None:
     weights = np.array([0.0, 0.5, 1.0])[:, None] * functions.weights(P)
     plan, nothing = FlightPlan(5.0, INTEGRAL), np.zeros((1, 6))
     critic = Critic(functions, weights, np.zeros(3), {})
-    record = FlightRecord(plan, np.zeros(1), *[nothing] * 4, critic, np.zeros(1), 0.0, np.inf, None)  # type: ignore[arg-type]
+    record = FlightRecord(plan, np.zeros(1), *[nothing] * 4, critic, np.zeros(1), 0.0, np.inf, None, nothing)  # type: ignore[arg-type]
     (claim,) = [each for each in EXPERIMENTS["5.2"].claims if each.number == "5.2-13"]
     expected = np.linalg.eigvals(game.A - game.B @ game.gain(P)).real.max()
     assert claim.measure(evidence_of(setting, "5.2", record), INTEGRAL) == pytest.approx(expected, rel=1e-9)

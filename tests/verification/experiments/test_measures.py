@@ -38,7 +38,7 @@ def whole(metrics: FlightMetrics) -> float:
 def recorded(plan: FlightPlan, table: ByName, lost_at: float = np.inf) -> FlightRecord:
     nothing = np.zeros((1, 6))
     arrays = (np.zeros(1), nothing, nothing, nothing, nothing)
-    return FlightRecord(plan, *arrays, None, np.zeros(1), 0.0, lost_at, metrics_of(table))
+    return FlightRecord(plan, *arrays, None, np.zeros(1), 0.0, lost_at, metrics_of(table), np.zeros((2, 5)))
 
 
 def evidence_of(*records: FlightRecord) -> Evidence:

@@ -67,6 +67,32 @@ def test_values_that_an_axis_leaves_out_do_not_shorten_it(scale: str) -> None:
     axes = draw(picture_of(Panel("left", "size", (Line(MODIFIED, TIMES, values),), scale))).axes[0]
     assert axes.get_xlim()[1] > 20.0
     assert axes.get_yscale() == scale
+    assert [text.get_text() for text in axes.texts] == ["0 from 4.9 s on"]
+
+
+def test_limits_are_drawn_where_a_line_comes_near_them() -> None:
+    panel = Panel("left", "aileron_outer, rad", (Line(MODIFIED, TIMES, np.sin(TIMES)),), "asinh", (), 0.1, (-1.1, 2.0))
+    figure = draw(picture_of(panel))
+    assert [line.get_ydata()[0] for line in figure.axes[0].get_lines() if line.get_label() == "limit"] == [-1.1]
+    assert "limit" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["0", "-0.1", "0.1", "-1", "1"]
+
+
+@pytest.mark.parametrize(
+    ("largest", "marks"),
+    [(0.005, ["0", r"$3\cdot10^{-4}$", r"$10^{-3}$", r"$3\cdot10^{-3}$"]), (50.0, ["0", "3", "10", "30"])],
+)
+def test_a_scale_has_marks_enough(largest: float, marks: list[str]) -> None:
+    line = Line(MODIFIED, TIMES, largest * np.abs(np.sin(TIMES)))
+    axes = draw(picture_of(Panel("left", "size", (line,), "asinh", (), 0.1))).axes[0]
+    assert [text.get_text() for text in axes.get_yticklabels()] == marks
+
+
+def test_the_legend_is_above_where_no_caption_is() -> None:
+    figure = draw(picture_of(Panel("left", "speed, ft/s", LINES)))
+    figure.canvas.draw()
+    assert figure.legends[0].get_window_extent().y0 > figure.axes[0].get_window_extent().y1
+    assert figure.legends[0].get_title().get_text() == "Figure 3. Title"
 
 
 def test_a_bundle_of_nothing_is_drawn() -> None:
@@ -88,7 +114,7 @@ def test_every_panel_of_an_experiment_has_units_and_the_learning_time(noise: Out
     for picture in pictures:
         for panel in picture.panels:
             assert (0.5, "T_w") in panel.marked
-            assert panel.y_label.endswith((", ft/s", ", rad", "weights W"))
+            assert panel.y_label.endswith((", ft/s", ", rad", "weights W, of z in ft/s, rad"))
     errors = next(line for line in pictures[0].panels[0].lines if line.label == CERTIFIED)
     plan = next(plan for plan in noise.flown if plan.law == CERTIFIED and plan.noise)
     np.testing.assert_array_equal(errors.y, noise.flown[plan].errors[:, 0])
