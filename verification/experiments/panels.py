@@ -154,13 +154,13 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set_ylabel(panel.y_label, fontsize=9)
     axes.tick_params(labelsize=8, which="both")
     axes.grid(alpha=0.3)
-    times = np.concatenate([line.x for line in panel.lines])
-    if len(times):  # of all values, also those that a logarithmic axis leaves out
-        margin = 0.02 * float(np.ptp(times)) or 1.0
-        axes.set_xlim(float(times.min()) - margin, float(times.max()) + margin)
+    reached = np.concatenate([line.x for line in panel.lines])
+    if len(reached):  # of all values, also those that a logarithmic axis leaves out
+        margin = 0.02 * float(np.ptp(reached)) or 1.0
+        axes.set_xlim(float(reached.min()) - margin, float(reached.max()) + margin)
         moving = max(_last(line) for line in panel.lines if len(line.x))
-        if moving < _RESTS * times.max():
-            middle = 0.5 * float(moving + times.max())
+        if moving < _RESTS * reached.max():
+            middle = 0.5 * float(moving + reached.max())
             axes.text(middle, 0.5, f"0 from {moving:.3g} s on", transform=axes.get_xaxis_transform(), ha="center")
     if panel.scale != "log":
         enlarge_first_second(axes)
