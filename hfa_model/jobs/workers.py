@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -198,7 +199,22 @@ def _dask_client(scheduler: str) -> Iterator[Any]:
         raise BadInputError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one, or use --workers"
         ) from error
+    with _quiet("distributed"):
+        try:
+            yield client
+        finally:
+            client.close()
+
+
+@contextmanager
+def _quiet(package: str) -> Iterator[None]:
+    """What a package logs in its own words and tracebacks is not said while the block runs: we say it in ours."""
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == package]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
-        yield client
+        yield
     finally:
-        client.close()
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)

@@ -29,7 +29,10 @@ ROOT = Path(__file__).parents[2]
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14", "python3.15")
 #: What is installed at its lower bound: all that a user installs. Tools of the tests are always the newest.
 EXTRAS = ("distributed", "page", "proof", "completion")
-TOOLS = ("pytest", "pytest-xdist", "hypothesis", "jsonschema", "mpmath", "setuptools>=70.1")
+TOOLS = (
+    *("pytest", "pytest-xdist", "hypothesis", "jsonschema", "mpmath", "setuptools>=70.1"),
+    *("ambiance", "coverage", "fmpy", "xarray"),
+)
 #: Commands that print numbers of every part.
 COMMANDS = {
     "printed pairs": ("regenerate", "--json"),
