@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
-from cli import SCRIPT, hfa, hfa_process
+from cli import SCRIPT, assert_refused, hfa, hfa_process
 from endings import stat, until, workers
 from game_files import small
 
-from hfa_cli.main import INTERRUPTED, TERMINATED
+from hfa_cli.main import FAILED, INTERRUPTED, TERMINATED
 
 LONG = {
     "sweep": ("sweep", "--dihedral", "0:20:1", "--vary", "panel_mass=0.1:2:0.00002", "--workers", "2", "-o", "a.zarr"),
@@ -66,6 +66,20 @@ def test_warnings_of_libraries_do_not_precede_a_refusal(tmp_path: Path) -> None:
     result = hfa_process("solve", "--model", plant, folder=tmp_path)
     assert result.code in (1, 2)
     assert result.err.count("\n") == 1, result.err
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"E": [[1e99], [0.0]]}, "delta = 3 is below delta_min"),
+        ({"Q": [[1e-320, 0.0], [0.0, 1e-320]]}, "check the scaling of A, B, Q, R"),
+    ],
+)
+def test_extreme_plants_are_answered_at_once(tmp_path: Path, changes: dict[str, list[list[float]]], said: str) -> None:
+    begun = time.process_time()
+    assert_refused(hfa("solve", "--model", small(tmp_path / "plant.json", **changes)), FAILED, said)
+    assert time.process_time() - begun < 5.0
 
 
 @pytest.mark.filterwarnings("default")
