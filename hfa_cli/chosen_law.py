@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from controller.game.array_file import PlantNames
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_cli.options.law_options import game_on, seed_of
@@ -39,7 +40,7 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
 
     game = game_on(model, arguments)
     if check_stored(arguments):
-        return stored_law(arguments, game, model.state_units)
+        return stored_law(arguments, game, PlantNames(model.states, model.inputs, model.state_units))
     if arguments.law == "exact":
         return gain_law("exact", solve_game(game).K)
     told = show_learning if sys.stderr.isatty() else None

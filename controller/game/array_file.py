@@ -8,7 +8,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,16 +81,35 @@ def found_in(stored: dict[str, Any]) -> str:
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"
 
 
-def file_scales(stored: Mapping[str, Any], state_units: tuple[str, ...]) -> np.ndarray:
+class PlantNames(NamedTuple):
+    """What a plant calls its states and inputs, and the units of the states; () where it does not say."""
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+
+
+UNNAMED = PlantNames()
+
+
+def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """s with x_file = s x, (n,), from the entry `state_units`; ones where the file or the plant says no units.
 
-    state_units: of the plant. BadInputError for units that are neither the plant's nor their SI or English ones.
+    BadInputError for units that are neither the plant's nor their SI or English ones, and where `states` or `inputs`
+    of the file are the plant's in another order.
     """
-    scales = np.ones(len(state_units))
-    said = np.ravel(stored.get("state_units", ())).tolist()
-    if len(said) != len(state_units) or not all(isinstance(unit, str) for unit in said):
+    for key in ("states", "inputs"):
+        said, own = _words(stored, key), getattr(plant, key)
+        if said != own and sorted(said) == sorted(own):
+            raise BadInputError(
+                f"its {key} are in the order {shortened(', '.join(said), 200)}; those of the plant are "
+                f"{shortened(', '.join(own), 200)}: reorder the matrices, or leave {key} out of the file"
+            )
+    scales = np.ones(len(plant.state_units))
+    units = _words(stored, "state_units")
+    if len(units) != len(plant.state_units):
         return scales
-    for place, (unit, own) in enumerate(zip(said, state_units, strict=True)):
+    for place, (unit, own) in enumerate(zip(units, plant.state_units, strict=True)):
         if "" in (unit, own) or unit == own:
             continue
         if si_unit(own) == unit:
@@ -105,12 +124,18 @@ def file_scales(stored: Mapping[str, Any], state_units: tuple[str, ...]) -> np.n
     return scales
 
 
+def _words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """The texts of an entry; () where it holds anything else."""
+    said = np.ravel(stored.get(key, ())).tolist()
+    return tuple(said) if all(isinstance(word, str) for word in said) else ()
+
+
 def aircraft_scales(names: Mapping[str, tuple[str, ...]], size: int) -> np.ndarray:
     """s with x_file = s x, (size,), x in the units of the paper: of a plant with the aircraft's states; else 1."""
     if names.get("states") != LINEAR_STATES:
         return np.ones(size)
     try:
-        return file_scales(names, tuple(UNITS[name] for name in LINEAR_STATES))
+        return file_scales(names, PlantNames(state_units=tuple(UNITS[name] for name in LINEAR_STATES)))
     except BadInputError:
         return np.ones(size)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -149,3 +150,12 @@ BASES: dict[str, Callable[[int], np.ndarray]] = {
     "quadratic+quartic": _quartic,
     "paper": _paper,
 }
+
+
+def bases_with(weights: int, states: int) -> list[str]:
+    """Names of the bases that have so many weights on so many states."""
+    found = []
+    for name in BASES:
+        with contextlib.suppress(BadInputError):
+            found += [name] * (basis(name, states).size == weights)
+    return found

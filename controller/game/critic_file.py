@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import file_scales, found_in, in_scales, read_arrays
+from controller.game.array_file import UNNAMED, PlantNames, file_scales, found_in, in_scales, read_arrays
 from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic, real_array
@@ -32,15 +32,15 @@ class _Shape(NamedTuple):
 
 
 def critic_in(
-    path: str | Path, game: Game, functions: str | None = None, state_units: tuple[str, ...] = ()
+    path: str | Path, game: Game, functions: str | None = None, plant: PlantNames = UNNAMED
 ) -> StoredCritic | History:
     """`load_history` of a file with times, else `load_critic`; the file is read once."""
-    history, stored = _history(path, game, functions, state_units)
-    return history or _once(path, stored, state_units, basis(functions or "quadratic", len(game.A)))
+    history, stored = _history(path, game, functions, plant)
+    return history or _once(path, stored, plant, basis(functions or "quadratic", len(game.A)))
 
 
 def load_history(
-    path: str | Path, game: Game, functions: str | None = None, state_units: tuple[str, ...] = ()
+    path: str | Path, game: Game, functions: str | None = None, plant: PlantNames = UNNAMED
 ) -> History | None:
     """The history in a file, or None where it has no times and is a single critic.
 
@@ -49,43 +49,41 @@ def load_history(
     then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides. Behind
     the names of weights may stand their units in brackets, as `hfa learn` writes them.
     functions: name of the basis of W; by default the one that the file names, or `quadratic`.
-    state_units: of the plant; a file that says others is converted.
+    A file that says other units than the plant is converted.
     Raises BadInputError, one line that names the file.
     """
-    return _history(path, game, functions, state_units)[0]
+    return _history(path, game, functions, plant)[0]
 
 
 def _history(
-    path: str | Path, game: Game, functions: str | None, state_units: tuple[str, ...]
+    path: str | Path, game: Game, functions: str | None, plant: PlantNames
 ) -> tuple[History | None, dict[str, Any]]:
     """`load_history`, and what the file holds."""
     try:
         if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
             name = functions or "quadratic"
-            return _of_table(*_read_csv(path), _shapes(game, name), name, state_units), {}
+            return _of_table(*_read_csv(path), _shapes(game, name), name, plant), {}
         stored = read_arrays(path)
-        return _of_arrays(stored, game, functions, state_units), stored
+        return _of_arrays(stored, game, functions, plant), stored
     except BadInputError as error:
         text = str(error)
         raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
-def load_critic(path: str | Path, state_units: tuple[str, ...] = (), functions: Basis | None = None) -> StoredCritic:
+def load_critic(path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None) -> StoredCritic:
     """The critic in a file: its W, P and K, as many as it holds. Raises BadInputError, one line.
 
-    state_units: of the plant; a file that says others is converted, W as weights of `functions`.
+    A file that says other units than the plant is converted, W as weights of `functions`.
     """
-    return _once(path, read_arrays(path), state_units, functions)
+    return _once(path, read_arrays(path), plant, functions)
 
 
-def _once(
-    path: str | Path, stored: dict[str, Any], state_units: tuple[str, ...], functions: Basis | None
-) -> StoredCritic:
+def _once(path: str | Path, stored: dict[str, Any], plant: PlantNames, functions: Basis | None) -> StoredCritic:
     if not any(key in stored for key in StoredCritic._fields):
         raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{found_in(stored)}")
     parts = {key: _part(path, key, stored[key]) for key in StoredCritic._fields if key in stored}
     try:
-        scales = file_scales(stored, state_units)
+        scales = file_scales(stored, plant)
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
     if np.any(scales != 1.0):
@@ -115,7 +113,8 @@ def _numbers(path: str | Path, name: str, value: Any) -> np.ndarray:
     except ValueError as error:
         raise BadInputError(f"{path}: {name} has rows that differ in length") from error
     if array.dtype.kind not in "iuf":
-        raise BadInputError(f"{path}: {name} does not consist of real numbers")
+        what = "is complex; give its real part" if array.dtype.kind == "c" else "does not consist of real numbers"
+        raise BadInputError(f"{path}: {name} {what}")
     if array.size == 0 or not np.all(np.isfinite(array)):
         raise BadInputError(f"{path}: {name} is empty or has entries that are not finite")
     return array.astype(float)
@@ -138,9 +137,7 @@ def _shapes(game: Game, functions: str) -> dict[str, _Shape]:
     }
 
 
-def _of_arrays(
-    stored: dict[str, Any], game: Game, functions: str | None, state_units: tuple[str, ...]
-) -> History | None:
+def _of_arrays(stored: dict[str, Any], game: Game, functions: str | None, plant: PlantNames) -> History | None:
     named = {_ALSO.get(key, key): value for key, value in stored.items()}
     key = next((name for name in _TIMES if name in named), None)
     if key is None or not any(name in named for name in "WPK"):
@@ -151,7 +148,7 @@ def _of_arrays(
     rows = {each: _rows(each, named[each], len(times), shapes[each]) for each in "WPK" if each in named}
     if all(values.shape == shapes[each].size for each, values in rows.items()):
         return None
-    scales = file_scales(stored, state_units)
+    scales = file_scales(stored, plant)
     if np.any(scales != 1.0):
         rows = in_scales(rows, scales, basis(name, len(scales)))
     return History(times, **rows, basis=name)
@@ -214,7 +211,7 @@ def _of_table(
     table: np.ndarray,
     shapes: dict[str, _Shape],
     functions: str,
-    state_units: tuple[str, ...],
+    plant: PlantNames,
 ) -> History:
     times, values = table[:, 0], table[:, 1:]
     count = values.shape[1]
@@ -230,9 +227,10 @@ def _of_table(
         raise BadInputError(f"{count} columns may be {' or '.join(sorted(fitting))}; name them, as in t,W1,W2")
     kind = fitting[0]
     rows = {kind: values.reshape(len(times), *shapes[kind].size)}
-    if kind == "W" and any(state_units):
-        psi = basis(functions, len(state_units))
-        rows = in_scales(rows, file_scales({"state_units": _units_of(names[1:], psi, state_units)}, state_units), psi)
+    if kind == "W" and any(plant.state_units):
+        psi = basis(functions, len(plant.state_units))
+        said = {"state_units": _units_of(names[1:], psi, plant.state_units)}
+        rows = in_scales(rows, file_scales(said, plant), psi)
     return History(times, **rows, basis=functions)
 
 

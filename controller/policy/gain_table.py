@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import file_scales, read_arrays
+from controller.game.array_file import PlantNames, file_scales, read_arrays
 from controller.game.critic_file import load_critic
 from controller.game.history import real_array
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 
 _STATES = len(LINEAR_STATES)
-_UNITS = tuple(UNITS[name] for name in LINEAR_STATES)
+_PLANT = PlantNames(LINEAR_STATES, INPUTS, tuple(UNITS[name] for name in LINEAR_STATES))
 #: rad; an angle this close to an end of the table is the end.
 _AT_THE_END = 1e-9
 
@@ -89,7 +89,7 @@ def load_gains(path: Path) -> GainTable:
     try:
         parts = {name: real_array(name, stored[name]) for name in "KMNX" if name in stored}
         if "K" not in parts or parts["K"].ndim != 3:
-            K = load_critic(path, _UNITS).K if "K" in stored else None
+            K = load_critic(path, _PLANT).K if "K" in stored else None
             if K is None or K.shape != (len(INPUTS), _STATES):
                 raise BadInputError("there is no K of 5 x 6, nor dihedral_deg and K at each of its angles")
             return GainTable(np.zeros(1), K[None])
@@ -112,7 +112,7 @@ def _in_feet(table: GainTable, units: object) -> GainTable:
     n, said = table.K.shape[-1], np.ravel(np.asarray(units)).tolist()
     if len(said) not in (0, _STATES, n):
         raise BadInputError(f"state_units has {len(said)} entries; with this K it must have {_STATES} or {n}")
-    x = file_scales({"state_units": said[:_STATES]}, _UNITS)
+    x = file_scales({"state_units": said[:_STATES]}, _PLANT)
     s = np.concatenate([x, np.ones(n - _STATES)])
     return GainTable(
         table.dihedral_deg, table.K * s, table.M * s / s[:, None], table.N * x / s[:, None], table.X * s / x[:, None]

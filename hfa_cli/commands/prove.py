@@ -161,7 +161,7 @@ def _critic(arguments: argparse.Namespace) -> int:
     target = _certificate(arguments)
     named, family, degrees = _game(arguments)
     functions = basis(arguments.basis or "quadratic", len(named.game.A))
-    stored = load_critic(arguments.file, named.state_units, functions)
+    stored = load_critic(arguments.file, named.plant, functions)
     try:
         proof = prove_critic(named.game, stored, functions, family, degrees)
     except BadInputError as error:

@@ -86,7 +86,7 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
     """The critic in a file, or each of its rows where it has a time."""
     path, time, game = arguments.weights, arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
-    found = critic_in(path, game, arguments.basis, named.state_units)
+    found = critic_in(path, game, arguments.basis, named.plant)
     if not isinstance(found, History) and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     try:
@@ -95,7 +95,8 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
             return check_history(game, found, predefined_time=time, progress=told, **options_of_all)
         return check_critic(game, from_stored(game, found, functions), **options_of_all)
     except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
+        text = str(error)
+        raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
 def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, time: float | None, path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from controller.design.design_file import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
+from controller.game.array_file import PlantNames
 from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
@@ -42,6 +43,11 @@ class NamedGame:
     def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
         """States, inputs, what the plant is called, units of states and inputs: how reports take them."""
         return self.states, self.inputs, self.origin, self.state_units, self.input_units
+
+    @property
+    def plant(self) -> PlantNames:
+        """What a file of a critic is read against."""
+        return PlantNames(self.states, self.inputs, self.state_units)
 
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""

@@ -12,6 +12,7 @@ from hfa_cli.options.parser import add_value
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
+    from controller.game.array_file import PlantNames
     from controller.game.zero_sum import Game
     from controller.policy.flown_law import FlownLaw
 
@@ -42,8 +43,8 @@ def check_stored(arguments: argparse.Namespace) -> bool:
     return True
 
 
-def stored_law(arguments: argparse.Namespace, game: Game, state_units: tuple[str, ...]) -> FlownLaw:
-    """u = -K z of the file that the options name. game: whose B and R make K of a value; state_units: of its states."""
+def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> FlownLaw:
+    """u = -K z of the file that the options name. game: whose B and R make K of a value; plant: of its states."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
     from controller.policy.flown_law import gain_law
@@ -51,7 +52,7 @@ def stored_law(arguments: argparse.Namespace, game: Game, state_units: tuple[str
 
     path = arguments.weights if arguments.gain is None else arguments.gain
     functions = basis("quadratic", len(game.A))
-    stored = load_critic(path, state_units, functions)
+    stored = load_critic(path, plant, functions)
     if arguments.gain is not None and stored.K is None:
         raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
     if arguments.gain is None and stored.W is not None and stored.W.size != functions.size:

@@ -15,6 +15,7 @@ from game_files import SMALL, small, stored
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_model.parameters import default_parameters, save_parameters
+from hfa_model.vectors import LINEAR_STATES
 
 AT_15 = ("--dihedral", "15")
 GAME_COMMANDS = ("solve", "learn", "verify")
@@ -163,10 +164,20 @@ def test_a_basis_that_does_not_fit_the_plant(command: str) -> None:
     assert_command_refuses(command, words, BAD_INPUT, "basis 'paper' is for 6 states, not 2; choose 'quadratic'")
 
 
+BACKWARDS = LINEAR_STATES[::-1]
+
+
 @pytest.mark.parametrize(
     ("critic", "words", "named"),
     [
-        ({"W": np.ones(20)}, "", "there are 20 weights; basis 'quadratic' on 6 states has 21: name the basis"),
+        ({"W": np.ones(20)}, "", "there are 20 weights; basis 'quadratic' on 6 states has 21: no basis has as many"),
+        ({"W": np.ones(27)}, "", "has 21: name the basis of the weights, 'quadratic+linear' or 'quadratic+quartic'"),
+        ({"K": np.ones((5, 6)) * 1j}, "", "K is complex; give its real part"),
+        (
+            {"K": np.ones((5, 6)), "states": BACKWARDS},
+            "",
+            f"its states are in the order {', '.join(BACKWARDS)}",
+        ),
         ({"W": np.ones(21)}, "--basis paper", "there are 21 weights; basis 'paper' on 6 states has 25"),
         ({"W": np.ones(21)}, "--basis cubic", "unknown basis 'cubic'; choose one of: quadratic"),
         ({"W": np.ones((3, 7))}, "", "W has shape (3, 7); weights are one row or one column"),
@@ -182,6 +193,7 @@ def test_a_basis_that_does_not_fit_the_plant(command: str) -> None:
 def test_bad_critics(critic: dict[str, Any], words: str, named: str) -> None:
     file = stored("given.npz", **critic)
     result = hfa("verify", *AT_15, "--weights", file, *words.split(), "-o", "result.json", "--picture", "picture.png")
+    assert result.err.count("given.npz") <= 1
     assert_refused(result, BAD_INPUT, named, *(() if "basis=" in words or "cubic" in words else ("given.npz",)))
 
 

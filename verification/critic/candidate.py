@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.game.basis import Basis, basis
-from controller.game.history import StoredCritic
+from controller.game.basis import Basis, bases_with, basis
+from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
@@ -27,8 +27,13 @@ class Candidate:
 
     @property
     def finite(self) -> bool:
-        """Whether K and P consist of numbers."""
-        return bool(np.all(np.isfinite(self.K))) and (self.P is None or bool(np.all(np.isfinite(self.P))))
+        """Whether K and P consist of numbers with which can be computed: P S P may not overflow."""
+        return is_moderate(self.K) and (self.P is None or is_moderate(self.P))
+
+
+def is_moderate(matrix: np.ndarray) -> bool:
+    """Whether every entry is a number no larger than `LARGEST_CRITIC_ENTRY`."""
+    return bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY))
 
 
 def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quadratic") -> Candidate:
@@ -36,9 +41,10 @@ def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quad
     psi = basis(functions, len(game.A)) if isinstance(functions, str) else functions
     weights = np.asarray(weights, dtype=float)
     if weights.shape != (psi.size,):
+        fitting = " or ".join(map(repr, bases_with(weights.size, psi.states)))
+        advice = f"name the basis of the weights, {fitting}" if fitting else "no basis has as many"
         raise BadInputError(
-            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has {psi.size}: "
-            "name the basis of the weights"
+            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has {psi.size}: {advice}"
         )
     P = psi.matrix(weights)
     return Candidate(game.gain(P), P, psi, weights)

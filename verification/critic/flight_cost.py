@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.jsonable import finite_or_none
+from verification.critic.candidate import is_moderate
 from verification.riccati.gare import GameSolution
 from verification.riccati.l2_gain import bounded_real_gain
 from verification.riccati.spectrum import spectrum
@@ -55,7 +56,7 @@ class FlightCost(NamedTuple):
 def flight_cost(game: Game, exact: GameSolution, K: np.ndarray) -> FlightCost:
     """Compare the gain K (m, n) with that of the exact solution, in flight."""
     best = bounded_real_gain(game, exact.K), spectrum(game.A - game.B @ exact.K).axis_distance()
-    loop = spectrum(game.A - game.B @ K) if np.all(np.isfinite(K)) else None
+    loop = spectrum(game.A - game.B @ K) if is_moderate(K) else None
     if loop is None or loop.abscissa >= 0.0:
         return FlightCost(math.inf, math.inf, math.inf, best[0], 0.0, best[1])
     worst, mean = _lost(game, exact, K)
@@ -84,7 +85,7 @@ def loss_matrix(game: Game, exact: GameSolution, K: np.ndarray) -> np.ndarray | 
     F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*: the cost equation of K less that of K*,
     so that small losses keep their digits. Newton steps from D = 0.
     """
-    from scipy.linalg import LinAlgError, solve_continuous_lyapunov
+    from scipy.linalg import solve_continuous_lyapunov
 
     change = K - exact.K
     charge = change.T @ game.R @ change
@@ -92,14 +93,14 @@ def loss_matrix(game: Game, exact: GameSolution, K: np.ndarray) -> np.ndarray | 
     start = game.A - game.B @ K + game.E @ exact.disturbance_gain
     D = np.zeros_like(game.A)
     for _ in range(MAX_STEPS):
-        F = start + spread @ D
-        if spectrum(F).abscissa >= 0.0:
-            return None
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", RuntimeWarning)  # SciPy's word for a singular Lyapunov equation
+                F = start + spread @ D
+                if spectrum(F).abscissa >= 0.0:
+                    return None
                 found = solve_continuous_lyapunov(F.T, D @ spread @ D - charge)
-        except (LinAlgError, RuntimeWarning):
+        except (ValueError, RuntimeWarning):  # it overflows, or has no solution
             return None
         found = (found + found.T) / 2.0
         if np.abs(found - D).max() <= 1e-10 * np.abs(found).max():

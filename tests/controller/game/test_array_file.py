@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.game.array_file import file_scales, in_scales
+from controller.game.array_file import PlantNames, file_scales, in_scales
 from controller.game.basis import basis
 from hfa_model.support.errors import BadInputError
 
@@ -14,7 +14,7 @@ FOOT = 0.3048
 
 def test_value_and_gain_are_the_same_functions() -> None:
     random, psi = np.random.default_rng(1), basis("quadratic+quartic", 3)
-    scales = file_scales({"state_units": ["m/s", "rad", "ft"]}, ("ft/s", "rad", "m"))
+    scales = file_scales({"state_units": ["m/s", "rad", "ft"]}, PlantNames(state_units=("ft/s", "rad", "m")))
     np.testing.assert_allclose(scales, [FOOT, 1.0, 1.0 / FOOT], rtol=1e-15)
     W, root, K = random.normal(size=psi.size), random.normal(size=(3, 3)), random.normal(size=(2, 3))
     P, x = root @ root.T, random.normal(size=3)
@@ -26,10 +26,19 @@ def test_value_and_gain_are_the_same_functions() -> None:
 
 @pytest.mark.parametrize("said", [(), ["m/s"], ["", "rad"], [1.0, 2.0]])
 def test_what_is_not_said_is_not_converted(said: object) -> None:
-    assert np.array_equal(file_scales({"state_units": said}, ("ft/s", "rad")), [1.0, 1.0])
-    assert np.array_equal(file_scales({}, ("", "")), [1.0, 1.0])
+    assert np.array_equal(file_scales({"state_units": said}, PlantNames(state_units=("ft/s", "rad"))), [1.0, 1.0])
+    assert np.array_equal(file_scales({}, PlantNames(state_units=("", ""))), [1.0, 1.0])
 
 
 def test_other_units_are_refused() -> None:
     with pytest.raises(BadInputError, match="state 2 is in deg and that of the plant in rad; convert it, or leave"):
-        file_scales({"state_units": ["ft/s", "deg"]}, ("ft/s", "rad"))
+        file_scales({"state_units": ["ft/s", "deg"]}, PlantNames(state_units=("ft/s", "rad")))
+
+
+@pytest.mark.parametrize("key", ["states", "inputs"])
+def test_the_plant_s_names_in_another_order_are_refused(key: str) -> None:
+    plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
+    with pytest.raises(BadInputError, match=f"its {key} are in the order alpha, speed; .* are speed, alpha: reorder"):
+        file_scales({key: ["alpha", "speed"]}, plant)
+    for others in (["speed", "alpha"], ["x", "y"], ["alpha"], [1.0, 2.0], []):
+        assert np.array_equal(file_scales({key: others}, plant), [1.0, 1.0])

@@ -171,6 +171,14 @@ def test_the_settling_time_is_computed_anew(game):
     assert settling_time(game, replace(run, weights=np.array([weights, np.nan * weights])), QUADRATIC) == math.inf
 
 
+@pytest.mark.parametrize("size", [1e40, 1e60, 1e300])
+def test_a_critic_of_sizes_that_overflow_fails(game, size):
+    """Its numbers are finite, and P S P is not."""
+    exact = solve_game(game)
+    for candidate in (from_value(game, size * exact.P), from_gain(game, -size * exact.K)):
+        assert "K_rel_error" in _failed(check_critic(game, candidate))
+
+
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_a_critic_that_is_not_finite_fails(game, number):
     weights = QUADRATIC.weights(solve_game(game).P)
