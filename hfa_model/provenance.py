@@ -65,31 +65,28 @@ class Provenance:
             ("plant", self.model),
             ("dynamics", self.dynamics),
             ("parameters", f"{self.parameters} ({self.parameter_hash})" if self.parameters else ""),
-            ("not the identified aircraft", self._changes()),
+            ("not the identified aircraft", "; ".join(self._changes())),
         ]
         return Table(("origin", "value"), [row for row in rows if row[1]])
 
-    def _changes(self) -> str:
+    def _changes(self) -> list[str]:
         """The parameters that differ, the relatively largest differences first; of many their number and the first."""
         sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
         told = [
             f"{name} {self.changed[name][0]:.6g} {getattr(FIELDS, name).unit} (identified: {self.changed[name][1]:.6g})"
             for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]
         ]
-        most = f"{len(sizes)} parameters differ, most: " if len(sizes) > _MOST_TOLD else ""
-        return most + "; ".join(told)
+        return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 
     def text(self) -> str:
-        """For people: a line, and a second one where the aircraft is not the identified one."""
+        """For people: a line, and a few more where the aircraft is not the identified one."""
         about = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             about.append(f"plant {self.model}")
         elif self.parameters:
             about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
-        lines = [", ".join(about)]
-        if self.changed:
-            lines.append(f"not the identified aircraft: {self._changes()}")
-        return "\n".join(lines)
+        changes = "\n  ".join(self._changes())
+        return ", ".join(about) + (f"\nnot the identified aircraft: {changes}" if changes else "")
 
 
 def parameter_hash(values: Parameters) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from controller.game.history import real_array
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import GainPolicy, Policy, gain_constants
 from controller.policy.signals import zero
@@ -56,7 +57,7 @@ def gain_law(
     name: str, gains: np.ndarray, certified_from: float = 0.0, learned: LearningResult | None = None
 ) -> FlownLaw:
     """u = -K z. gains: K (5, 6), or that of each tick (N, 5, 6); else BadInputError."""
-    K = np.asarray(gains, dtype=float)
+    K = real_array("the gain", gains)
     if K.ndim not in (2, 3) or K.shape[-2:] != _SHAPE or not np.all(np.isfinite(K)):
         raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_SHAPE[0]} x {_SHAPE[1]} finite numbers")
     table = np.array([gain_constants(each) for each in K.reshape(-1, *_SHAPE)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.game.basis import Basis, bases_with, basis
-from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic
+from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic, real_array
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
@@ -37,9 +37,10 @@ def is_moderate(matrix: np.ndarray) -> bool:
 
 
 def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quadratic") -> Candidate:
-    """V = W'ψ(z), u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis."""
+    """V = W'ψ(z), u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis, or is
+    complex."""
     psi = basis(functions, len(game.A)) if isinstance(functions, str) else functions
-    weights = np.asarray(weights, dtype=float)
+    weights = real_array("W", weights)
     if weights.shape != (psi.size,):
         fitting = " or ".join(map(repr, bases_with(weights.size, psi.states)))
         advice = f"name the basis of the weights, {fitting}" if fitting else "no basis has as many"
@@ -51,8 +52,8 @@ def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quad
 
 
 def from_value(game: Game, P: np.ndarray) -> Candidate:
-    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A."""
-    P = np.asarray(P, dtype=float)
+    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex."""
+    P = real_array("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {_shape(P)}; on a plant with {n} states it must be {n} x {n}")
@@ -60,8 +61,8 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
 
 
 def from_gain(game: Game, K: np.ndarray) -> Candidate:
-    """u = -K z. BadInputError when K has another shape than B'."""
-    K = np.asarray(K, dtype=float)
+    """u = -K z. BadInputError when K has another shape than B', or is complex."""
+    K = real_array("K", K)
     n, m = game.B.shape
     if K.shape != (m, n):
         hint = ": give its transpose" if K.shape == (n, m) else ""

@@ -15,7 +15,8 @@ from game_files import stored
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-from verification.critic.candidate import Candidate
+from hfa_model.support.errors import BadInputError
+from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
 from verification.riccati.gare import solve_game
 
 
@@ -85,3 +86,12 @@ def test_monte_carlo_simulates_the_gain_of_a_solution(parts: dict[str, Any]) -> 
     said = hfa(*words, "--gain", stored("P.npz", P=parts["P"]))
     assert said.code == BAD_INPUT
     assert said.err == "hfa: P.npz: there is no K; --gain needs a file that holds one\n"
+
+
+@pytest.mark.parametrize("held", "WPK")
+def test_numbers_that_are_not_real_are_refused_in_python_too(game: Game, parts: dict[str, Any], held: str) -> None:
+    """NumPy would drop the imaginary part, with a warning, and what is left would pass."""
+    make = {"W": from_weights, "P": from_value, "K": from_gain}[held]
+    for wrong in (parts[held] + 1j, [[1.0], [1.0, 2.0]], parts[held].astype(str)):
+        with pytest.raises(BadInputError, match=f"{held} does not consist of rows of real numbers"):
+            make(game, wrong)
