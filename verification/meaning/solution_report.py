@@ -16,7 +16,7 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from verification.meaning.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
 from verification.meaning.meaning import meaning_checks
-from verification.riccati.existence import DeltaMin, minimum_delta
+from verification.riccati.existence import DeltaMin, Progress, minimum_delta
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.units import in_units, normal_form
 
@@ -34,16 +34,16 @@ class AnalysedGame:
     disk: DiskMargin
 
 
-def analyse_game(game: Game) -> AnalysedGame:
+def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not
-    depend on the user's units, and the flight starts at one unit of each.
+    depend on the user's units, and the flight starts at one unit of each. progress: of the search for delta_min.
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
-    solution, form = solve_game(game), normal_form(game)
+    solution, form = solve_game(game, progress), normal_form(game)
     alike = replace(in_units(game, form.units), B=form.B, R=np.eye(form.B.shape[1]))
     meaning = meaning_checks(alike, solution.P * np.outer(form.units, form.units), np.ones(len(form.units)))
-    smallest = minimum_delta(game)
+    smallest = minimum_delta(game, progress)
     for check in meaning:
         if not check.ok:
             raise NoSolutionError(

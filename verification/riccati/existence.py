@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ from verification.riccati.units import normal_form
 SIGNLESS = 1e-13
 #: and in proportion more where the condition of the Hamiltonian exceeds this.
 WELL_CONDITIONED = 1e4
+#: Told how many steps of the search of how many are done.
+Progress = Callable[[int, int], None]
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
@@ -97,7 +100,7 @@ class DeltaMin(NamedTuple):
         return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
 
 
-def minimum_delta(game: Game) -> DeltaMin:
+def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     """Bisection of log δ on `has_value`, to 1e-6 relative. The game's own delta plays no part.
 
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The search
@@ -111,11 +114,11 @@ def minimum_delta(game: Game) -> DeltaMin:
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
     size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
-    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K)
+    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K, progress or (lambda done, total: None))
     return DeltaMin(found.value * size, found.refused * size)
 
 
-def _smallest_delta(game: Game, K: np.ndarray) -> DeltaMin:
+def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
     """`minimum_delta`, begun above the L2 gain of the policy K."""
     gain = bounded_real_gain(game, K)
     if gain == 0.0:
@@ -129,9 +132,12 @@ def _smallest_delta(game: Game, K: np.ndarray) -> DeltaMin:
     lower = upper / 4.0
     while has_value(game.with_delta(lower)):
         lower, upper = lower / 4.0, lower
-    while upper > lower * (1.0 + TOLERANCE):
+    steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(TOLERANCE)))
+    for step in range(steps):
+        progress(step, steps)
         middle = math.sqrt(lower * upper)
         lower, upper = (lower, middle) if has_value(game.with_delta(middle)) else (middle, upper)
+    progress(steps, steps)
     share = TOLERANCE
     while has_value(game.with_delta(lower)) is not False:  # among rounding yes and no come in any order
         if share > 1.0:

@@ -14,7 +14,7 @@ from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table, numbe
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from verification.riccati.certificate import Certificate, certified_solution
-from verification.riccati.existence import minimum_delta
+from verification.riccati.existence import Progress, minimum_delta
 from verification.riccati.spectrum import spectrum
 
 
@@ -64,17 +64,17 @@ class GameSolution(Reported):
         }
 
 
-def solve_game(game: Game) -> GameSolution:
+def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
     """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section 3.1).
 
     Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the test of the
-    certificate that failed together with delta_min.
+    certificate that failed together with delta_min, of whose search `progress` is told.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
     try:
         P, certificate = certified_solution(game)
     except NoSolutionError as failure:
-        raise NoSolutionError(_explanation(game, str(failure))) from failure
+        raise NoSolutionError(_explanation(game, str(failure), progress)) from failure
     K, disturbance_gain = game.gain(P), game.disturbance_gain(P)
     return GameSolution(
         P=P,
@@ -87,9 +87,9 @@ def solve_game(game: Game) -> GameSolution:
     )
 
 
-def _explanation(game: Game, reason: str) -> str:
+def _explanation(game: Game, reason: str, progress: Progress | None) -> str:
     """What failed and what delta would do; raises by itself when no delta would do."""
-    smallest = minimum_delta(game)
+    smallest = minimum_delta(game, progress)
     verdict = "no value of the game" if game.delta < smallest.value else "not certified"
     return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
 
