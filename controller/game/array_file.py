@@ -76,6 +76,17 @@ def _first_line(error: Exception) -> str:
     return shortened(lines[0], 200) if lines else type(error).__name__
 
 
+def real_array(name: str, value: Any) -> np.ndarray:
+    """The value as floats. BadInputError where it is something else."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows that differ in length
+        array = np.empty(0, dtype=object)
+    if array.dtype.kind not in "iuf":
+        raise BadInputError(f"{name} does not consist of rows of real numbers, all of one length")
+    return array.astype(float)
+
+
 def found_in(stored: dict[str, Any]) -> str:
     """For a message: the names in a file."""
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"

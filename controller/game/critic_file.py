@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import UNNAMED, PlantNames, file_scales, found_in, in_scales, read_arrays
+from controller.game.array_file import UNNAMED, PlantNames, file_scales, found_in, in_scales, read_arrays, real_array
 from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices
-from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic, real_array
+from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.reporting.unit_system import si_unit
 from hfa_model.support.echo import shortened

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from controller.game.array_file import real_array
 from hfa_model.support.errors import BadInputError
 
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
@@ -75,17 +76,6 @@ class History:
     def _over_time(self) -> dict[str, np.ndarray]:
         given = {"W": (self.W, 2), "P": (self.P, 3), "K": (self.K, 3)}
         return {name: values for name, (values, ndim) in given.items() if values is not None and values.ndim == ndim}
-
-
-def real_array(name: str, value: Any) -> np.ndarray:
-    """The value as floats. BadInputError where it is something else."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows that differ in length
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "iuf":
-        raise BadInputError(f"{name} does not consist of rows of real numbers, all of one length")
-    return array.astype(float)
 
 
 def _refuse(name: str, times: np.ndarray, good: np.ndarray, what: str) -> None:

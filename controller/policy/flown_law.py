@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from controller.game.history import real_array
+from controller.game.array_file import real_array
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import GainPolicy, Policy, gain_constants
 from controller.policy.signals import zero

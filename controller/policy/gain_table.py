@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import PlantNames, file_scales, read_arrays
+from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
-from controller.game.history import real_array
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 

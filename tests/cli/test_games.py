@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -291,16 +290,3 @@ def test_progress_is_shown_on_a_terminal_alone() -> None:
     assert "learn: 100 %" in terminal.err
     assert terminal.err.endswith("\r\033[K")
     assert "\n" not in terminal.err
-
-
-def test_a_search_for_delta_min_says_how_far_it_is() -> None:
-    """Of a plant of a hundred states it takes a minute."""
-    for words, code in ((("--delta", "200"), DONE), (("--delta", "100"), FAILED)):
-        terminal = Terminal()
-        result = hfa("solve", *AT_15, *words, err=terminal)
-        assert result.code == code
-        shown = re.findall(r"solve: +(\d+) %", terminal.getvalue())
-        assert [int(each) for each in shown] == sorted({int(each) for each in shown})
-        assert (shown[0], shown[-1], len(shown) > 15) == ("0", "100", True)
-        assert terminal.getvalue().rpartition("%")[2].startswith("\r\033[K")
-        assert "%" not in hfa("solve", *AT_15, *words).err

@@ -1,4 +1,4 @@
-"""What only a terminal gets: colors, unless NO_COLOR is set, and bars; a file or a pipe gets neither."""
+"""What only a terminal gets: colors, unless NO_COLOR is set, bars and progress; a file or a pipe gets neither."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import pytest
 from cli import Terminal, hfa
 
+from hfa_cli.main import DONE, FAILED
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.text import Table
 from trim.point.condition import level_flight
@@ -45,3 +46,16 @@ def test_equations_that_do_not_balance_come_first(published_aircraft: Aircraft, 
         (table,) = (part for part in parts if isinstance(part, Table) and part.header[0] == "equation")
         assert (table.rows[0][0], table.rows[0][-1]) == (first, verdict)
         assert len(table.rows) == len(point.residuals)
+
+
+def test_a_search_for_delta_min_says_how_far_it_is() -> None:
+    """Of a plant of a hundred states it takes a minute."""
+    for words, code in ((("--delta", "200"), DONE), (("--delta", "100"), FAILED)):
+        terminal = Terminal()
+        result = hfa("solve", "--dihedral", "15", *words, err=terminal)
+        assert result.code == code
+        shown = re.findall(r"solve: +(\d+) %", terminal.getvalue())
+        assert [int(each) for each in shown] == sorted({int(each) for each in shown})
+        assert (shown[0], shown[-1], len(shown) > 15) == ("0", "100", True)
+        assert terminal.getvalue().rpartition("%")[2].startswith("\r\033[K")
+        assert "%" not in hfa("solve", "--dihedral", "15", *words).err

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
-from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic, real_array
+from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
