@@ -74,4 +74,4 @@ def draw_flight(result: NonlinearFlight, report: Report, picture: Path | None) -
         from hfa_model.reporting.figure import save
         from verification.flights.flight_figures import flight_figure
 
-        save(flight_figure(result, report.title.partition("\n")[0]), picture, provenance().text())
+        save(flight_figure(result, report.title), picture, provenance().text())

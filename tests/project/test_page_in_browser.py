@@ -20,6 +20,12 @@ from hfa_cli.main import DONE
 NAME = "<script>document.title=1<img src=x onerror=document.title=2>.toml"
 AT = "12.5"
 
+#: None that sends the plot to somebody.
+BUTTONS = ["Zoom in", "Zoom out", "Autoscale", "Reset axes", "Zoom", "Pan", "Download plot as a PNG"]
+
+_LEGEND_ABOVE = """[...document.querySelectorAll('.plot')].every((plot) =>
+    plot.querySelector('.legend').getBoundingClientRect().bottom
+      <= plot.querySelector('.gridlayer').getBoundingClientRect().top)"""
 _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th').textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
@@ -61,6 +67,8 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
             assert driver.title == "Highly flexible aircraft: linear models"
             assert NAME in driver.find_element("tag name", "main").text
             assert driver.execute_script("return performance.getEntriesByType('resource').length") == 0
+            buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
+            assert [each.get_attribute("data-title") for each in buttons] == BUTTONS
         with subtests.test("the keyboard moves the slider, and one section is shown"):
             assert chosen(driver) == "15 deg"
             driver.find_element("id", "dihedral").send_keys("\ue012")  # arrow left
@@ -81,6 +89,7 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
         with subtests.test("text stands out, light and dark"):
             for scheme in ("light", "dark"):
                 seen_at(driver, 1600, scheme)
+                assert settles(driver, _LEGEND_ABOVE)
                 assert min(driver.execute_script(_CONTRAST)) >= 4.5, scheme
                 screenshot(driver, tmp_path / f"page-{scheme}.png")
         with subtests.test("headings, headers and texts for those who cannot see"):

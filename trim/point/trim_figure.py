@@ -130,14 +130,13 @@ def _hinge(axes: Axes, side: int, moment: float, dihedral: float, span: float) -
         bend = math.copysign(0.3, side * shown)
         style = {"arrowstyle": "-|>", "color": _MOMENT, "linewidth": 1.8, "connectionstyle": f"arc3,rad={bend}"}
         axes.annotate("", xy=_pair(end), xytext=_pair(start), arrowprops=style)
-    _label(
-        axes, place, f"{shown:.1f} {unit_in_force('ft lbf')}", _MOMENT, above=dihedral < 0
-    )  # where no panel is in the way
+    text, towards = f"{shown:.1f} {unit_in_force('ft lbf')}", "right" if side > 0 else "left"
+    _label(axes, place, text, _MOMENT, above=dihedral < 0, align=towards)  # where no panel and no arc is in the way
 
 
-def _label(axes: Axes, place: np.ndarray, text: str, color: str, *, above: bool) -> None:
+def _label(axes: Axes, place: np.ndarray, text: str, color: str, *, above: bool, align: str = "center") -> None:
     """The text above or below a place, clear of it."""
-    style: dict[str, Any] = {"color": color, "fontsize": 9, "ha": "center", "textcoords": "offset points"}
+    style: dict[str, Any] = {"color": color, "fontsize": 9, "ha": align, "textcoords": "offset points"}
     offset, side = (6, "bottom") if above else (-6, "top")
     axes.annotate(text, xy=_pair(place), xytext=(0, offset), va=side, **style)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.learning_result import LearningResult
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.unit_system import entries_in_force
+from hfa_model.reporting.unit_system import entries_in_force, unit_in_force
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import relative_error
 
@@ -55,6 +55,8 @@ def check_figure(
         _heat_map(figure, axes, title, entries, size)
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
+        if state_units and size is not None:
+            axes.set_xlabel(f"of states in {', '.join(dict.fromkeys(map(unit_in_force, state_units)))}", fontsize=7)
     history = check.history
     if run is not None:
         matrix = check.candidate.functions.matrix
@@ -96,5 +98,5 @@ def _heat_map(figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: 
     image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
     axes.set_title(title)
     powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
-    bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=[*-powers, 0.0, *powers[::-1]], format="%.0g")
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=[*-powers, 0.0, *powers[::-1]], format="%g")
     bar.ax.minorticks_off()

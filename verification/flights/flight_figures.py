@@ -151,13 +151,15 @@ def _command_map(axes: Axes, each: RecoverableMap) -> None:
     asked = np.degrees(each.commands)
     linear, trials = each.linear_commands, each.nonlinear_commands
     offset = np.degrees(linear.final[:, _DIHEDRAL]) - asked
-    axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
+    if not linear.held.all():
+        axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
     axes.plot(asked[linear.held], offset[linear.held], color="black", linewidth=2.0, label="linear model, held")
     missed = np.degrees(trials.final[:, _DIHEDRAL]) - asked
     arrived = trials.arrived(each.commands)
     held, late = trials.held & arrived, ~trials.held & arrived
-    axes.plot(asked[held], missed[held], "o", color="C0", markersize=4, label="held")
-    axes.plot(asked[late], missed[late], "o", color="C0", markersize=4, fillstyle="none", label="arrived, had left")
+    for chosen, fill, label in ((held, "full", "held"), (late, "none", "arrived, had left")):
+        if chosen.any():
+            axes.plot(asked[chosen], missed[chosen], "o", color="C0", markersize=4, fillstyle=fill, label=label)
     for index in np.unique(trials.left[~arrived]).tolist():
         rows = ~arrived & (trials.left == index)
         name = STATES[index] if index >= 0 else "no state"

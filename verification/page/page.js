@@ -5,10 +5,13 @@ const plotly = document.createElement("script");
 plotly.textContent = await new Response(unpacked).text();
 document.head.append(plotly);
 
+// Nothing can be sent to a network from the page.
+const SENDS = ["sendChartToCloud", "sendDataToCloud", "select2d", "lasso2d"];
+const CONFIG = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtonsToRemove: SENDS };
 const plots = [...document.querySelectorAll("script[data-plot]")].map((script) => {
   const box = document.getElementById(script.dataset.plot);
   const figure = JSON.parse(script.textContent);
-  Plotly.newPlot(box, { ...figure, config: { responsive: true, displaylogo: false } });
+  Plotly.newPlot(box, { ...figure, config: CONFIG });
   return { box, moves: figure.frames.length > 0 };
 });
 const slider = document.getElementById("dihedral");
@@ -23,6 +26,12 @@ function show() {
   for (const plot of plots) if (plot.moves) Plotly.animate(plot.box, [slider.value], still);
 }
 
+// In a wider window Plotly leaves the legend where it was; drawn once more, it stands above the plot again.
+let waiting;
+addEventListener("resize", () => {
+  clearTimeout(waiting);
+  waiting = setTimeout(() => plots.forEach(({ box }) => Plotly.redraw(box)), 300);
+});
 slider.addEventListener("input", show);
 document.body.classList.add("scripted");
 show();

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,11 +55,11 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
         command = shown_values(longest.tracked[column].command, unit)
         above, below = panels[:, column]
         above.plot(longest.times, command, ":", color="black", label="command")
-        for flight in flights:
+        for flight, style in zip(flights, cycle(("-", "--", "-.", (0, (1, 1)))), strict=False):
             each = flight.tracked[column]
-            (line,) = above.plot(flight.times, shown_values(each.output, unit), linewidth=1.0, label=flight.law)
-            error = shown_values(each.output - each.command, unit)
-            below.plot(flight.times, error, linewidth=1.0, color=line.get_color())
+            output, error = (shown_values(value, unit) for value in (each.output, each.output - each.command))
+            (line,) = above.plot(flight.times, output, linestyle=style, linewidth=1.2, label=flight.law)
+            below.plot(flight.times, error, linestyle=style, linewidth=1.2, color=line.get_color())
             if flight.lost_at is not None:
                 below.plot(flight.times[-1], error[-1], "x", color=line.get_color())
         span = float(np.abs(command).max() or 1.0)
