@@ -20,7 +20,7 @@ from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import level_conditions, solve_level_flights
 
-COUNT = 20_000
+COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]
 
 
