@@ -21,7 +21,7 @@ from verification.critic.actuated import actuators_in, with_speed
 from verification.critic.critic_errors import input_weights
 from verification.critic.repairs import REDUNDANT
 from verification.riccati.existence import minimum_delta
-from verification.riccati.gare_schur import schur_solution
+from verification.riccati.gare_schur import quick_solution
 from verification.riccati.units import balanced_units, in_units
 
 #: Where a search along one parameter begins: factors of its value in the game, and angles in degrees.
@@ -149,11 +149,11 @@ def searched(
 
 
 def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
-    return value_error_of(game, schur_solution(game), P)
+    return value_error_of(game, quick_solution(game), P)
 
 
 def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:
-    return gain_error_of(game, game.gain(schur_solution(game)), K)
+    return gain_error_of(game, game.gain(quick_solution(game)), K)
 
 
 def value_error_of(game: Game, exact: np.ndarray, P: np.ndarray) -> np.ndarray:

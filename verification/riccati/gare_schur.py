@@ -14,6 +14,7 @@ from verification.riccati.units import NormalForm, normal_form
 REFINEMENTS = 6
 #: A correction of this size is rounding.
 SETTLED = 1e-15
+_NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
 def schur_solution(game: Game) -> np.ndarray:
@@ -28,9 +29,20 @@ def schur_solution(game: Game) -> np.ndarray:
 
 
 def quick_solution(game: Game) -> np.ndarray:
-    """The same without the refinement, a hundred times faster: for a search, whose result is certified afterwards."""
+    """The same from the eigenvectors of the Hamiltonian, to about ten digits and a hundred times faster.
+
+    For a search, whose result is certified afterwards.
+    """
     form = normal_form(game)
-    return form.value(_by_schur(form))
+    n = len(form.A)
+    values, vectors = np.linalg.eig(form.hamiltonian)
+    stable = vectors[:, values.real < 0.0]
+    if stable.shape[1] != n:
+        raise NoSolutionError(_NO_GRAPH)
+    try:
+        return form.value(np.linalg.solve(stable[:n].T, stable[n:].T).T.real)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError(_NO_GRAPH) from error
 
 
 def _by_schur(form: NormalForm) -> np.ndarray:
@@ -42,7 +54,7 @@ def _by_schur(form: NormalForm) -> np.ndarray:
         with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # what is wrong is not certified
             return np.asarray(solve_continuous_are(form.A, inputs, form.Q, weights))
     except (LinAlgError, ValueError) as error:
-        raise NoSolutionError("the Hamiltonian has no stable subspace that is the graph of a P") from error
+        raise NoSolutionError(_NO_GRAPH) from error
 
 
 def _refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
