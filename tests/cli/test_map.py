@@ -26,10 +26,12 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
 
 def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndarray) -> None:
     words = (*MAP[:3], *MAP[5:], "--commands", "0", "--gain", stored(tmp_path / "K.npz", K=gain))
-    told = hfa(*words, "-o", str(tmp_path / "map.json")).out
+    result = hfa(*words, "-o", str(tmp_path / "map.json"))
+    told = result.out
+    assert result.err == ""
     assert told.startswith(f"How far u = -K z holds, dihedral 15 deg, law gain of {tmp_path / 'K.npz'}\n")
     said = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
-    assert said["schema"] == "hfa.recoverable-map/1"
+    assert (said["schema"], said["warnings"]) == ("hfa.recoverable-map/1", [])
     assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]
 
 

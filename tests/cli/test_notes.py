@@ -39,9 +39,10 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     beyond = hfa(*COMMANDS[name], "--dihedral", "16", "--json")
     assert beyond.err == f"hfa: note: {NOTE}\n"
     assert json.loads(beyond.out)["warnings"] == [NOTE]
-    within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
-    assert within.err == ""
-    assert json.loads(within.out)["warnings"] == []
+    if name != "map":  # test_map.py draws one within the range
+        within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
+        assert within.err == ""
+        assert json.loads(within.out)["warnings"] == []
 
 
 def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:

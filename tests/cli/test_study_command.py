@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from cli import Result, Terminal, hfa
 
+from controller.study import study_rows
 from controller.study.study_rows import STUDY
 from hfa_cli.main import DONE, INTERRUPTED
 
@@ -24,6 +25,7 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
         if row.startswith("learning alone"):
             raise KeyboardInterrupt
 
+    monkeypatch.setitem(study_rows._IMPLICIT, "step", 0.1)  # a tenth of the steps
     words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "rows")
     names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
     with monkeypatch.context() as patched:
