@@ -42,6 +42,7 @@ ROOMS = (
     "verification.flights",
     "verification.synthesis",
     "verification.servo",
+    "verification.arithmetic",
     "verification.checker",
     "verification.balls",
     "verification.proof",

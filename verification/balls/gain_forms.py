@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.zero_sum import Game, published_game
-from verification.balls.ball_function import Undecided
-from verification.balls.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
 from verification.balls.game_balls import lyapunov_operator, proved_modes
 from verification.balls.trim_branch import ModelForms
 from verification.riccati.gare import solve_game

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.balls.balls import (
+from verification.arithmetic.balls import (
     doubles,
     exact,
     filled,

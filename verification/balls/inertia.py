@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from verification.balls.balls import (
+from verification.arithmetic.balls import (
     doubles,
     exact,
     is_positive_definite,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from verification.balls.balls import exact, interval, symmetric
+from verification.arithmetic.balls import exact, interval, symmetric
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat, arb_series

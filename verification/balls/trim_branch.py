@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.point.solve import find_operating_point
-from verification.balls.ball_function import BallFunction, Undecided
-from verification.balls.balls import as_read, exact, flint_or_refusal, symmetric
+from verification.arithmetic.ball_function import BallFunction, Undecided
+from verification.arithmetic.balls import as_read, exact, flint_or_refusal, symmetric
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series, radians
 from verification.balls.trim_equations import TrimEquations, coefficients

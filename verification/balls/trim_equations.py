@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.vectors import INPUTS, STATES
-from verification.balls.ball_function import BallFunction, Undecided
-from verification.balls.balls import doubles, inside, matrix, symmetric
+from verification.arithmetic.ball_function import BallFunction, Undecided
+from verification.arithmetic.balls import doubles, inside, matrix, symmetric
 from verification.balls.steady_flights import EQUATIONS
 from verification.balls.taylor import dihedral_series, radians
 

@@ -15,7 +15,7 @@ from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
-from verification.balls.balls import flint_or_refusal
+from verification.arithmetic.balls import flint_or_refusal
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox
 from verification.proof.rate_proof import RateProof
@@ -78,15 +78,26 @@ class ScheduleCertificate:
     def finish(self, proof: ScheduleProof, motion: RateProof | None = None) -> None:
         """Write all of it, the motion too when a rate is proved."""
         if self._path is not None:
-            self._write(self._path, proof.loop, proof.modes, motion)
+            self._write(self._path, proof.loop, proof.modes, proof.bounds, motion)
 
-    def _write(self, path: Path, loop: Cover, modes: Cover, motion: RateProof | None = None) -> None:
+    def _write(
+        self,
+        path: Path,
+        loop: Cover,
+        modes: Cover,
+        bounds: tuple[list[ProvedBox], list[ProvedBox]] = ([], []),
+        motion: RateProof | None = None,
+    ) -> None:
         covers, claim = {"loop": loop, "modes": modes}, dict(self._claim)
-        boxes = {name: [self._entry(each) for each in cover.proved] for name, cover in covers.items()}
+        lists = {"loop": loop.proved, "modes": modes.proved, "least": bounds[0], "most": bounds[1]}
+        boxes = {name: [self._entry(each) for each in proved] for name, proved in lists.items()}
         if motion is not None and motion.rate > 0.0:
             claim |= {"dihedral_rate": motion.rate, "lyapunov": {"dihedral_deg": motion.dihedral_deg, "P": motion.P}}
             boxes["motion"] = [box_entry(*each[:2], self._decimals, turn=each.turn) for each in motion.boxes]
+        low, high = claim["dihedral_deg"]
         gaps = {name: [[each.low, each.high] for each in cover.open] for name, cover in covers.items()}
+        for name, cover in covers.items():  # what an unfinished proof has not come to is open too
+            gaps[name] += [[cover.frontier(low), high]] if cover.frontier(low) < high else []
         write_certificate(path, "schedule", claim, boxes, open=gaps)
 
     def _entry(self, proved: ProvedBox) -> dict[str, Any]:
@@ -98,8 +109,7 @@ class ScheduleCertificate:
 
         BadInputError when the file is not its certificate, or does not prove what it says.
         """
-        from verification.checker.checker import check_certificate
-        from verification.checker.taylor_model import Rejected
+        from verification.checker.checker import Rejected, check_certificate
 
         assert self._path is not None
         try:
@@ -112,10 +122,9 @@ class ScheduleCertificate:
         same = all(statement.get(key) == value for key, value in self._claim.items())
         if not same or content["toolchain"] != toolchain_version():
             raise BadInputError(f"{self._path}: is of another statement or version; write to another file")
-        loop, modes = (
-            Cover(tuple(map(_box, content["boxes"][name])), tuple(DihedralBox(*ends) for ends in content["open"][name]))
-            for name in ("loop", "modes")
-        )
+        end = content["statement"]["dihedral_deg"][1]
+        gaps = {name: [DihedralBox(*ends) for ends in own if ends[1] != end] for name, own in content["open"].items()}
+        loop, modes = (Cover(tuple(map(_box, content["boxes"][name])), tuple(gaps[name])) for name in ("loop", "modes"))
         return loop, modes
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
+from hfa_model.vectors import LINEAR_STATES
 from verification.proof.proof_report import SCHEMA
 from verification.proof.schedule_proof import joined
 
@@ -31,23 +33,55 @@ def checked_report(found: Verified) -> Report:
 
 
 def _schedule(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:
-    claim, runs = found.statement, {name: joined(each) for name, each in found.covers.items()}
-    lines = [f"decay rate of the loop: {found.rate:.6g} 1/s"]
-    if "motion" in runs:
+    claim, covers = found.statement, found.covers
+    whole, gaps = [(*claim["dihedral_deg"], 0)], {name: _gaps(claim, covers[name]) for name in covers}
+    runs = {name: joined(covers[name]) for name in covers}
+    crossings = joined([(low, high, _bounds(covers, low, high)) for low, high in _parts(gaps["modes"], covers)])
+    counts = {
+        "loop": [*runs["loop"], *((low, high, "open") for low, high in gaps["loop"])],
+        "modes": [*runs["modes"], *((low, high, f"{least} to {most}") for low, high, (least, most) in crossings)],
+    }
+    lines = [f"decay rate where the loop is Hurwitz: {found.rate:.6g} 1/s"]
+    own: dict[str, Any] = {"decay_rate": found.rate, "crossings": crossings}
+    if runs.get("motion") == whole:
+        own["dihedral_rate_deg_s"] = claim["dihedral_rate"]
         lines.append(f"stable while the dihedral moves by at most {claim['dihedral_rate']:.4g} deg/s, however it does")
+    lines += [f"open: a moving dihedral from {low:.10g} to {high:.10g} deg" for low, high in gaps.get("motion", ())]
     if claim["spread"]:
         lines.append(
             f"for every value of {len(claim['spread'])} parameters within the half widths that the certificate states"
         )
-    whole = [(*claim["dihedral_deg"], 0)]
     tables = [
-        Table((head, "unstable modes"), [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in runs[name]])
+        Table(
+            (head, "unstable modes"),
+            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(counts[name], key=lambda run: run[0])],
+        )
         for head, name in ((_LOOP, "loop"), (_MODES, "modes"))
     ]
-    proved = runs["loop"] == whole and runs.get("motion", whole) == whole
-    own: dict[str, Any] = {"proved": proved, "decay_rate": found.rate, "loop": runs["loop"], "modes": runs["modes"]}
-    own |= {"dihedral_rate_deg_s": claim["dihedral_rate"]} if "motion" in runs else {}
+    own |= {"proved": runs["loop"] == whole and runs.get("motion", whole) == whole}
+    own |= {"loop": runs["loop"], "modes": runs["modes"], "open": gaps["loop"]}
     return "", ["\n".join(lines), *tables], own
+
+
+def _gaps(claim: dict[str, Any], runs: list[tuple[float, float, int]]) -> list[tuple[float, float]]:
+    """What the runs, in increasing order, leave of the interval."""
+    low, high = claim["dihedral_deg"]
+    ends = [low, *(end for run in sorted(runs) for end in run[:2]), high]
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if a < b]
+
+
+def _parts(
+    gaps: list[tuple[float, float]], covers: dict[str, list[tuple[float, float, int]]]
+) -> list[tuple[float, float]]:
+    """The gaps, cut where a bound of the number of modes begins or ends."""
+    cuts = sorted({end for name in ("least", "most") for run in covers[name] for end in run[:2]})
+    return [part for a, b in gaps for part in pairwise([a, *(cut for cut in cuts if a < cut < b), b])]
+
+
+def _bounds(covers: dict[str, list[tuple[float, float, int]]], low: float, high: float) -> tuple[int, int]:
+    """The least and the most modes of A that may be unstable somewhere between, as far as it is proved."""
+    least, most = ([n for a, b, n in covers[name] if a <= low and high <= b] for name in ("least", "most"))
+    return max(least, default=0), min(most, default=len(LINEAR_STATES))
 
 
 def _game(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hfa_model.support.errors import NoSolutionError
-from verification.balls.balls import exact
+from verification.arithmetic.balls import exact
 from verification.balls.game_balls import BallGame, enclose_solution
 from verification.riccati.existence import DeltaMin
 from verification.riccati.units import balanced_units

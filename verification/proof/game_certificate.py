@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.balls.balls import doubles, map_entries, matrix, norm, symmetric
+from verification.arithmetic.balls import doubles, map_entries, matrix, norm, symmetric
 from verification.balls.game_balls import BallGame, enclose_solution, proved_modes
 from verification.balls.steady_flights import Family
 from verification.balls.trim_branch import TrimBranch

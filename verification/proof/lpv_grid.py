@@ -13,8 +13,8 @@ from controller.game.zero_sum import published_game
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import INPUT_SCALES
-from verification.balls.ball_function import Undecided
-from verification.balls.balls import symmetric
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import symmetric
 from verification.balls.gain_forms import GainForm, gain_form
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
@@ -106,7 +106,7 @@ def coarsest_grid(
 
 def certify(grid: LpvGrid, family: Family, path: Path) -> None:
     """Write the certificate of a grid; it states the errors that the checker finds: it encloses in another way."""
-    from verification.checker.checked_game import distances
+    from verification.checker.checker import distances, model_on
 
     game = published_game(grid.A[0], grid.B[0])
     nodes = {name: getattr(grid, name) for name in ("dihedral_deg", "A", "B", "K")} | {"inputs": grid.inputs[..., None]}
@@ -115,7 +115,7 @@ def certify(grid: LpvGrid, family: Family, path: Path) -> None:
         "table": nodes,
     }
     claim = jsonable(claim)
-    found = [distances(claim, jsonable(cell)) for cell in grid.cells]
+    found = [distances(claim, cell, model_on(claim, cell)) for cell in map(jsonable, grid.cells)]
     claim["distances"] = {name: [0.0, _wider(max(float(each[name][1]) for each in found))] for name in grid.error}
     write_certificate(path, "lpv", claim, {"cells": list(grid.cells)})
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.policy.gain_table import GainTable
-from verification.balls.ball_function import Undecided
-from verification.balls.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import TrimBranch

@@ -13,8 +13,8 @@ import numpy as np
 from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from verification.balls.ball_function import Undecided
-from verification.balls.balls import doubles
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import doubles
 from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, TaylorForm
@@ -88,6 +88,7 @@ class ScheduleProof:
     """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg.
 
     crossings: where the modes of A are not counted, low and high, deg, and the least and the most that may be unstable.
+    bounds: what proves the least and the most: so many lie right of a line that lies right, or left, of the axis.
     """
 
     family: Family
@@ -97,6 +98,7 @@ class ScheduleProof:
     loop: Cover
     modes: Cover
     crossings: list[tuple[float, float, tuple[int, int]]]
+    bounds: tuple[list[ProvedBox], list[ProvedBox]]
 
     @property
     def refuted(self) -> list[tuple[float, float, int]]:
@@ -154,14 +156,15 @@ def prove_schedule(
             if progress is not None:
                 progress(round(500 * (index + (found.frontier(low) - low) / (high - low))), 1000)
 
-    def bounds(box: DihedralBox) -> tuple[int, int]:
-        try:
-            return _least_and_most(forms(box).A, [each.A for each in forms(box).errors])
-        except Undecided:
-            return 0, len(LINEAR_STATES)
-
-    crossings = joined([(box.low, box.high, bounds(box)) for box in covers[1].open])
-    return ScheduleProof(family, table, low, high, covers[0], covers[1], crossings)
+    bounds = [[_bound(forms, box, branch.free, side) for box in covers[1].open] for side in (1, -1)]
+    crossings = joined(
+        [
+            (box.low, box.high, (least.unstable if least else 0, most.unstable if most else len(LINEAR_STATES)))
+            for box, least, most in zip(covers[1].open, *bounds, strict=True)
+        ]
+    )
+    least, most = ([each for each in found if each is not None] for found in bounds)
+    return ScheduleProof(family, table, low, high, covers[0], covers[1], crossings, (least, most))
 
 
 def _covered(
@@ -196,22 +199,22 @@ def _covered(
         yield found
 
 
-def _least_and_most(form: TaylorForm, errors: list[arb_mat]) -> tuple[int, int]:
-    """Bounds of the number of unstable modes: of those right of some a > 0, and of those right of some a < 0."""
-    middle, corners, moves = doubles(form.coefficients[0]), list(form.corners()), form.moves()
-    values = sorted(np.linalg.eigvals(middle).real.tolist())
-    cuts = sorted(((a + b) / 2 for a, b in pairwise(values) if b > a), key=abs)
-
-    def first(tried: list[float]) -> int | None:
-        """Modes right of the first cut that is proved to have no mode on it."""
-        for cut in tried:
-            found = counted(corners, middle, -cut, moves, errors)
-            if found is not None:
-                return found.unstable
+def _bound(
+    forms: Callable[[DihedralBox], ModelForms], box: DihedralBox, free: tuple[str, ...], side: int
+) -> ProvedBox | None:
+    """How many modes of A lie right of the first line, on a side of the axis, 1 or -1, that is proved to bear none."""
+    try:
+        model = forms(box)
+    except Undecided:
         return None
-
-    least, most = first([cut for cut in cuts if cut > 0.0]), first([cut for cut in cuts if cut < 0.0])
-    return least or 0, len(values) if most is None else most
+    middle, errors = doubles(model.A.coefficients[0]), [each.A for each in model.errors]
+    values = sorted(np.linalg.eigvals(middle).real.tolist())
+    lines = [(a + b) / 2 for a, b in pairwise(values) if b > a and side * (a + b) > 0.0]
+    for line in sorted(lines, key=abs):
+        found = counted(list(model.A.corners()), middle, -line, model.A.moves(), errors)
+        if found is not None:
+            return ProvedBox(box, found.unstable, -line, found.H, found.turn, stated(model, free))
+    return None
 
 
 def _prove(

@@ -10,7 +10,7 @@ import numpy as np
 from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from verification.balls.balls import exact, matrix, symmetric
+from verification.arithmetic.balls import exact, matrix, symmetric
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import ModelForms
 

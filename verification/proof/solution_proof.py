@@ -11,7 +11,7 @@ from controller.game.basis import Basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.balls.balls import flint_or_refusal, matrix, norm
+from verification.arithmetic.balls import flint_or_refusal, matrix, norm
 from verification.balls.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
 from verification.balls.steady_flights import Family
 from verification.balls.trim_branch import TrimBranch

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trim.point.condition import SCALES
-from verification.balls.balls import exact, map_entries, symmetric
+from verification.arithmetic.balls import exact, map_entries, symmetric
 from verification.balls.taylor import TaylorForm, radians
 from verification.balls.trim_branch import ModelForms, TrimBranch
 

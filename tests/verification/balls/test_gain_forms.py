@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proof_cases import exact_gain, family
 
-from verification.balls.ball_function import Undecided
+from verification.arithmetic.ball_function import Undecided
 from verification.balls.gain_forms import gain_form
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch

@@ -15,8 +15,8 @@ from hfa_model.support.errors import NoSolutionError
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from verification.balls.ball_function import Undecided
-from verification.balls.balls import exact
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import exact
 from verification.balls.taylor import DihedralBox, TaylorForm
 from verification.balls.trim_branch import TrimBranch
 

@@ -12,8 +12,7 @@ import pytest
 from proof_cases import exact_table, family, forge
 
 from hfa_model.support.errors import BadInputError
-from verification.checker.checker import check_certificate
-from verification.checker.taylor_model import Rejected
+from verification.checker.checker import Rejected, check_certificate
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.checked_report import checked_report
@@ -189,14 +188,45 @@ def test_a_partial_certificate_that_was_forged_is_not_continued(proved: Path, tm
         ScheduleCertificate(family(), exact_table(14.0, 15.0), 14.0, 15.0, path).known()
 
 
-def test_a_missing_box_is_not_proved(proved: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["loop", "modes", "motion"])
+def test_what_is_neither_proved_nor_said_to_be_open_is_refused(proved: Path, tmp_path: Path, name: str) -> None:
+    """Also when too much is said to be open: the boxes and the open intervals cover the interval once."""
     content = json.loads(proved.read_text())
-    content["boxes"]["loop"].pop()
-    short = tmp_path / "short.json"
-    forge(short, content)
-    report = checked_report(check_certificate(short))
-    assert report.data["proved"] is False
-    assert report.title.startswith("Verified, but not proved on the whole interval")
+    last = content["boxes"][name].pop()["dihedral_deg"]
+    for said in ([], [[last[0], (last[0] + last[1]) / 2]], [[last[0], last[1] + 1e-9]], [[last[0] - 1e-9, last[1]]]):
+        content["open"][name] = said
+        with pytest.raises(Rejected, match="do not cover the interval once"):
+            check_certificate(forge(tmp_path / "short.json", content))
+    content["open"][name] = [last]
+    report = checked_report(check_certificate(forge(tmp_path / "open.json", content)))
+    whole = name == "modes"  # a count that is open is no less a proof of the loop
+    assert report.data["proved"] is whole
+    assert report.title.startswith("Verified, proved" if whole else "Verified, but not proved on the whole interval")
+    assert f"{last[0]:g} to {last[1]:g}" in report.text()
+    if name == "loop":
+        assert report.data["open"] == [tuple(last)]
+
+
+def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
+    """A of `published` gains a third unstable mode at 16.688 deg; one that is claimed too few or too many is not."""
+    path, flights, table = tmp_path / "certificate.json", family(), exact_table(16.6875, 16.6895)
+    file = ScheduleCertificate(flights, table, 16.6875, 16.6895, path)
+    found = prove_schedule(flights, table, 16.6875, 16.6895)
+    file.finish(found)
+    (crossing,) = found.crossings
+    data = checked_report(check_certificate(path)).data
+    assert crossing[2] == (2, 3)
+    assert data["crossings"] == [crossing]
+    content = json.loads(path.read_text())
+    for name, other in (("least", "most"), ("most", "least")):
+        forged = json.loads(path.read_text())
+        forged["boxes"][name] = content["boxes"][other]
+        with pytest.raises(Rejected, match="not those that are unstable"):
+            check_certificate(forge(tmp_path / "forged.json", forged))
+        forged["boxes"][name] = content["boxes"][name]
+        forged["boxes"][name][0]["unstable"] += 1 if name == "least" else -1
+        with pytest.raises(Rejected, match="negative eigenvalues"):
+            check_certificate(forge(tmp_path / "forged.json", forged))
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": "other", "digest": "0"}', "[" * 100_000])

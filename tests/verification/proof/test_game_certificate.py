@@ -15,8 +15,7 @@ from controller.game.basis import basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import NoSolutionError
-from verification.checker.checker import check_certificate
-from verification.checker.taylor_model import Rejected
+from verification.checker.checker import Rejected, check_certificate
 from verification.proof.certificate_file import write_certificate
 from verification.proof.checked_report import checked_report
 from verification.proof.game_certificate import critic_claim, solution_claim

@@ -14,8 +14,7 @@ import pytest
 from proof_cases import exact_gain, family, forge, model_at
 
 from hfa_model.support.errors import NoSolutionError
-from verification.checker.checker import check_certificate
-from verification.checker.taylor_model import Rejected
+from verification.checker.checker import Rejected, check_certificate
 from verification.proof.checked_report import checked_report
 from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
 from verification.proof.lpv_report import c_source, lpv_report

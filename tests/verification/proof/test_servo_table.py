@@ -15,11 +15,10 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from verification.balls.balls import doubles
+from verification.arithmetic.balls import doubles
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch
-from verification.checker.checker import check_certificate
-from verification.checker.taylor_model import Rejected
+from verification.checker.checker import Rejected, check_certificate
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.rate_proof import prove_rate
 from verification.proof.schedule_proof import joined, prove_schedule

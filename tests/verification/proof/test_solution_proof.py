@@ -11,7 +11,7 @@ from controller.game.basis import basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game, published_game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.balls.balls import flint_or_refusal, matrix
+from verification.arithmetic.balls import flint_or_refusal, matrix
 from verification.balls.game_balls import BallGame, enclose_solution
 from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
 from verification.proof.solution_proof import distance, prove_critic, prove_solution

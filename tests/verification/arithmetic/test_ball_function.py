@@ -16,9 +16,9 @@ from hfa_model.aircraft import compiled_dynamics
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import STATES
-from verification.balls import ball_function
-from verification.balls.ball_function import BallFunction, Undecided
-from verification.balls.balls import PRECISION, exact, flint_or_refusal
+from verification.arithmetic import ball_function
+from verification.arithmetic.ball_function import BallFunction, Undecided
+from verification.arithmetic.balls import PRECISION, exact, flint_or_refusal
 
 Balls = list[Any]
 

@@ -16,7 +16,7 @@ class Undecided(NoSolutionError):
 
 
 class BallFunction:
-    """The same function as a CasADi `SX` function, for `flint.arb` and `flint.arb_series`.
+    """The same function as a CasADi `SX` function, for `flint.arb`, `flint.arb_series` and Taylor models.
 
     A series stands for its Taylor polynomial in one variable, so that running the instructions on series
     differentiates automatically. Numbers in the function are the doubles that CasADi holds.
@@ -73,10 +73,12 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """The ball that a power series takes at 0; a ball is its own."""
-    from flint import arb
+    """The ball that a power series takes at 0, or a Taylor model on its box; a ball is its own."""
+    from flint import arb, arb_series
 
-    return value if isinstance(value, arb) else value[0]
+    if isinstance(value, arb):
+        return value
+    return value[0] if isinstance(value, arb_series) else value.range()
 
 
 def _at_most(x: Any, y: Any) -> Any:

@@ -63,11 +63,11 @@ def symmetric(radius: Any) -> arb:
     return interval(-bound, bound)
 
 
-def matrix(values: np.ndarray) -> arb_mat:
-    """A matrix of doubles as exact balls."""
-    from flint import arb_mat
+def matrix(values: Any) -> arb_mat:
+    """A matrix of doubles as exact balls; of decimals in strings as balls that hold them."""
+    from flint import arb, arb_mat
 
-    return arb_mat([[exact(entry) for entry in row] for row in np.asarray(values, dtype=float).tolist()])
+    return arb_mat([[arb(entry) for entry in row] for row in np.asarray(values).tolist()])
 
 
 def doubles(values: arb_mat) -> np.ndarray:

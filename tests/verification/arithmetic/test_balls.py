@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from flint import arb
 
-from verification.balls.balls import flint_or_refusal, inside
+from verification.arithmetic.balls import flint_or_refusal, inside
 
 INFINITE = arb("inf")
 
