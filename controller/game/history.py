@@ -27,7 +27,7 @@ class History:
     """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at least one of them.
 
     A single W (M,), P (n, n) or K (m, n) belongs to the last row alone. BadInputError when a number is not finite or
-    too large, the times do not increase, or the number of rows differs.
+    too large, the times do not increase from 0 on, or the number of rows differs.
     """
 
     times: np.ndarray
@@ -45,6 +45,7 @@ class History:
         if self.times.ndim != 1 or not len(self.times):
             raise BadInputError(f"time has shape {self.times.shape}; give one time for each row")
         _refuse("time", self.times, np.isfinite(self.times), "is not finite")
+        _refuse("time", self.times, self.times >= 0.0, "is negative, and a predefined time counts from 0,")
         late = np.flatnonzero(np.diff(self.times) <= 0.0)
         if len(late):
             row = int(late[0]) + 1

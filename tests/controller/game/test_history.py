@@ -24,6 +24,7 @@ def changed(place: tuple[int, int], value: float) -> np.ndarray:
     ("content", "said"),
     [
         ({"times": [0.0, 1.0, 0.5], "W": ROWS}, "time goes from 1 to 0.5 s at row 3; it must increase"),
+        ({"times": [-1.0, 0.0, 1.0], "W": ROWS}, "time is negative, and a predefined time counts from 0, at row 1"),
         ({"times": [0.0, 0.0, 0.5], "W": ROWS}, "from 0 to 0 s at row 2"),
         ({"times": [0.0, np.nan, 0.5], "W": ROWS}, "time is not finite at row 2"),
         ({"times": TIMES, "W": changed((1, 2), np.nan)}, r"W is not finite at row 2 \(t = 0.5 s\)"),
