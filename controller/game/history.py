@@ -45,12 +45,12 @@ class History:
         if self.times.ndim != 1 or not len(self.times):
             raise BadInputError(f"time has shape {self.times.shape}; give one time for each row")
         _refuse("time", self.times, np.isfinite(self.times), "is not finite")
-        _refuse("time", self.times, self.times >= 0.0, "is negative, and a predefined time counts from 0,")
         late = np.flatnonzero(np.diff(self.times) <= 0.0)
         if len(late):
             row = int(late[0]) + 1
             before, after = self.times[row - 1 : row + 1].tolist()
             raise BadInputError(f"time goes from {before:g} to {after:g} s at row {row + 1}; it must increase")
+        _refuse("time", self.times, self.times >= 0.0, "is negative, and a predefined time counts from 0,")
         if not self._over_time():
             raise BadInputError("a history needs W (rows of weights), P or K (a matrix for each time)")
         for name, values in self._over_time().items():

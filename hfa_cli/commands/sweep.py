@@ -75,17 +75,23 @@ def run(arguments: argparse.Namespace) -> int:
     varied = [name for name, values in axes.items() if values.size > 1]
     if arguments.picture is not None and len(varied) > 1:
         raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
+    aircraft, condition = options.aircraft_of(arguments), options.swept_condition_of(arguments)
     result = sweep(
-        options.aircraft_of(arguments),
+        aircraft,
         axes,
-        condition=options.swept_condition_of(arguments),
+        condition=condition,
         start=arguments.start,
         full=arguments.full,
         progress=Progress("sweep"),
     )
     notes = []
+    failed = next((dict(zip(axes, result.values[i], strict=True)) for i in np.flatnonzero(~result.trimmed)), None)
+    if failed is not None:
+        at = condition.at(failed.pop("dihedral", 0.0), failed)
+        if advice := options.freed_alpha(arguments, aircraft, at):
+            notes.append(f"at the first point without a trim {advice}")
     if arguments.picture is not None and not result.trimmed.any():
-        notes = [f"nothing to draw: {arguments.picture} is not written"]
+        notes.append(f"nothing to draw: {arguments.picture} is not written")
     elif arguments.picture is not None:
         save(result.root_locus.figure(), arguments.picture, provenance().text())
     games = None

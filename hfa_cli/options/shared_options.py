@@ -193,15 +193,22 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> Ope
     try:
         return find_operating_point(aircraft, condition, arguments.start)
     except TrimError as error:
-        if "alpha" in condition.free:
+        if not (advice := freed_alpha(arguments, aircraft, condition)):
             raise
-        try:
-            point = find_operating_point(aircraft, release(condition, free=("alpha",)), arguments.start)
-        except NoSolutionError:
-            raise error from None
-        held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
-        how = "leave --alpha out and add --free alpha" if given(arguments, "alpha") else "add --free alpha"
-        raise TrimError(f"{error}; alpha is held at {held}, free it trims at {found}: {how}", error.attempt) from None
+        raise TrimError(f"{error}; {advice}", error.attempt) from None
+
+
+def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft, condition: TrimCondition) -> str:
+    """What to type where a held angle of attack is why a condition has no trim; "" where it is not why."""
+    if "alpha" in condition.free:
+        return ""
+    try:
+        point = find_operating_point(aircraft, release(condition, free=("alpha",)), arguments.start)
+    except NoSolutionError:
+        return ""
+    held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
+    how = "leave --alpha out and add --free alpha" if given(arguments, "alpha") else "add --free alpha"
+    return f"alpha is held at {held}, free it trims at {found}: {how}"
 
 
 def _parameters(text: str) -> ParameterSet:

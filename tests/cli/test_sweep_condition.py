@@ -106,3 +106,11 @@ def test_the_provenance_says_the_condition() -> None:
 )
 def test_what_does_not_go_together_is_refused(words: str, named: str) -> None:
     assert_refused(hfa("sweep", *words.split()), 2, named)
+
+
+def test_a_sweep_says_where_a_held_angle_of_attack_is_why_there_is_no_trim() -> None:
+    advice = "alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha"
+    words = ("--dihedral", "10", "--speed", "50,68")
+    assert hfa("sweep", *words).err == f"hfa: note: at the first point without a trim {advice}\n"
+    assert hfa("sweep", *words, "--free", "alpha").err == ""
+    assert advice in hfa("trim", "--dihedral", "10", "--speed", "50").err
