@@ -212,7 +212,7 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
     rows = min(layout.chunk, layout.rows)
     for name, (shape, kind, fill, axes, about) in layout.arrays.items():
         named = {"dimension_names": (layout.row, *axes), "attributes": dict(about)}
-        shapes = {"shape": (layout.rows, *shape), "chunks": (rows, *shape)}
+        shapes = {"shape": (layout.rows, *shape), "chunks": (rows, *(max(size, 1) for size in shape))}
         group.create_array(name, **shapes, dtype=kind, fill_value=fill, **named)
     for name, (axis, words) in layout.labels.items():
         if words:

@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
+from hfa_model.support.echo import shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
@@ -25,6 +26,7 @@ _TURBULENCE = ("dihedral", *_ACTUATOR, "intensity", "scale", "objective")
 _GUST = ("dihedral", *_ACTUATOR, "length", "peak")
 #: Evaluations of a file that does not say how many.
 _EVALUATIONS = 1000
+_LARGEST = 10**18
 
 
 def load_tuning(path: str) -> Tuning:
@@ -70,8 +72,8 @@ def load_tuning(path: str) -> Tuning:
         angles=tuple(math.radians(finite_number(path, "angles", angle)) for angle in data.get("angles", [])),
         abscissa=abscissa,
         rate=math.radians(_number(path, data, "rate", math.inf, positive=True)),
-        evaluations=int(_number(path, data, "evaluations", _EVALUATIONS, positive=True)),
-        seed=int(_number(path, data, "seed", 0.0)),
+        evaluations=_whole(path, data, "evaluations", 1, _EVALUATIONS),
+        seed=_whole(path, data, "seed", 0, 0),
         turbulence=tuple(_turbulence(path, *each, design.plant_states) for each in _list(path, data, "turbulence")),
         gusts=tuple(_gust(path, *each) for each in _list(path, data, "gusts")),
         margin=_number(path, data, "margin", 0.0, positive="margin" in data),
@@ -166,6 +168,13 @@ def _number(where: str, table: Mapping[str, Any], key: str, default: float, *, p
     value = finite_number(where, key, table[key]) if key in table else default
     if positive and not value > 0.0:
         raise BadInputError(f"{where}: {key} is {table.get(key, 'missing')}; give a positive number")
+    return value
+
+
+def _whole(where: str, table: Mapping[str, Any], key: str, least: int, default: int) -> int:
+    value = table.get(key, default)
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= _LARGEST:
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a whole number from {least} to {_LARGEST:g}")
     return value
 
 
