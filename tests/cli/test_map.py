@@ -10,7 +10,15 @@ import pytest
 from cli import assert_refused, hfa
 from game_files import stored
 
+from verification.flights import recoverable
+
 MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "-10:10:10")
+
+
+@pytest.fixture(autouse=True)
+def _coarse_edges(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recoverable, "_SCAN", 6)
+    monkeypatch.setattr(recoverable, "_HALVINGS", 3)  # test_recoverable.py has them as fine as they are
 
 
 def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
