@@ -18,6 +18,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
 import pytest
+from flight_cases import FlownCase, case_at
 from learnt_once import share_learning
 
 from controller.game.zero_sum import Game, published_game
@@ -93,3 +94,14 @@ def game(published_aircraft: Aircraft, point: OperatingPoint) -> Game:
 @pytest.fixture(scope="session")
 def gain(game: Game) -> np.ndarray:
     return solve_game(game).K
+
+
+@pytest.fixture(scope="session", params=["published", "newton"])
+def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
+    """The exact gain at 15 degrees, on each set of equations."""
+    return case_at(parameters, request.param, 15.0)
+
+
+@pytest.fixture(scope="session")
+def newton(parameters: Parameters) -> FlownCase:
+    return case_at(parameters, "newton", 15.0)

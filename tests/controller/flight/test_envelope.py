@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flight_cases import FlownCase, case_at
+from flight_cases import FlownCase
 
 from controller.flight.envelope import flight_envelope
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 @pytest.mark.parametrize("name", STATES)

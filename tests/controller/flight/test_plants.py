@@ -4,20 +4,13 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import pytest
-from flight_cases import FlownCase, case_at
+from flight_cases import FlownCase
 
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from hfa_model.parameters import Parameters
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.linearize import linearize
 
 N = len(LINEAR_STATES)
-
-
-@pytest.fixture(scope="module", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    return case_at(parameters, request.param, 15.0)
 
 
 def test_the_linearized_aircraft_is_the_derivative_of_the_nonlinear_one(at_15: FlownCase) -> None:

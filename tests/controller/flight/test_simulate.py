@@ -8,26 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flight_cases import SMALL, FlownCase, case_at, flown, signal
+from flight_cases import SMALL, FlownCase, flown, signal
 
 from controller.flight.envelope import flight_envelope
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.scenario import Scenario
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
 
 N = len(LINEAR_STATES)
-
-
-@pytest.fixture(scope="module", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    return case_at(parameters, request.param, 15.0)
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 def test_at_rest_nothing_moves(at_15: FlownCase) -> None:

@@ -7,7 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from flight_cases import FlownCase, case_at, flown
+from flight_cases import FlownCase, flown
 
 from controller.flight.envelope import angles_of_attack
 from controller.flight.gusts import Dryden, OneMinusCosine
@@ -16,18 +16,12 @@ from controller.flight.scenario import Scenario, loop_of
 from controller.flight.spanwise import SpanwiseGust, side_by_side, spanwise_dryden
 from controller.flight.watched_loop import WatchedLoop
 from controller.monte_carlo.uncertain_plants import UncertainLinearization
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
 from trim.linear.linearize import linearize
 
 GUST = OneMinusCosine(100.0, 3.0, 68.0, 0.2)
 TURBULENCE = Dryden(3.0, 500.0, 68.0, 0.01, 300, 4)
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 def test_the_same_gust_on_both_is_the_uniform_one(newton: FlownCase) -> None:

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from flight_cases import FlownCase, case_at
+from flight_cases import FlownCase
 
 from controller.flight.plants import NonlinearPlant
 from controller.flight.trials import TrialLoop
-from hfa_model.parameters import Parameters
 from hfa_model.vectors import LINEAR_STATES, STATES
 
 N = len(LINEAR_STATES)
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_cases import SMALL, FlownCase, case_at
+from flight_cases import SMALL, FlownCase
 from reference_riccati import reference_solution, relative_error
 
 from controller.flight.scenario import Scenario
@@ -14,13 +14,7 @@ from controller.flight.simulate import fly
 from controller.game.zero_sum import Game
 from controller.laws.learn import learn
 from controller.policy.learned_gain import baseline_gain, certified_gains, frozen_law, learned_value, online_law
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import NoSolutionError
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 def test_a_frozen_learned_gain_is_the_exact_one(newton: FlownCase) -> None:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from cli import hfa
-from flight_cases import SMALL, FlownCase, case_at, flown, signal
+from flight_cases import SMALL, FlownCase, flown, signal
 
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
@@ -18,7 +18,6 @@ from controller.flight.plants import LinearizedAircraft
 from controller.flight.scenario import Scenario
 from controller.policy.signals import Harmonic, Signal
 from hfa_cli.main import BAD_INPUT, DONE
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES, Input
 from trim.point.condition import CONTROL_LIMITS, level_flight
@@ -34,16 +33,6 @@ from verification.flights.agreement import (
 
 N = len(LINEAR_STATES)
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
-
-
-@pytest.fixture(scope="module", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    return case_at(parameters, request.param, 15.0)
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -> None:

@@ -7,21 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flight_cases import FlownCase, case_at, flown, signal
+from flight_cases import FlownCase, flown, signal
 
 from controller.flight.scenario import Scenario
-from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
 from verification.flights.recoverable import recoverable_map
 from verification.flights.recoverable_map import RecoverableMap
 
 N = len(LINEAR_STATES)
-
-
-@pytest.fixture(scope="module")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
 
 
 @pytest.fixture(scope="module")
