@@ -90,7 +90,7 @@ def margins_that_count(condition: TrimCondition, point: OperatingPoint) -> list[
     return [every[name] for name in names if every[name].nearer]
 
 
-def nearest_limits(condition: TrimCondition, point: OperatingPoint, count: int = 3) -> list[Margin]:
-    """The `count` margins that are the least share of their range, and all others that are at a limit; least first."""
+def nearest_limits(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
+    """The three margins that are the least share of their range, and all others that are at a limit; least first."""
     ordered = sorted(margins_that_count(condition, point), key=lambda each: each.share)
-    return [each for index, each in enumerate(ordered) if index < count or each.at_limit]
+    return [each for index, each in enumerate(ordered) if index < 3 or each.at_limit]

@@ -42,7 +42,6 @@ def check_critic(
     run: LearningResult | None = None,
     predefined_time: float | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
-    seed: int = 0,
 ) -> CriticCheck:
     """Compare a critic with the exact solution of its game.
 
@@ -62,7 +61,7 @@ def check_critic(
     checks = [
         *errors,
         below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
-        *(_value_checks(game, P, exact.P, limit, seed) if P is not None and finite else ()),
+        *(_value_checks(game, P, exact.P, limit) if P is not None and finite else ()),
         *((below("l2_gain", gain, game.delta, too_large),) if math.isfinite(game.delta) and finite else ()),
         *(run_checks(game, run, candidate.functions, predefined_time) if run is not None else ()),
     ]
@@ -102,7 +101,7 @@ def check_history(
     return replace(check, checks=(*check.checks, *errors.checks()), history=errors)
 
 
-def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float, seed: int) -> tuple[Check, ...]:
+def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
     """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle point."""
     units = balanced_units(game)
     squared = np.outer(units, units)
@@ -120,7 +119,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float, se
         ),
         at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
         *(
-            saddle_checks(balanced, scaled, np.ones(len(P)), seed, change)
+            saddle_checks(balanced, scaled, np.ones(len(P)), change)
             if change is not None and (game.Q.any() or P.any())
             else ()
         ),

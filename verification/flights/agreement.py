@@ -63,7 +63,6 @@ def deviation_study(
     *,
     model: LinearizedAircraft | None = None,
     duration: float = 5.0,
-    step: float = 0.001,
 ) -> DeviationStudy:
     """The closed loop released from `SIZES` times `DIRECTION`, nonlinear against linear.
 
@@ -72,7 +71,7 @@ def deviation_study(
     """
     prediction = LinearizedAircraft.at(aircraft, point) if model is None else model
     loops = [_released(plant, law.policy) for plant in (NonlinearPlant(aircraft, point), prediction)]
-    tick = 50
+    step, tick = 0.001, 50
     errors = []
     for size in SIZES:
         nonlinear, linear = (

@@ -10,7 +10,7 @@ from verification.meaning.saddle import cost_checks, saddle_checks
 from verification.riccati.l2_gain import gain_checks
 
 
-def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int = 0) -> tuple[Check, ...]:
+def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
     """Cost of the policies equals z0'P z0, neither player gains by deviating, and the L2 gain is below delta.
 
     P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is not limited. A game
@@ -18,6 +18,6 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int = 0
     """
     return (
         *cost_checks(game, P, initial),
-        *(saddle_checks(game, P, initial, seed) if game.Q.any() or P.any() else ()),
+        *(saddle_checks(game, P, initial) if game.Q.any() or P.any() else ()),
         *gain_checks(game, game.gain(P)),
     )
