@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -12,7 +13,6 @@ from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Gust
 from controller.flight.plants import Equations, Plant
-from controller.flight.times import check_times
 from controller.flight.uncertain import Uncertainty
 from controller.policy.commands import CommandedStates
 from controller.policy.policies import Policy
@@ -24,6 +24,9 @@ from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 
 _N = len(LINEAR_STATES)
+
+#: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
+MOST_STEPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
-        check_times(self.duration, self.step, self.tick)
+        _check_times(self.duration, self.step, self.tick)
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
@@ -124,3 +127,23 @@ def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPo
     signals = scenario.reference, scenario.disturbance, scenario.noise
     trim = np.array(point.inputs)
     return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples, scenario.actuators, trim, scenario.tick)
+
+
+def _check_times(duration: float, step: float, tick: float) -> None:
+    """Raise BadInputError unless all, s, are positive and make `MOST_STEPS` steps at most, the duration whole ticks, a
+    tick whole steps."""
+    times = {"duration": duration, "step": step, "tick": tick}
+    for name, value in times.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise BadInputError(f"{name} is {value} s; it must be a positive number")
+    for long, short in (("duration", "tick"), ("tick", "step")):
+        count = times[long] / times[short]
+        if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+            raise BadInputError(
+                f"{long} is {times[long]:g} s and {short} is {times[short]:g} s; make the {long} a whole number of "
+                f"{short}s"
+            )
+    if duration > MOST_STEPS * step * (1 + 1e-9):
+        raise BadInputError(
+            f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"
+        )

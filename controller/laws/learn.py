@@ -20,7 +20,6 @@ from hfa_model.support.errors import BadInputError
 class Law:
     """settings: the dataclass of its options. build: (game, settings, seed, pool) -> the process to run."""
 
-    summary: str
     settings: Callable[..., Any]
     build: Callable[[Game, Any, int, Stack | None], Any]
 
@@ -32,9 +31,9 @@ def _irl(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None) -> Any:
 
 
 LAWS: dict[str, Law] = {
-    "certified": Law("two stages to the exact game solution in predefined time", CertifiedSettings, certified_law),
-    "published": Law("the paper's update law, Eq. (46), as printed", PublishedSettings, published_law),
-    "irl": Law("off-policy integral reinforcement learning, the paper's baseline", IrlSettings, _irl),
+    "certified": Law(CertifiedSettings, certified_law),
+    "published": Law(PublishedSettings, published_law),
+    "irl": Law(IrlSettings, _irl),
 }
 
 
