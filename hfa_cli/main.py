@@ -82,7 +82,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
     except OSError as error:
         _drop_output()
-        return _complain(f"{error.filename or 'cannot write the output'}: {error.strerror}", BAD_INPUT)
+        if error.filename is None:
+            return _complain(f"cannot write the output: {error.strerror}", BAD_INPUT)
+        return _complain(f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT)
 
 
 def _run(words: list[str]) -> int:

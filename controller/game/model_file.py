@@ -24,7 +24,7 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 class StoredGame(NamedTuple):
     """The game of a file, and what to know of it: entries that were not used, defaults that were taken.
 
-    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out.
+    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out and noted.
     provenance: where the plant comes from, as the file says it: entry -> text.
     """
 
@@ -76,6 +76,11 @@ def stored_game(
         )
     settings = published_data()["game"]
     names = _names(stored, shape_A[0], shape_B[1])
+    notes += tuple(
+        f"{path}: {key} has not one name for each; they are called {letter}1 and so on"
+        for key, letter in (("states", "x"), ("inputs", "u"))
+        if key in stored and key not in names
+    )
     scales = aircraft_scales(names, shape_A[0])
     given.setdefault("E", np.diag(scales))
     for key, size, of in (("Q", shape_A[0], "states"), ("R", shape_B[1], "inputs")):

@@ -29,8 +29,11 @@ def test_names_that_do_not_fit_are_left_aside(tmp_path: Path) -> None:
     plant = tmp_path / "plant.json"
     data = {"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "states": ["a", "b"], "inputs": [3]}
     plant.write_text(json.dumps(data), encoding="utf-8")
-    found = json.loads(hfa("solve", "--model", str(plant), "--json").out)
+    result = hfa("solve", "--model", str(plant), "--json")
+    found = json.loads(result.out)
     assert (found["states"], found["inputs"], found["state_units"]) == (["x1"], ["u1"], [""])
+    for key, letter in (("states", "x"), ("inputs", "u")):
+        assert f"hfa: note: {plant}: {key} has not one name for each; they are called {letter}1 and so on" in result.err
 
 
 def test_a_structure_of_a_mat_file_is_read(tmp_path: Path) -> None:
