@@ -49,7 +49,7 @@ def read_mat(content: bytes) -> dict[str, Any]:
     if 0 in content[:4]:
         return dict(_old_matrices(memoryview(content)))
     if len(content) < _HEADER or content[126:128] not in (b"IM", b"MI"):
-        raise ValueError("it has no MATLAB header")
+        raise ValueError("it has no MATLAB header; write it by save -v7")
     order = "<" if content[126:128] == b"IM" else ">"
     version = struct.unpack(f"{order}H", content[124:126])[0] >> 8
     if version != 1:
@@ -266,7 +266,7 @@ def _old_matrices(data: memoryview) -> Iterator[tuple[str, Any]]:
         kind, rows, columns, imaginary, letters = struct.unpack(f"{order}5i", data[:20])
         stored, form = kind // 10 % 10, kind % 10
         if not (0 <= kind < 5000 and kind // 100 % 10 == 0 and stored < len(_OLD_STORED) and form < 3):
-            raise ValueError("it has no MATLAB header")
+            raise ValueError("it has no MATLAB header; write it by save -v7")
         if min(rows, columns, letters) < 0 or imaginary not in (0, 1):
             raise ValueError("the head of an entry is not valid")
         name = bytes(data[20 : 20 + letters]).rstrip(b"\0").decode("latin-1")

@@ -24,7 +24,7 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 class StoredGame(NamedTuple):
     """The game of a file, and what to know of it: entries that were not used, defaults that were taken.
 
-    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out and noted.
+    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out.
     provenance: where the plant comes from, as the file says it: entry -> text.
     """
 
