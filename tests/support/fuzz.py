@@ -30,8 +30,8 @@ _LONGEST_INPUT = 64
 _OFTEN = 20
 #: Random inputs that atheris begins with.
 _FIRST = 50
-#: Seconds after which a call that no signal interrupts ends the process.
-_DEAD = 60.0
+#: Seconds after which a call that no signal interrupts ends the process; what signals interrupt is ended before.
+_DEAD = 120.0
 
 
 class Record:
