@@ -16,7 +16,7 @@ from verification.riccati.gare import solve_game
 from verification.riccati.units import balanced_units, in_units
 
 if TYPE_CHECKING:
-    from flint import arb, arb_mat
+    from flint import arb_mat
 
 Polynomial = list["arb_mat"]
 #: How much wider than what Newton's step shows the solution is sought.
@@ -48,12 +48,12 @@ def gain_form(forms: ModelForms) -> GainForm:
     """
     from flint import arb_mat
 
-    A, B = ([*form.coefficients, form.last] for form in (forms.A, forms.B))
+    A, B = ([*form.parts[:3], last] for form, last in zip((forms.A, forms.B), forms.cubic, strict=True))
     game = published_game(doubles(A[0]), doubles(B[0]))
     units = balanced_units(game)
     up, down = matrix(np.diag(units)), matrix(np.diag(1.0 / units))
     A, B = [down * each * up for each in A], [down * each for each in B]
-    own, box, n = in_units(game, units), forms.box, len(units)
+    own, n = in_units(game, units), len(units)
     R_inverse, Q, E = matrix(own.R).inv(), matrix(own.Q), matrix(own.E)
     S = _product(B, [R_inverse * each.transpose() for each in B])
     S[0] = S[0] - E * E.transpose() * (1 / exact(own.delta) ** 2)
@@ -62,12 +62,12 @@ def gain_form(forms: ModelForms) -> GainForm:
     half = _product([each.transpose() for each in A], P)
     residual = _sum(half, [each.transpose() for each in half], [-each for each in _product(P, _product(S, P))], [Q])
     loop = _sum(A, [-each for each in _product(S, P)])
-    L = lyapunov_operator(_range(loop, box.radius))
+    L = lyapunov_operator(_range(loop))
     C = matrix(np.linalg.inv(doubles(L)))
-    step = C * arb_mat([[entry] for entry in _range(residual, box.radius).entries()])
+    step = C * arb_mat([[entry] for entry in _range(residual).entries()])
     slope, bend = (
         norm((matrix(np.eye(n * n)) - C * L).entries()),
-        norm(C.entries()) * norm(_range(S, box.radius).entries()),
+        norm(C.entries()) * norm(_range(S).entries()),
     )
     reach = exact(_REACH * float(norm(step.entries()).upper()))
     rest = slope * reach + bend * reach**2
@@ -80,22 +80,21 @@ def gain_form(forms: ModelForms) -> GainForm:
         raise Undecided("the solution of the game is not enclosed on this box")
     error = arb_mat(n, n, [symmetric(rest) - entry for entry in step.entries()])
     gains = [R_inverse * each * down for each in _product([each.transpose() for each in B], P)]
-    over = _range([R_inverse * each.transpose() for each in B], box.radius) * error * down
-    r = float(box.radius)
+    over = _range([R_inverse * each.transpose() for each in B]) * error * down
     for k, each in enumerate(gains):
-        power = symmetric(box.radius**k)
-        over += map_entries(lambda entry, k=k, power=power: power * (entry if k > 2 else entry - entry.mid()), each)
+        over += map_entries(lambda entry, k=k: symmetric(entry if k > 2 else entry - entry.mid()), each)
     bounds = np.array([[float(abs(entry).upper()) for entry in row] for row in over.tolist()])
     proof = {
         "units": units,
-        "P": [guess[0], guess[1] * r, guess[2] * r * r],
+        "P": guess,
         "reach": _STATED * float(reach),
         "H": modes.H,
         "turn": modes.turn,
     }
     loose = R_inverse * B[0].transpose() * filled(n, n, symmetric(proof["reach"])) * down
+    scales = 1.0 / float(forms.box.radius) ** np.arange(3)[:, None, None]
     return GainForm(
-        np.array([doubles(each) for each in gains[:3]]), bounds, proof, float(norm(loose.entries()).upper())
+        np.array([doubles(each) for each in gains[:3]]) * scales, bounds, proof, float(norm(loose.entries()).upper())
     )
 
 
@@ -117,7 +116,7 @@ def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.n
 
 
 def _product(X: Polynomial, Y: Polynomial) -> Polynomial:
-    """Of two polynomials in τ with matrices of balls."""
+    """Of two polynomials in s with matrices of balls."""
     found: list[Any] = [None] * (len(X) + len(Y) - 1)
     for i, x in enumerate(X):
         for j, y in enumerate(Y):
@@ -131,6 +130,6 @@ def _sum(*terms: Polynomial) -> Polynomial:
     return [sum((each[k] for each in terms if k < len(each)), zero) for k in range(len(longest))]
 
 
-def _range(X: Polynomial, radius: arb) -> arb_mat:
-    """Everything that it takes for |τ| <= radius."""
-    return sum((map_entries(lambda entry, k=k: symmetric(radius**k) * entry, x) for k, x in enumerate(X[1:], 1)), X[0])
+def _range(X: Polynomial) -> arb_mat:
+    """Everything that it takes for |s| <= 1."""
+    return sum((map_entries(symmetric, x) for x in X[1:]), X[0])

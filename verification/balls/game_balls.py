@@ -147,7 +147,7 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
 
 def proved_modes(A: arb_mat) -> ProvedModes | None:
     """How many eigenvalues have a positive real part; None when one may lie on the axis."""
-    return counted([A], doubles(A), 0.0)
+    return counted(A)
 
 
 def unstable_modes(A: arb_mat) -> int | None:

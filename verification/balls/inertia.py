@@ -1,4 +1,4 @@
-"""How many eigenvalues lie on each side of the axis Re λ = -a, for every matrix of a Taylor form.
+"""How many eigenvalues lie on each side of the axis Re λ = -a, for every matrix of a Taylor model.
 
 If H is symmetric and -(A'H + H A + 2 a H) is positive definite, A has as many eigenvalues with Re λ < -a as H has
 positive ones, as many with Re λ > -a as H has negative ones, and none between: Ostrowski and Schneider (J. Math. Anal.
@@ -8,24 +8,18 @@ matrices form a convex cone: one H serves a whole box when it serves the corners
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from verification.arithmetic.balls import (
-    doubles,
-    exact,
-    is_positive_definite,
-    map_entries,
-    matrix,
-    pivots,
-    radii,
-    symmetric,
-)
+from verification.arithmetic.balls import doubles, is_positive_definite, matrix, pivots, radii
+from verification.balls.taylor import roomy
 
 if TYPE_CHECKING:
     from flint import arb_mat
+
+    from verification.arithmetic.taylor_model import TaylorModel
 
 
 class ProvedModes(NamedTuple):
@@ -36,16 +30,14 @@ class ProvedModes(NamedTuple):
     turn: np.ndarray
 
 
-def counted(
-    corners: Sequence[arb_mat],
-    middle: np.ndarray,
-    rate: float,
-    moves: Sequence[arb_mat] = (),
-    errors: Sequence[arb_mat] = (),
-) -> ProvedModes | None:
-    """Of every matrix in the hull of the corners and the errors; None when a mode may lie on the axis Re λ = -a."""
-    for H, turn in candidates(middle, rate, [*moves, *errors], errors):
-        count = unstable_count(corners, H, turn, rate, errors)
+def counted(A: TaylorModel | arb_mat, rate: float = 0.0) -> ProvedModes | None:
+    """Eigenvalues right of the line Re λ = -a, of every matrix; None when one may lie on it."""
+    from verification.arithmetic.taylor_model import TaylorModel
+
+    whole = TaylorModel.of(A)
+    middle, *additions = whole.parts
+    for H, turn in candidates(doubles(middle), rate, additions, additions[3:]):
+        count = unstable_count(whole, H, turn, rate)
         if count is not None:
             return ProvedModes(count, H, turn)
     return None
@@ -83,28 +75,14 @@ def candidates(A: np.ndarray, rate: float, *additions: Sequence[arb_mat]) -> Ite
             yield (H + H.T) / 2, congruence
 
 
-def unstable_count(
-    corners: Iterable[arb_mat], H: np.ndarray, congruence: np.ndarray, rate: float, errors: Sequence[arb_mat] = ()
-) -> int | None:
-    """Eigenvalues with Re λ > -rate of every matrix in the hull of the corners; None when H does not prove it.
-
-    errors: any of the matrices, times a number of at most 1, may be added.
-    """
+def unstable_count(A: TaylorModel, H: np.ndarray, congruence: np.ndarray, rate: float) -> int | None:
+    """Eigenvalues with Re λ > -rate of every matrix; None when H does not prove it."""
     T, weight = matrix(congruence), matrix(H)
-    turned = T.transpose()
-    signs = pivots(turned * weight * T)
+    signs = pivots(T.transpose() * weight * T)
     if signs is None:
         return None
-    shift = 2 * exact(rate) * weight
-
-    def growth(A: arb_mat) -> arb_mat:
-        product = weight * A
-        return turned * (product + product.transpose()) * T
-
-    rest = turned * shift * T
-    for each in errors:
-        rest += map_entries(symmetric, growth(each))
-    for A in corners:
-        if not is_positive_definite(-(growth(A) + rest)):
-            return None
+    half = -(weight * (A + matrix(rate * np.eye(len(H)))))
+    decrease = (half + half.transpose()).map(lambda part: T.transpose() * part * T)
+    if not all(is_positive_definite(corner) for corner in roomy(decrease).corners()):
+        return None
     return sum(1 for pivot in signs if pivot < 0)

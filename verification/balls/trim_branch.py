@@ -12,11 +12,13 @@ from trim.point.solve import find_operating_point
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import as_read, exact, flint_or_refusal, symmetric
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import ORDER, DihedralBox, TaylorForm, dihedral_series, radians
+from verification.balls.taylor import ORDER, DihedralBox, dihedral_series, radians
 from verification.balls.trim_equations import TrimEquations, coefficients
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
+
+    from verification.arithmetic.taylor_model import TaylorModel
 
 _ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _COLUMNS = range(len(INPUTS))
@@ -43,17 +45,18 @@ class Errors(NamedTuple):
 class ModelForms:
     """Over a box: inputs U0(η), (5, 1), and A(η), (6, 6), B(η), (6, 5), of the six states of the linear model.
 
-    unknowns: the free variables of the trim, (4, 1). next_unknowns: their third Taylor coefficient at the middle, how
-    large the remainder about is. errors: one for each parameter with a half width.
+    unknowns: the free variables of the trim, (4, 1). next_unknowns: their third Taylor coefficient at the middle, times
+    radius³: how large the remainder about is. Of the unknowns, A and B the parameters with a half width are the errors.
+    cubic: the coefficients of s³ of A and B anywhere on the box, which the remainder takes with both signs.
     """
 
     box: DihedralBox
-    unknowns: TaylorForm
+    unknowns: TaylorModel
     next_unknowns: list[arb]
-    inputs: TaylorForm
-    A: TaylorForm
-    B: TaylorForm
-    errors: tuple[Errors, ...] = ()
+    inputs: TaylorModel
+    A: TaylorModel
+    B: TaylorModel
+    cubic: tuple[arb_mat, arb_mat]
 
 
 class TrimBranch:
@@ -97,14 +100,18 @@ class TrimBranch:
             self._model(self._known, dihedral_series(degrees, length), series, length)
             for degrees, series, length in ((box.middle, at_middle, ORDER), (box.degrees, wide, ORDER + 1))
         )
+        errors = tuple(self._errors(box, everywhere)) if self._uncertain else ()
         return ModelForms(
             box,
-            _form(box, at_middle, wide, range(len(wide)), [0]),
-            [series[ORDER] for series in at_middle],
+            _form(box, at_middle, wide, range(len(wide)), [0], [each.unknowns for each in errors]),
+            [series[ORDER] * box.radius**ORDER for series in at_middle],
             _form(box, u, wide_u, _COLUMNS, [0]),
-            _form(box, A, wide_A, _ROWS, _ROWS),
-            _form(box, B, wide_B, _ROWS, _COLUMNS),
-            tuple(self._errors(box, everywhere)) if self._uncertain else (),
+            _form(box, A, wide_A, _ROWS, _ROWS, [each.A for each in errors]),
+            _form(box, B, wide_B, _ROWS, _COLUMNS, [each.B for each in errors]),
+            (
+                _matrix(wide_A, ORDER, _ROWS, _ROWS) * box.radius**ORDER,
+                _matrix(wide_B, ORDER, _ROWS, _COLUMNS) * box.radius**ORDER,
+            ),
         )
 
     def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat, arb_mat]:
@@ -129,8 +136,7 @@ class TrimBranch:
     def beyond_limits(self, forms: ModelForms) -> str | None:
         """What may leave its limits somewhere on the box; None when all is proved to stay within."""
         values = dict(zip(INPUTS, forms.inputs.range().entries(), strict=True))
-        for i, (name, value) in enumerate(zip(self.free, forms.unknowns.range().entries(), strict=True)):
-            values[name] = value + sum((symmetric(each.unknowns[i, 0]) for each in forms.errors), exact(0.0))
+        values |= zip(self.free, forms.unknowns.range().entries(), strict=True)
         for name, value in values.items():
             low, high = self.limits[name]
             if not (exact(low) <= value <= exact(high)):
@@ -202,7 +208,15 @@ def _matrix(entries: list[list[arb]], order: int, rows: Sequence[int], columns: 
 
 
 def _form(
-    box: DihedralBox, thin: list[list[arb]], wide: list[list[arb]], rows: Sequence[int], columns: Sequence[int]
-) -> TaylorForm:
-    middle = tuple(_matrix(thin, j, rows, columns) for j in range(ORDER))
-    return TaylorForm(middle, _matrix(wide, ORDER, rows, columns), box.radius)
+    box: DihedralBox,
+    thin: list[list[arb]],
+    wide: list[list[arb]],
+    rows: Sequence[int],
+    columns: Sequence[int],
+    errors: Sequence[arb_mat] = (),
+) -> TaylorModel:
+    """F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange)."""
+    from verification.arithmetic.taylor_model import TaylorModel
+
+    middle = [_matrix(thin, j, rows, columns) * box.radius**j for j in range(ORDER)]
+    return TaylorModel(*middle, _matrix(wide, ORDER, rows, columns) * symmetric(box.radius**ORDER), *errors)

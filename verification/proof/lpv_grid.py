@@ -14,16 +14,17 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import INPUT_SCALES
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import symmetric
 from verification.balls.gain_forms import GainForm, gain_form
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated
 
 if TYPE_CHECKING:
     from flint import arb_mat
+
+    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Cells in which curvatures are bounded, deg: every node of a grid is an end of one.
 _CELL = 2.0**-4
@@ -137,7 +138,7 @@ def _cell(forms: ModelForms, branch: TrimBranch) -> _Cell:
     scales = [[1 / scale] for scale in INPUT_SCALES]
     curvature, size = {}, {}
     for name, form in (("A", forms.A), ("B", forms.B), ("inputs", forms.inputs)):
-        bend, value = _bend(form).tolist(), form.range().tolist()
+        bend, value = _bend(form, forms.box).tolist(), form.range().tolist()
         weights = scales if name == "inputs" else [[1.0] * len(row) for row in bend]
         curvature[name] = _frobenius([[float(2 * abs(entry).upper()) for entry in row] for row in bend], weights)
         least = [[max(0.0, float(abs(entry).lower())) for entry in row] for row in value]
@@ -174,9 +175,9 @@ def _gain_error(cells: list[_Cell]) -> float:
     return _wider(worst / min(cell.size["K"] for cell in cells))
 
 
-def _bend(form: TaylorForm) -> arb_mat:
+def _bend(form: TaylorModel, box: DihedralBox) -> arb_mat:
     """F''/2 on the box: F_2 + 3 F_3(ξ) τ, the mean-value form of the second coefficient."""
-    return form.coefficients[2] + (3 * symmetric(form.radius)) * form.last
+    return (form.parts[2] + 3 * form.parts[3]) * (1 / box.radius**2)
 
 
 def _frobenius(values: list[list[float]], weights: list[list[float]]) -> float:

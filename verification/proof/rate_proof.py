@@ -6,18 +6,23 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from controller.policy.gain_table import GainTable
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import doubles, exact, is_positive_definite, map_entries, matrix, symmetric
+from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.taylor import DihedralBox, roomy
 from verification.balls.trim_branch import TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
+
+if TYPE_CHECKING:
+    from flint import arb_mat
+
+    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Largest distance between two angles at which P is given, deg.
 _STEP = 0.125
@@ -54,39 +59,18 @@ class RateProof:
     boxes: tuple[MotionBox, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Between two neighbouring angles: the loop, and P = value + slope τ (1/deg) about the middle of the box."""
-
-    loop: TaylorForm
-    errors: list[Any]
-    value: Any
-    slope: Any
-
-    def decrease(self) -> TaylorForm:
-        """-(A_c'P + P A_c), without what the motion and the errors of the parameters add."""
-        half = self.loop.map(lambda each: -each.transpose()).times_affine(self.value, self.slope)
-        return half + half.map(lambda each: each.transpose())
-
-    def decreases(self, rate: float) -> np.ndarray | None:
-        """Coordinates in which -dV/dt is proved positive definite at both signs of the rate; None when it is not."""
-        form = self.decrease()
-        try:
-            turn = np.linalg.inv(np.linalg.cholesky(doubles(form.coefficients[0]))).T
-        except np.linalg.LinAlgError:
-            return None
-        T = matrix(turn)
-        turned, P, motion = T.transpose(), self.value + symmetric(form.radius) * self.slope, exact(rate) * self.slope
-        rest = 0 * motion
-        for each in self.errors:
-            half = P * each
-            rest += map_entries(symmetric, turned * (half + half.transpose()) * T)
-        proved = all(
-            is_positive_definite(turned * (corner + sign * motion) * T + rest)
-            for corner in form.corners()
-            for sign in (1, -1)
-        )
-        return turn if proved else None
+def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray | None:
+    """Coordinates in which -(A_c'P + P A_c ± motion) is proved positive definite; None when it is not."""
+    half = -(loop.transpose() * P)
+    decrease = half + half.transpose()
+    try:
+        turn = np.linalg.inv(np.linalg.cholesky(doubles(decrease.parts[0]))).T
+    except np.linalg.LinAlgError:
+        return None
+    T = matrix(turn)
+    turned, moved = decrease.map(lambda part: T.transpose() * part * T), T.transpose() * motion * T
+    corners = [corner + each for corner in roomy(turned).corners() for each in (moved, -moved)]
+    return turn if all(map(is_positive_definite, corners)) else None
 
 
 def prove_rate(
@@ -102,27 +86,36 @@ def prove_rate(
     P solves A_c'P + P A_c = -W at some angles, with one W for all, and is linear between: V is continuous, its
     derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
     """
+    from verification.arithmetic.taylor_model import TaylorModel
+
     branch = TrimBranch(family)
     angles = _angles(segments(table, low, high))
     boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]
     nothing = RateProof(0.0, np.array(angles), np.zeros(0))
     try:
-        loops = [closed_loop(table, branch.forms(box))[0] for box in boxes]
+        loops = [closed_loop(table, branch.forms(box)) for box in boxes]
     except Undecided:
         return nothing
-    points = [(doubles(loop.coefficients[0]), doubles(loop.coefficients[1])) for loop in loops]
+    scales = [1.0 / float(box.radius) for box in boxes]
+    points = [(doubles(each.parts[0]), doubles(each.parts[1]) * s) for each, s in zip(loops, scales, strict=True)]
     if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
         return nothing
     suggested, W = _weight([*points[::_STRIDE], points[-1]])
-    ends = [doubles(loop.at(-1)) for loop in loops] + [doubles(loops[-1].at(1))]
+    last = loops[-1].parts
+    ends = [doubles(c0 - c1 + c2) for c0, c1, c2, *_ in (loop.parts for loop in loops)]
+    ends += [doubles(last[0] + last[1] + last[2])]
     P = np.array([_lyapunov(A, W) for A in ends])
 
-    def piece(index: int, box: DihedralBox) -> tuple[StatedModel, _Piece]:
-        forms = branch.forms(box)
+    def proved_box(index: int, box: DihedralBox, rate: float) -> MotionBox | None:
+        try:
+            forms = branch.forms(box)
+        except Undecided:
+            return None
         first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
-        return stated(forms, branch.free), _Piece(*closed_loop(table, forms), value, rise)
+        turn = _decreases(closed_loop(table, forms), TaylorModel(value, rise * box.radius), exact(rate) * rise)
+        return None if turn is None else MotionBox(box, stated(forms, branch.free), turn)
 
     def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
@@ -130,14 +123,10 @@ def prove_rate(
         for index, whole in enumerate(boxes):
             waiting = [whole]
             while waiting:
-                box, turn = waiting.pop(), None
-                try:
-                    model, own = piece(index, box)
-                    turn = own.decreases(rate)
-                except Undecided:
-                    pass
-                if turn is not None:
-                    found.append(MotionBox(box, model, turn))
+                box = waiting.pop()
+                proved = proved_box(index, box, rate)
+                if proved is not None:
+                    found.append(proved)
                 elif box.high - box.low > _NARROWEST:
                     waiting += box.halves()[::-1]
                 else:

@@ -17,13 +17,13 @@ from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
 from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 
 if TYPE_CHECKING:
-    from flint import arb_mat
+    from verification.arithmetic.taylor_model import TaylorModel
 
 Said = TypeVar("Said")
 
@@ -145,8 +145,8 @@ def prove_schedule(
     narrowest = NARROWEST if family.spread is None else NARROWEST_WITH_ERRORS
     covers = list(known or (Cover((), ()), Cover((), ())))
     proofs: tuple[Callable[[DihedralBox], ProvedBox | None], ...] = (
-        lambda box: _prove(forms(box), *closed_loop(table, forms(box)), branch.free, rated=True),
-        lambda box: _prove(forms(box), forms(box).A, [each.A for each in forms(box).errors], branch.free, rated=False),
+        lambda box: _prove(forms(box), closed_loop(table, forms(box)), branch.free, rated=True),
+        lambda box: _prove(forms(box), forms(box).A, branch.free, rated=False),
     )
     for index, prove in enumerate(proofs):
         for found in _covered(covers[index], segments(table, low, high), prove, narrowest):
@@ -207,25 +207,22 @@ def _bound(
         model = forms(box)
     except Undecided:
         return None
-    middle, errors = doubles(model.A.coefficients[0]), [each.A for each in model.errors]
-    values = sorted(np.linalg.eigvals(middle).real.tolist())
+    values = sorted(np.linalg.eigvals(doubles(model.A.parts[0])).real.tolist())
     lines = [(a + b) / 2 for a, b in pairwise(values) if b > a and side * (a + b) > 0.0]
     for line in sorted(lines, key=abs):
-        found = counted(list(model.A.corners()), middle, -line, model.A.moves(), errors)
+        found = counted(model.A, -line)
         if found is not None:
             return ProvedBox(box, found.unstable, -line, found.H, found.turn, stated(model, free))
     return None
 
 
-def _prove(
-    model: ModelForms, form: TaylorForm, errors: list[arb_mat], free: tuple[str, ...], *, rated: bool
-) -> ProvedBox | None:
-    middle = doubles(form.coefficients[0])
+def _prove(model: ModelForms, form: TaylorModel, free: tuple[str, ...], *, rated: bool) -> ProvedBox | None:
+    middle = doubles(form.parts[0])
     if not np.isfinite(middle).all():
         raise BadInputError("the loop's entries are too large to compute with; check the gains of the table")
     abscissa = float(np.linalg.eigvals(middle).real.max())
     rate = -RATE_SHARE * abscissa if rated and abscissa < 0.0 else 0.0
-    found = counted(list(form.corners()), middle, rate, form.moves(), errors)
+    found = counted(form, rate)
     return (
         None if found is None else ProvedBox(model.box, found.unstable, rate, found.H, found.turn, stated(model, free))
     )

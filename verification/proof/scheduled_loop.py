@@ -10,12 +10,12 @@ import numpy as np
 from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from verification.arithmetic.balls import exact, matrix, symmetric
-from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.arithmetic.balls import exact, matrix
+from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import ModelForms
 
 if TYPE_CHECKING:
-    from flint import arb_mat
+    from verification.arithmetic.taylor_model import TaylorModel
 
 _STATES = len(LINEAR_STATES)
 
@@ -33,29 +33,18 @@ def segments(table: GainTable, low: float, high: float) -> list[DihedralBox]:
     return [DihedralBox(a, b) for a, b in pairwise(cuts)]
 
 
-def closed_loop(table: GainTable, forms: ModelForms) -> tuple[TaylorForm, list[arb_mat]]:
-    """The closed loop on a box that crosses no angle of the table, and what the parameters' errors add to it."""
-    from flint import arb_mat
+def closed_loop(table: GainTable, forms: ModelForms) -> TaylorModel:
+    """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ on a box that crosses no angle of the table."""
+    from verification.arithmetic.taylor_model import TaylorModel
 
     box, n = forms.box, table.K.shape[-1]
     index = int(np.searchsorted(table.dihedral_deg, box.low, side="right")) - 1
     first, second = (exact(angle) for angle in table.dihedral_deg[index : index + 2].tolist())
 
-    def affine(values: np.ndarray) -> tuple[arb_mat, arb_mat]:
+    def affine(values: np.ndarray) -> TaylorModel:
         slope = (matrix(values[index + 1]) - matrix(values[index])) / (second - first)
-        return matrix(values[index]) + (box.middle - first) * slope, slope
+        return TaylorModel(matrix(values[index]) + (box.middle - first) * slope, slope * box.radius)
 
-    (K, K_slope), (M, M_slope), (N, N_slope), (X, X_slope) = map(affine, (table.K, table.M, table.N, table.X))
-    states = matrix(np.eye(_STATES, n))
-    up, zero = states.transpose(), matrix(np.zeros((n, n)))
-    steered = forms.B.times_affine(-K, -K_slope)
-    loop = (forms.A.map(lambda part: part * states) + steered).map(lambda part: up * part)
-    loop += TaylorForm((M, M_slope, zero), zero, box.radius)
-    K_all, N_all, X_all = (a + symmetric(box.radius) * b for a, b in ((K, K_slope), (N, N_slope), (X, X_slope)))
-    errors = [
-        up * (each.A * states - each.B * K_all) + N_all * (each.A * X_all - each.B * K_all) for each in forms.errors
-    ]
-    if table.N.any():
-        seen = (forms.A.times_affine(X, X_slope) + steered).map(arb_mat.transpose)
-        loop += seen.times_affine(N.transpose(), N_slope.transpose()).map(arb_mat.transpose)
-    return loop, errors
+    states, steered = matrix(np.eye(_STATES, n)), forms.B * affine(table.K)
+    loop = states.transpose() * (forms.A * states - steered) + affine(table.M)
+    return loop + affine(table.N) * (forms.A * affine(table.X) - steered) if table.N.any() else loop

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trim.point.condition import SCALES
-from verification.arithmetic.balls import exact, map_entries, symmetric
-from verification.balls.taylor import TaylorForm, radians
+from verification.arithmetic.balls import exact
+from verification.balls.taylor import radians
 from verification.balls.trim_branch import ModelForms, TrimBranch
 
 if TYPE_CHECKING:
-    from flint import arb, arb_mat
+    from flint import arb
+
+    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.
 _WIDER = 1.5
@@ -49,22 +51,17 @@ class StatedModel:
 
 
 def stated(model: ModelForms, free: tuple[str, ...]) -> StatedModel:
-    """The statement of a box, from its Taylor forms."""
-    angle, r, trim = float(radians(model.box.radius)), model.box.radius, {}
+    """The statement of a box, from its Taylor models."""
+    angle, trim = float(radians(model.box.radius)), {}
     for i, name in enumerate(free):
-        parts = [each[i, 0] for each in model.unknowns.coefficients]
-        slopes = [each.unknowns[i, 0] for each in model.errors]
-        rest = 6 * abs(model.next_unknowns[i]).upper() + _BEYOND * abs(model.unknowns.last[i, 0]).upper()
+        *parts, remainder = (each[i, 0] for each in model.unknowns.parts[:4])
+        slopes = [each[i, 0] for each in model.unknowns.parts[4:]]
+        rest = 6 * abs(model.next_unknowns[i]).upper() + _BEYOND * abs(remainder).upper()
         reading = 10 * parts[0].rad() + _READING * abs(parts[0].mid())
         around = _AROUND * sum((slope.rad() for slope in slopes), exact(0.0))
-        radius = float(rest * r**3 + reading + around) + _LEAST * angle**3 * SCALES[name]
-        polynomial = [part * r**power for power, part in enumerate(parts)]
-        trim[name] = [*(float(c.mid()) for c in polynomial), radius, *(float(slope.mid()) for slope in slopes)]
-    return StatedModel(
-        trim,
-        _ends(model.A, [each.A for each in model.errors]),
-        _ends(model.B, [each.B for each in model.errors]),
-    )
+        radius = float(rest + reading + around) + _LEAST * angle**3 * SCALES[name]
+        trim[name] = [*(float(c.mid()) for c in parts), radius, *(float(slope.mid()) for slope in slopes)]
+    return StatedModel(trim, _ends(model.A), _ends(model.B))
 
 
 def stated_point(degrees: float, branch: TrimBranch) -> dict[str, Any]:
@@ -80,12 +77,8 @@ def stated_point(degrees: float, branch: TrimBranch) -> dict[str, Any]:
     }
 
 
-def _ends(form: TaylorForm, errors: list[arb_mat]) -> np.ndarray:
-    values = form.range()
-    for each in errors:
-        values += map_entries(symmetric, each)
-    rows = values.tolist()
-    wider = _WIDER_WITH_ERRORS if errors else _WIDER
+def _ends(form: TaylorModel) -> np.ndarray:
+    rows, wider = form.range().tolist(), _WIDER_WITH_ERRORS if form.parts[4:] else _WIDER
     floors = [_FLOOR * max(abs(float(entry.mid())) for entry in row) for row in rows]
     return np.array([[_outward(entry, wider, floor) for entry in row] for row, floor in zip(rows, floors, strict=True)])
 

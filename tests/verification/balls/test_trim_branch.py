@@ -17,16 +17,14 @@ from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact
-from verification.balls.taylor import DihedralBox, TaylorForm
+from verification.arithmetic.taylor_model import TaylorModel
+from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch
 
 
-def at(form: TaylorForm, tau: float) -> np.ndarray:
+def at(form: TaylorModel, s: float) -> np.ndarray:
     """The enclosure at one place of the box: midpoints, and radii."""
-    value = form.last
-    for each in reversed(form.coefficients):
-        value = each + exact(tau) * value
-    rows = value.tolist()
+    rows = (form.parts[0] + form.away(exact(s), exact(s * s))).tolist()
     return np.array([[(float(entry.mid()), float(entry.rad())) for entry in row] for row in rows])
 
 
@@ -38,7 +36,7 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
     for tau in (-0.25, -0.1, 0.0, 0.25):
         model = model_at(low + 0.25 + tau, dynamics)
         for form, expected in ((forms.A, model.A), (forms.B, model.B), (forms.inputs, model.input_offsets[:, None])):
-            found = at(form, tau)
+            found = at(form, tau / 0.25)
             rounding = 1e-11 * (1.0 + np.abs(expected).max())
             assert np.all(np.abs(found[..., 0] - expected) <= found[..., 1] + rounding)
 
@@ -49,14 +47,14 @@ def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> 
     width = 1e-4 * getattr(values, name)
     spread = tuple(width if each == name else 0.0 for each in values._fields)
     box = DihedralBox(12.0, 12.03125)
-    (errors,) = TrimBranch(replace(family(), spread=spread)).forms(box).errors
+    forms = TrimBranch(replace(family(), spread=spread)).forms(box)
     ends = []
     for sign in (-1.0, 1.0):
         moved = Aircraft(values._replace(**{name: getattr(values, name) + sign * width}))
         ends.append(linearize(moved, find_operating_point(moved, level_flight(math.radians(float(box.middle))))))
     for part in ("A", "B"):
         expected = (getattr(ends[1], part) - getattr(ends[0], part)) / 2.0
-        rows = getattr(errors, part).tolist()
+        rows = getattr(forms, part).parts[4].tolist()
         middle, radius = (
             np.array([[float(getattr(each, of)()) for each in row] for row in rows]) for of in ("mid", "rad")
         )
@@ -69,7 +67,7 @@ def test_the_remainder_shrinks_with_the_third_power() -> None:
     rests = []
     for width in (0.2, 0.1, 0.05):
         form = branch.forms(DihedralBox(5.0 - width / 2, 5.0 + width / 2)).A
-        rests.append(float((abs(form.last[3, 1]) * form.radius**3).upper()))
+        rests.append(float(abs(form.parts[3][3, 1]).upper()))
     orders = np.log2(np.array(rests[:-1]) / rests[1:])
     assert np.all((orders > 2.8) & (orders < 3.6))
 

@@ -87,9 +87,9 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
             [B @ y_x, B @ y_a, zero((n, m)), A],
         ]
     low = 14.0
-    loop, _ = closed_loop(table, TrimBranch(family()).forms(DihedralBox(low, low + 2.0**-30)))
+    loop = closed_loop(table, TrimBranch(family()).forms(DihedralBox(low, low + 2.0**-30)))
     expected = np.block(rows)
-    np.testing.assert_allclose(doubles(loop.coefficients[0]), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(doubles(loop.parts[0]), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
