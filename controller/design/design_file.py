@@ -14,7 +14,14 @@ from hfa_model.support.toml_file import names_of, read_named, table_of
 from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.
-NAMED = {"paper": "paper.toml", "simvfa-1": "simvfa_1.toml", "simvfa-2": "simvfa_2.toml", "servo": "servo.toml"}
+NAMED = {
+    "paper": "paper.toml",
+    "simvfa-1": "simvfa_1.toml",
+    "simvfa-2": "simvfa_2.toml",
+    "servo": "servo.toml",
+    "servo-gusts": "servo_gusts.toml",
+    "servo-states": "servo_states.toml",
+}
 _KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta")
 _TABLES = ("actuators", "weights", "sensors", "sensor_lags", "feedforward")
 

@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
     about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
+    options.add_picture(parser, "the trade-off of a search with --tune")
     options.add_form(parser)
 
 
@@ -61,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError("name what to do: one of --design NAME, --tune FILE, or the file of a controller")
     if arguments.tune is not None:
         return _search(arguments, aircraft)
+    options.refuse(arguments, ("picture",), "belongs to --tune")
     if arguments.output is not None and arguments.output.suffix.lower() not in SUFFIXES:
         raise BadInputError(f"{arguments.output}: a controller is written as {' or '.join(SUFFIXES)}")
     if arguments.file is not None:
@@ -86,6 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     """Tune; exit 1 when no evaluation kept the constraints."""
+    from hfa_model.reporting.figure import save
+    from verification.synthesis.tuning_figure import tuning_figure
     from verification.synthesis.tuning_report import tuning_report
     from verification.synthesis.tuning_search import tune
 
@@ -98,5 +102,7 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     report = tuning_report(arguments.tune, found)
     entries = arguments.tune.entries_at(found.best)
     save_design(target, entries | {"description": f"found by a search from {arguments.tune.name}"})
+    if arguments.picture is not None:
+        save(tuning_figure(arguments.tune, found.seen), arguments.picture, provenance().text())
     show(report, arguments, target=None)
     return 0 if report.data["ok"] else 1

@@ -25,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="keep the cases that are finished")
     about = "fly this controller too (.npz); repeatable"
     parser.add_argument("--controller", action="append", metavar="FILE", help=about)
+    about = "fly this law only, by its name in the table; repeatable"
+    parser.add_argument("--law", action="append", default=[], metavar="NAME", help=about)
     add_value(parser, "--duration", number, "S", "default: the whole sequence, 1051")
     options.add_aircraft(parser)
     options.add_form(parser)
@@ -59,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
             duration=duration,
             resume=arguments.resume,
             progress=show_done,
+            only=arguments.law,
         )
         for name in names
     ]

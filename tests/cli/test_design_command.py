@@ -45,12 +45,13 @@ def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(publish
 
 def test_a_search_writes_a_design_and_goes_on_where_it_ended() -> None:
     write_tuning(Path())
-    words = ("design", "--tune", "tune.toml", "-o", "best.toml")
+    words = ("design", "--tune", "tune.toml", "-o", "best.toml", "--picture", "seen.png")
     first = answer(*words, code=1)  # a corner stays unstable: what is written does not keep the constraints
     record = Path("best.toml.record").read_text(encoding="utf-8").splitlines()
     best = load_design("best.toml")
     assert best.input_weights["aileron_outer"] == first["variables"]["effort"]["best"]
     assert first["best"]["cost"] <= first["start"]["cost"]
+    assert Path("seen.png").read_bytes().startswith(b"\x89PNG")
     Path("best.toml.record").write_text("\n".join(record[: len(record) // 2]) + "\n[[1.0, 2", encoding="utf-8")
     again = answer(*words, code=1)
     assert {key: again[key] for key in again if key != "provenance"} == {
@@ -77,6 +78,7 @@ def test_a_search_writes_a_design_and_goes_on_where_it_ended() -> None:
         ("small.npz --corners --dynamics newton", 2, "was designed for published dynamics, the aircraft has newton"),
         ("--design simvfa-1 -o servo.toml", 2, "a controller is written as .npz or .mat"),
         ("--tune tune.toml", 2, "--tune writes a design; name it with -o FILE.toml"),
+        ("small.npz --picture seen.png", 2, "--picture belongs to --tune"),
         ("--tune tune.toml --corners -o best.toml", 2, "--corners belongs to --design; leave it out with --tune"),
         ("--tune none.toml -o best.toml", 2, "none.toml: there is no readable file of that name"),
         ("--design simvfa-1 --dihedral 0:5", 2, "--dihedral is LOW:HIGH"),

@@ -101,11 +101,13 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
 
 def test_a_case_is_flown_with_a_controller_beside(folder: Path) -> None:
     words = ("servo", "order-1", "-o", "out", "--duration", "3", "--controller", "servo.npz")
+    words = (*words, "--law", "servo.npz", "--law", "paper")
     result = hfa(*words)
     assert (result.code, result.err) == (0, "")
     assert "case order-1, published dynamics, 3 s" in result.out
     assert (folder / "out" / "order-1.png").is_file()
     data = json.loads(hfa(*words, "--resume", "--json").out)
     laws = [flight["law"] for flight in data["cases"][0]["flights"]]
-    assert laws == ["simvfa-1", "simvfa-1 adaptive", "servo", "servo.npz", "paper"]
+    assert laws == ["servo.npz", "paper"]
+    assert_refused(hfa(*words, "--law", "none"), 2, "there is no law 'none' for order 1; choose from simvfa-1, ")
     assert_refused(hfa("servo", "order-3", "-o", "out"), 2, "choose from order-1, order-1-fault")

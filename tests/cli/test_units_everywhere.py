@@ -34,7 +34,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "map": (*AT, "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "0", "--commands", "0"),
     "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3:200"),
     "identify": (),
-    "servo": ("order-1", "--duration", "0.5"),
+    "servo": ("order-1", "--duration", "0.5", "--law", "servo"),
     "report": (*AT, "--sweep", "10,12"),
 }
 LONG = ("identify", "servo", "report", "map", "design")

@@ -28,7 +28,7 @@ LONG: dict[str, tuple[str, ...]] = {
     ),
     "reproduce": ("reproduce", "5.2", "-o", "folder"),
     "study": ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "folder"),
-    "servo": ("servo", "order-1", "-o", "folder", "--duration", "3"),
+    "servo": ("servo", "order-1", "-o", "folder", "--duration", "3", "--law", "simvfa-1", "--law", "servo"),
     "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),
 }
 SIGNALS = {signal.SIGKILL: None, signal.SIGTERM: "hfa: terminated\n", signal.SIGINT: "hfa: interrupted\n"}

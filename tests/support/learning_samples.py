@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,8 @@ from controller.samples.stack_equations import StackEquations
 from hfa_model.published import published_models
 
 QUADRATIC = basis("quadratic", 6)
+#: Of the six states: ft/s and rad.
+_SIZES = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 _GAMES = {f"{model.dihedral_deg:g} deg": published_game(model.A, model.B) for model in published_models()}
@@ -41,13 +44,15 @@ def stable_game(delta: float = 3.0) -> Game:
     )
 
 
-def random_start(index: int, game: Game, exact: np.ndarray, functions: Basis = QUADRATIC) -> np.ndarray:
+def random_start(
+    index: int, game: Game, exact: np.ndarray, functions: Basis = QUADRATIC, sizes: Sequence[float] = _SIZES
+) -> np.ndarray:
     """Weights far from the solution, of four kinds in turn: indefinite, around the solution, positive, unscaled.
 
-    Sizes are log-uniform over six to nine decades; a minority of the starts is stabilizing.
+    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: of the states.
     """
     rng = np.random.default_rng(index)
-    units = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    units = np.array(sizes)
     scaled = exact * np.outer(units, units)
     noise = rng.normal(size=exact.shape)
     noise = (noise + noise.T) / 2.0 * np.linalg.norm(scaled)
@@ -69,7 +74,7 @@ def abscissa(matrix: np.ndarray) -> float:
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
     """A start whose closed loop is stable by just `margin` 1/s, with |P| far above the solution."""
     rng = np.random.default_rng(seed)
-    units = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    units = np.array(_SIZES)
     scaled = exact * np.outer(units, units)
     while True:
         noise = rng.normal(size=exact.shape)

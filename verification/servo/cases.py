@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from controller.design.design import Actuator
 from controller.design.design_file import load_design
 from controller.design.scheduled_controller import ScheduledController
-from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.actuators import ActuatorFault
 from controller.flight.scenario import Scenario
-from controller.game.zero_sum import published_game
+from controller.game.zero_sum import Game, published_game
 from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
+from hfa_model.support.echo import shown
+from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input
 from trim.linear.linearize import linearize
-from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
@@ -30,12 +33,18 @@ from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law
 from verification.servo.reference_model import REGULATED, reference_servo
 from verification.synthesis.controllers import design_controller
+from verification.synthesis.moving_air import flown_actuators
 
 #: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.
 TRIM_DEG = 11.0
 ANGLES = np.radians(np.arange(21.0))
 #: Of the table of our servo: what the commands pass, with room.
 OWN_ANGLES = np.radians(np.arange(8.0, 15.0))
+#: Ours: design -> feedback. Each flies with exact and learned, scheduled and frozen gains; the last as it is.
+OWN_DESIGNS = {"servo": "output", "servo-states": "state"}
+FOR_GUSTS = "servo-gusts"
+#: s, of the law that learns it.
+LEARNING_TICK = 0.1
 #: s: a step each, the first after `_FIRST`; the flight ends with the last.
 _EACH, _FIRST = 70.0, 1.0
 _DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
@@ -69,13 +78,6 @@ def simvfa_commands() -> CommandSteps:
     return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]), 0.5, 2.0)
 
 
-def actuators_of(case: Case) -> Actuators:
-    """All five alike, within the control limits of a trim, without a limit of rate."""
-    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    every = Input(*[1.0 / BANDWIDTH] * len(lowest))
-    return Actuators(every, lowest, highest, Input(*[np.inf] * len(lowest)), case.order, DAMPING, case.faults)
-
-
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
     """The flight of a case."""
     return Scenario(
@@ -83,7 +85,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
         step=STEP,
         tick=STEP,
         reference=CommandedStates(commands),
-        actuators=actuators_of(case),
+        actuators=flown_actuators(Actuator(case.order, BANDWIDTH, DAMPING), case.faults),
     )
 
 
@@ -109,18 +111,36 @@ def _adaptive(order: int) -> Callable[[Flown], FlownLaw]:
     return lambda on: adaptive_law(kind, order, on.aircraft, on.point, on.commands, ANGLES)
 
 
-def _servo(on: Flown) -> FlownLaw:
-    """Ours: the packaged design `servo`, from the same three measurements; one design for both orders."""
-    return servo_law(_own_design(on.aircraft.parameters, on.aircraft.variant), on.commands, on.aircraft, on.point)
+def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Callable[[Flown], FlownLaw]:
+    """Ours: a packaged design, one for both orders.
+
+    source: exact or learned. gains: scheduled on the dihedral, or frozen at the trim.
+    """
+    angles = OWN_ANGLES if gains == "scheduled" else np.radians([TRIM_DEG])
+
+    def made(on: Flown) -> FlownLaw:
+        controller = _own_controller(on.aircraft.parameters, on.aircraft.variant, design, source, tuple(angles))
+        return servo_law(controller, on.commands, on.aircraft, on.point)
+
+    return made
 
 
-@lru_cache(maxsize=2)
-def _own_design(parameters: Parameters, variant: Variant) -> ScheduledController:
+@lru_cache(maxsize=32)
+def _own_controller(
+    parameters: Parameters, variant: Variant, design: str, source: str, angles: tuple[float, ...]
+) -> ScheduledController:
     """One for all cases."""
-    return design_controller(Aircraft(parameters, variant), load_design("servo"), OWN_ANGLES)
+    value = _learned if source == "learned" else None
+    aircraft, feedback = Aircraft(parameters, variant), OWN_DESIGNS.get(design, "")
+    return design_controller(aircraft, load_design(design), np.array(angles), feedback, value=value)
 
 
-def _own(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
+def _learned(game: Game) -> np.ndarray:
+    """P of the certified law, from recorded samples of the game."""
+    return learned_value(game, "certified", 0, tick=LEARNING_TICK).P
+
+
+def _given(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
     return lambda on: servo_law(controller, on.commands, on.aircraft, on.point)
 
 
@@ -130,10 +150,21 @@ def _paper(on: Flown) -> FlownLaw:
     return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
 
 
-def laws_of(order: int, controllers: Mapping[str, ScheduledController]) -> dict[str, Callable[[Flown], FlownLaw]]:
-    """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for."""
+def laws_of(
+    order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
+) -> dict[str, Callable[[Flown], FlownLaw]]:
+    """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for. only: names, () for all.
+
+    BadInputError when a law of `only` is not among them.
+    """
     found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
     found[f"simvfa-{order} adaptive"] = _adaptive(order)
-    found["servo"] = _servo
-    found |= {name: _own(controller) for name, controller in controllers.items()}
-    return found | {"paper": _paper}
+    for variant in itertools.product(OWN_DESIGNS, ("exact", "learned"), ("scheduled", "frozen")):
+        found[" ".join(word for word in variant if word not in ("exact", "scheduled"))] = _own(*variant)
+    found[FOR_GUSTS] = _own(FOR_GUSTS)
+    found |= {name: _given(controller) for name, controller in controllers.items()}
+    found["paper"] = _paper
+    for name in only:
+        if name not in found:
+            raise BadInputError(f"there is no law {shown(name)} for order {order}; choose from {', '.join(found)}")
+    return {name: made for name, made in found.items() if name in (only or found)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +40,14 @@ def fly_case(
     controllers: Mapping[str, ScheduledController],
     duration: float = DURATION,
     progress: Progress | None = None,
+    only: Sequence[str] = (),
 ) -> tuple[ServoFlight, ...]:
-    """Every law through the commands and the fault of a case of `CASES`."""
+    """Every law, or those named in `only`, through the commands and the fault of a case of `CASES`."""
     case, commands = CASES[name], simvfa_commands()
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
     envelope = flight_envelope(aircraft.parameters, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
-    laws, flights = laws_of(case.order, controllers), []
+    laws, flights = laws_of(case.order, controllers, only), []
     for count, (law, make) in enumerate(laws.items()):
         if progress is not None:
             progress(f"{name}, {law}", count, len(laws))
@@ -78,17 +79,20 @@ def run_case(
     duration: float = DURATION,
     resume: bool = False,
     progress: Progress | None = None,
+    only: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The result of a case, in FOLDER/CASE.json in the units in force, with its figure beside it.
 
-    resume: one that this version finished for the same aircraft, controllers, duration and units is not flown again.
+    resume: one that this version finished for the same aircraft, laws, duration and units is not flown again.
     """
     target, picture = folder / f"{name}.json", folder / f"{name}.png"
-    decides = _decides(aircraft, name, controllers, duration)
+    decides = _decides(aircraft, name, controllers, duration) | {
+        "laws": list(laws_of(CASES[name].order, controllers, only))
+    }
     known = finished(target, decides) if resume and picture.is_file() else None
     if known is not None:
         return _in_english(known)
-    flights = fly_case(aircraft, name, controllers, duration, progress)
+    flights = fly_case(aircraft, name, controllers, duration, progress, only)
     result = {"schema": SCHEMA, "case": name, "dynamics": aircraft.variant.name, "duration": duration}
     result |= {"flights": [flight.to_dict() for flight in flights], "provenance": origin.to_dict()}
     folder.mkdir(exist_ok=True)

@@ -12,6 +12,7 @@ import numpy as np
 from controller.design.design import Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
+from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError, NoSolutionError
@@ -22,9 +23,17 @@ from trim.point.condition import TrimCondition, level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
-from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
+from verification.riccati.output_feedback import (
+    OutputGame,
+    central_controller,
+    minimum_output_delta,
+    solve_output_feedback,
+)
 from verification.synthesis.command_path import LinearController, commands_of, measurements, with_commands
 from verification.synthesis.servo_loop import servo_loop, servo_plant
+
+#: The solution of a game's Riccati equation, exact, quick or learned.
+Value = Callable[[Game], np.ndarray]
 
 
 def design_controller(
@@ -34,11 +43,13 @@ def design_controller(
     feedback: str = "",
     *,
     condition: Callable[[float], TrimCondition] = level_flight,
+    value: Value | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ScheduledController:
     """The controllers of a design at `dihedrals` (N,), rad, increasing, in one table.
 
-    feedback: "state", "output", or "" for output where the design has sensors. condition: dihedral -> trim.
+    feedback: "state", "output", or "" for output where the design has sensors. condition: dihedral -> trim. value: as
+    `controller_at`.
     Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
     """
     feedback = feedback or ("output" if design.sensors else "state")
@@ -47,7 +58,7 @@ def design_controller(
         try:
             model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
             models.append(model)
-            found.append(controller_at(aircraft, model, design, feedback))
+            found.append(controller_at(aircraft, model, design, feedback, value))
         except NoSolutionError as error:
             raise NoSolutionError(
                 f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
@@ -81,37 +92,51 @@ def controller_table(
     )
 
 
-def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedback: str) -> LinearController:
-    """The controller of one linear model; NoSolutionError when it is not certified."""
+def controller_at(
+    aircraft: Aircraft, model: LinearModel, design: Design, feedback: str, value: Value | None = None
+) -> LinearController:
+    """The controller of one linear model; NoSolutionError when it is not certified.
+
+    value: where the solutions of its Riccati equations come from; None: exact, with certificate and delta_min, which
+    are left out otherwise.
+    """
     built = design_model(aircraft, model, design)
     if feedback == "state":
-        return with_commands(aircraft, built, _state_feedback(built))
-    if not design.sensors:
+        found = _state_feedback(built, value)
+    elif not design.sensors:
         raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
-    return with_commands(aircraft, built, _output_feedback(built))
+    else:
+        found = _output_feedback(built, value)
+    return with_commands(aircraft, built, found)
 
 
-def _state_feedback(built: DesignModel) -> LinearController:
+def _state_feedback(built: DesignModel, value: Value | None) -> LinearController:
     """u = -K [measured; integrals]."""
     if built.design.lagged_states:
         raise BadInputError(f"design {built.design.name}: state feedback has no sensors; leave out sensor_lags")
     game = built.game()
-    exact, q = solve_game(game), len(built.design.integrals)
-    names = measurements(built.design, "state")
-    p, plant = len(names), len(built.design.plant_states)
-    D = np.zeros((len(built.inputs), p))
+    if value is not None:
+        return _from_gain(built, game.gain(value(game)))
+    exact = solve_game(game)
+    found = _from_gain(built, exact.K)
+    return replace(found, delta_min=minimum_delta(game).value, checks=exact.certificate.checks)
+
+
+def _from_gain(built: DesignModel, K: np.ndarray) -> LinearController:
+    names, q = measurements(built.design, "state"), len(built.design.integrals)
+    plant = len(built.design.plant_states)
+    D = np.zeros((len(built.inputs), len(names)))
     for column, state in enumerate(built.design.plant_states):
-        D[:, names.index(state)] -= exact.K[:, column]
-    smallest = minimum_delta(game).value
+        D[:, names.index(state)] -= K[:, column]
     nothing = np.zeros((q, len(built.inputs)))
-    return LinearController(
-        np.zeros((q, q)), np.zeros((q, p)), -exact.K[:, plant:], D, nothing, smallest, exact.certificate.checks
-    )
+    return LinearController(np.zeros((q, q)), np.zeros((q, len(names))), -K[:, plant:], D, nothing)
 
 
-def _output_feedback(built: DesignModel) -> LinearController:
-    """The central controller, certified."""
+def _output_feedback(built: DesignModel, value: Value | None) -> LinearController:
+    """The central controller of both equations, control and filter."""
     problem = problem_of(built)
+    if value is not None:
+        return from_estimator(built, central_controller(problem, value(problem.game), value(problem.dual)))
     exact = solve_output_feedback(problem)
     found = from_estimator(built, (exact.Ak, exact.Bk, exact.Ck))
     return replace(found, delta_min=minimum_output_delta(problem)[0], checks=exact.checks)

@@ -1,4 +1,4 @@
-"""What moving air does to a linear loop: root mean squares in turbulence, and the largest gust that it stands."""
+"""What moving air does: root mean squares of a linear loop in turbulence, and how far a gust brings the aircraft."""
 
 from __future__ import annotations
 
@@ -6,14 +6,27 @@ import math
 
 import numpy as np
 
+from controller.design.design import Actuator
 from controller.design.design_model import DesignModel
-from controller.flight.envelope import Envelope
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.envelope import angles_of_attack, flight_envelope
+from controller.flight.gusts import OneMinusCosine
+from controller.flight.plants import NonlinearPlant
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly_law
+from controller.policy.commands import CommandSteps
+from controller.policy.servo_policy import servo_law
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import STATES, Input
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import CONTROL_LIMITS
+from verification.synthesis.command_flight import commanded
 from verification.synthesis.servo_loop import ServoLoop
+from verification.synthesis.tuning import InGust
 
-#: s: longest step of the record of a gust, and how long a flight is looked at after the gust.
-STEP, SECONDS = 0.05, 30.0
+#: s: step of a flight in a gust, how often the envelope is looked at, and how long it lasts.
+STEP, TICK, SECONDS = 0.01, 0.2, 30.0
 
 
 def turbulence_rms(plant: DesignModel, loop: ServoLoop, intensity: float, scale: float) -> dict[str, float]:
@@ -35,46 +48,40 @@ def turbulence_rms(plant: DesignModel, loop: ServoLoop, intensity: float, scale:
     return dict(zip(plant.states, rms.tolist(), strict=False))
 
 
-def gust_stood(plant: DesignModel, loop: ServoLoop, envelope: Envelope, length: float) -> float:
-    """Largest |peak|, ft/s, of w = peak/2 (1 - cos(2π V t / length)), up or down, that the linear loop stands.
+def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledController, gust: InGust) -> float:
+    """Largest share of the way from the trim to a limit of the envelope that the nonlinear aircraft goes in a gust.
 
-    Every state stays in the envelope, alpha through the air too, and every position within `CONTROL_LIMITS`, for
-    `SECONDS`. length: ft.
+    w = peak/2 (1 - cos(2π V t / length)), alpha through the air, no commands, positions within `CONTROL_LIMITS`,
+    `SECONDS` in all. 2 - t / `SECONDS` when it leaves the envelope at t: 1 is what is just held.
     """
-    from scipy.linalg import expm
+    point, acting = model.point, gust.actuator
+    still = CommandSteps(commanded(controller), np.zeros(0), np.zeros((0, len(controller.commands))))
+    scenario = Scenario(
+        duration=SECONDS,
+        step=STEP,
+        tick=TICK,
+        actuators=flown_actuators(acting),
+        gust=OneMinusCosine(gust.length, gust.peak, point.states.speed),
+    )
+    envelope = flight_envelope(aircraft.parameters, point)
+    law = servo_law(controller, still, aircraft, point)
+    flown = fly_law(NonlinearPlant(aircraft, point), law, scenario, envelope)
+    if flown.departure is not None:
+        return 2.0 - flown.departure.time / SECONDS
+    X0 = np.array(point.states)
+    states = flown.flight.states + X0
+    states[:, STATES.index("alpha")] = angles_of_attack(states, flown.flight.updrafts)
+    moved, lowest, highest = states - X0, np.array(envelope.lowest) - X0, np.array(envelope.highest) - X0
+    return float(np.where(moved > 0.0, moved / highest, moved / lowest).max())
 
-    point = plant.model.point
-    frequency = 2.0 * math.pi * point.states.speed / length
-    turning = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, frequency], [0.0, -frequency, 0.0]])  # 1, cos, -sin
-    total = _with_air(loop, turning, np.array([[0.5, -0.5, 0.0]]))
-    during = math.ceil(length / point.states.speed / STEP)
-    step = length / point.states.speed / during
-    inside, outside = expm(step * total), expm(step * _with_air(loop, turning, np.zeros((1, 3))))
-    record = np.zeros((during + round(SECONDS / STEP) + 1, len(total)))
-    record[0, -3:] = 1.0, 1.0, 0.0
-    for k in range(len(record) - 1):
-        record[k + 1] = (inside if k < during else outside) @ record[k]
-    w = 0.5 * (record[:, -3] - record[:, -2]) * (np.arange(len(record)) <= during)
-    stood = math.inf
-    for column, (value, lowest, highest) in enumerate(_limits(plant, envelope)):
-        moved = record[:, column] + (w / point.states.speed if plant.states[column] == "alpha" else 0.0)
-        for largest in (moved.max(), -moved.min()):  # the smaller of both directions of the gust
-            stood = min(stood, min(highest - value, value - lowest) / max(float(largest), 1e-12))
-    return stood
 
-
-def _limits(plant: DesignModel, envelope: Envelope) -> list[tuple[float, float, float]]:
-    """Value at trim, lowest and highest of each state of the plant, the aircraft's six and positions."""
-    point, found = plant.model.point, []
-    for name in plant.states:
-        of, _, what = name.rpartition("_")
-        if name in LINEAR_STATES:
-            found.append(tuple(getattr(each, name) for each in (point.states, envelope.lowest, envelope.highest)))
-        elif of in INPUTS and what == "position":
-            found.append((getattr(point.inputs, of), *getattr(CONTROL_LIMITS, of)))
-        else:
-            found.append((0.0, -math.inf, math.inf))
-    return found
+def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> Actuators:
+    """All five alike, within the control limits of a trim, without a limit of rate."""
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
+    if acting.effectiveness != 1.0:
+        faults = (ActuatorFault(0.0, acting.effectiveness), *faults)
+    return Actuators(lag, lowest, highest, rate, acting.order, acting.damping, faults)
 
 
 def _with_air(loop: ServoLoop, air: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -43,12 +43,16 @@ class InTurbulence(NamedTuple):
 
 
 class InGust(NamedTuple):
-    """A 1-cosine gust of `length`, ft, of which a linear flight must stand `peak`, ft/s, up and down."""
+    """A 1-cosine gust of `length`, ft, and `peak`, ft/s, negative downward, that the nonlinear aircraft must stand.
+
+    dynamics: of the aircraft, "" for those of the search.
+    """
 
     dihedral: float
     actuator: Actuator
     length: float
     peak: float
+    dynamics: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ class Tuning:
     start: entries of the design file that the search starts from. objective: output -> cost of 1 of its unit. angles:
     rad, where the corners are closed. abscissa: largest allowed at any corner, 1/s. rate: largest allowed in any case,
     rad/s. margin: smallest allowed disk margin, at inputs and sensors, with the actuators of any case. fastest: largest
-    allowed |pole| of the controller, 1/s. evaluations: most of them. seed: of the search.
+    allowed |pole| of a loop in any case, 1/s. evaluations: most of them. seed: of the search.
     """
 
     name: str
@@ -78,10 +82,9 @@ class Tuning:
 
     @property
     def places(self) -> tuple[tuple[float, Actuator], ...]:
-        """Angle and actuator of everything that is simulated, each once."""
+        """Angle and actuator of every linear flight, each once."""
         found = [(each.dihedral, each.actuator) for each in self.cases]
         found += [(each.dihedral, each.actuator) for each in self.turbulence]
-        found += [(each.dihedral, each.actuator) for each in self.gusts]
         return tuple(dict.fromkeys(found))
 
     def entries_at(self, values: np.ndarray) -> dict[str, Any]:
@@ -114,24 +117,24 @@ class Tuning:
 
 class Evaluation(NamedTuple):
     """cost: what the search makes small. abscissa: of the worst corner, 1/s. errors: rms by output, rate: rad/s, of
-    each case; empty where a corner is unstable. rms: by state, of each turbulence. stood: ft/s, of each gust. margin:
-    smallest of all cases. fastest: 1/s."""
+    each case; empty where a corner is unstable. rms: by state, of each turbulence. gusts: the share of the
+    envelope that each needs, 1 for all of it. margin: smallest of all cases. fastest: 1/s."""
 
     cost: float
     abscissa: float
     errors: tuple[dict[str, float], ...] = ()
     rates: tuple[float, ...] = ()
     rms: tuple[dict[str, float], ...] = ()
-    stood: tuple[float, ...] = ()
+    gusts: tuple[float, ...] = ()
     margin: float = 0.0
     fastest: float = np.inf
 
 
 class Tuned(NamedTuple):
-    """Values of the variables and their evaluation: of the start and of the best one found."""
+    """Values of the variables and their evaluation: of the start and of the best one found. seen: all evaluations."""
 
     first: np.ndarray
     first_evaluation: Evaluation
     best: np.ndarray
     best_evaluation: Evaluation
-    evaluations: int
+    seen: tuple[Evaluation, ...]

@@ -16,6 +16,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_toml
 from hfa_model.support.toml_file import finite_number, names_of, table_of
+from hfa_model.variants import variant_named
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
 
 _SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest")
@@ -23,7 +24,7 @@ _KEYS = (*_SETTINGS, "variables", "objective", "cases", "turbulence", "gusts")
 _ACTUATOR = ("order", "bandwidth", "damping", "effectiveness")
 _CASE = ("dihedral", *_ACTUATOR, "each", "ends")
 _TURBULENCE = ("dihedral", *_ACTUATOR, "intensity", "scale", "objective")
-_GUST = ("dihedral", *_ACTUATOR, "length", "peak")
+_GUST = ("dihedral", *_ACTUATOR, "length", "peak", "dynamics")
 #: Evaluations of a file that does not say how many.
 _EVALUATIONS = 1000
 _LARGEST = 10**18
@@ -36,8 +37,9 @@ def load_tuning(path: str) -> Tuning:
     of an input, deg/s. [variables.NAME]: entries (of the design file), low, high. [objective]: output = cost of an rms
     error of 1 in its unit. [[cases]]: dihedral (deg), order, bandwidth, damping, effectiveness, each (s, time of a
     step), [cases.ends]: output = list of commands (angles in deg). margin: smallest allowed disk margin, fastest:
-    largest pole of the controller, 1/s. [[turbulence]]: dihedral and actuator as above, intensity (ft/s), scale (ft),
-    [turbulence.objective]: state = cost of an rms of 1. [[gusts]]: the same, length (ft), peak (ft/s) to be stood.
+    largest pole of a loop, 1/s. [[turbulence]]: dihedral and actuator as above, intensity (ft/s), scale (ft),
+    [turbulence.objective]: state = cost of an rms of 1. [[gusts]]: the same, length (ft), peak (ft/s,
+    negative downward) to be stood, dynamics.
     BadInputError names the entry that is wrong.
     """
     try:
@@ -49,8 +51,6 @@ def load_tuning(path: str) -> Tuning:
         raise BadInputError(f"{path}: design is missing; name the design that the search starts from")
     start = read_design(data["design"])
     design = design_of(data["design"], start)
-    if not design.sensors:
-        raise BadInputError(f"{path}: design {data['design']} has no sensors; the search is for output feedback")
     objective = {name: finite_number(path, f"objective.{name}", size) for name, size in _some(path, data, "objective")}
     for name in objective:
         if name not in design.integrals:
@@ -144,8 +144,13 @@ def _turbulence(where: str, name: str, table: Any, states: tuple[str, ...]) -> I
 
 def _gust(where: str, name: str, table: Any) -> InGust:
     _known(where, name, table, _GUST)
-    length, peak = (_number(where, table, key, math.nan, positive=True) for key in ("length", "peak"))
-    return InGust(*_place(where, name, table), length, peak)
+    length = _number(where, table, "length", math.nan, positive=True)
+    dynamics = table.get("dynamics", "")
+    if "dynamics" in table:
+        variant_named(dynamics)
+    return InGust(
+        *_place(where, name, table), length, finite_number(where, f"{name}.peak", table.get("peak")), dynamics
+    )
 
 
 def _place(where: str, name: str, table: Mapping[str, Any]) -> tuple[float, Actuator]:

@@ -26,7 +26,7 @@ def tuning_report(tuning: Tuning, found: Tuned) -> Report:
     rows = [(name, *(f"{each[name]:.4g}" if name in each else "unstable" for each in both)) for name in names]
     return Report(
         f"Search over {len(tuning.variables)} variables of {tuning.name}: cost {found.first_evaluation.cost:.6g} at "
-        f"first, {best.cost:.6g} after {found.evaluations} evaluations",
+        f"first, {best.cost:.6g} after {len(found.seen)} evaluations",
         (
             Table(("variable", "start", "best", "limits"), variables),
             Table(("figure", "start", "best"), rows),
@@ -35,7 +35,7 @@ def tuning_report(tuning: Tuning, found: Tuned) -> Report:
         data={
             "schema": SCHEMA,
             "ok": all(check.ok for check in checks),
-            "evaluations": found.evaluations,
+            "evaluations": len(found.seen),
             "variables": {
                 variable.name: {"start": first, "best": value}
                 for variable, first, value in zip(
@@ -53,11 +53,15 @@ def _figures(tuning: Tuning, found: Evaluation) -> dict[str, float]:
     """Name and unit -> figure of everything that was simulated; empty where a loop is unstable."""
     figures: dict[str, float] = {}
     for number, (errors, rate) in enumerate(zip(found.errors, found.rates, strict=True), 1):
-        figures |= {f"case {number}, rms {_name(name)}": _shown(errors[name], name) for name in tuning.objective}
+        figures |= {
+            f"case {number}, rms {error_name(name)}": shown_error(errors[name], name) for name in tuning.objective
+        }
         figures[f"case {number}, rate deg/s"] = math.degrees(rate)
     for number, rms in enumerate(found.rms, 1):
-        figures |= {f"turbulence {number}, rms {_name(name)}": _shown(each, name) for name, each in rms.items()}
-    figures |= {f"gust {number}, stood ft/s": stood for number, stood in enumerate(found.stood, 1)}
+        figures |= {
+            f"turbulence {number}, rms {error_name(name)}": shown_error(each, name) for name, each in rms.items()
+        }
+    figures |= {f"gust {number}, share of the envelope": share for number, share in enumerate(found.gusts, 1)}
     return figures
 
 
@@ -68,16 +72,18 @@ def _checks(tuning: Tuning, best: Evaluation) -> Iterator[Check]:
     if tuning.margin:
         yield at_least("margin", best.margin, tuning.margin, f"the smallest disk margin is {best.margin:.3g}")
     if math.isfinite(tuning.fastest):
-        yield at_most("fastest", best.fastest, tuning.fastest, f"the controller has a pole of {best.fastest:.4g} 1/s")
-    for number, (gust, peak) in enumerate(zip(tuning.gusts, best.stood or (0.0,) * len(tuning.gusts), strict=True), 1):
-        yield at_least(f"gust_{number}", peak, gust.peak, f"gust {number} is stood up to {peak:.3g} ft/s")
+        yield at_most("fastest", best.fastest, tuning.fastest, f"a loop has a pole of {best.fastest:.4g} 1/s")
+    for number, share in enumerate(best.gusts or (math.inf,) * len(tuning.gusts), 1):
+        yield at_most(f"gust_{number}", share, 1.0, f"in gust {number} the aircraft leaves its envelope")
 
 
-def _shown(value: float, name: str) -> float:
+def shown_error(value: float, name: str) -> float:
+    """Degrees for angles."""
     return in_degrees(value) if _angle(name) else value
 
 
-def _name(name: str) -> str:
+def error_name(name: str) -> str:
+    """With deg behind an angle."""
     return f"{name} deg" if _angle(name) else name
 
 

@@ -67,7 +67,7 @@ def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[i
         polish=False,
     )
     best = min(seen, key=lambda each: each[1].cost)
-    return Tuned(first, seen[0][1], *best, len(seen))
+    return Tuned(first, seen[0][1], *best, tuple(each for _, each in seen))
 
 
 def _read_record(path: Path, aircraft: Aircraft, tuning: Tuning) -> dict[str, Evaluation]:

@@ -42,9 +42,10 @@ def test_every_corner_is_stable_at_eleven_degrees(published_aircraft: Aircraft) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_every_corner_is_stable_at_every_angle(dynamics: str) -> None:
+@pytest.mark.parametrize("design", ["servo", "servo-gusts", "servo-states"])
+def test_every_corner_is_stable_at_every_angle(dynamics: str, design: str) -> None:
     aircraft, angles = Aircraft(dynamics=dynamics), np.radians(np.arange(21.0))
-    found = check_corners(aircraft, design_controller(aircraft, load_design("servo"), angles))
+    found = check_corners(aircraft, design_controller(aircraft, load_design(design), angles))
     assert (found.unstable, found.loops) == (0, 672)
 
 

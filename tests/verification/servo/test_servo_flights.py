@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +24,10 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import new_figure
 from hfa_model.reporting.unit_system import shown_in
+from hfa_model.support.errors import BadInputError
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from verification.servo import servo_flights
+from verification.servo import cases, servo_flights
 from verification.servo.cases import (
     ANGLES,
     CASES,
@@ -74,8 +76,9 @@ def test_faults_act_from_the_start() -> None:
 
 def test_two_steps_with_a_fault(published_aircraft: Aircraft) -> None:
     """The first 120 s of the case: the adaptive law misses less than the LQR, and the paper's policy is lost."""
-    lqr, adaptive, ours, paper = fly_case(published_aircraft, "order-1-fault", {}, 120.0)
-    assert [each.law for each in (lqr, adaptive, ours, paper)] == ["simvfa-1", "simvfa-1 adaptive", "servo", "paper"]
+    names = ("simvfa-1", "simvfa-1 adaptive", "servo", "paper")
+    lqr, adaptive, ours, paper = fly_case(published_aircraft, "order-1-fault", {}, 120.0, only=names)
+    assert tuple(each.law for each in (lqr, adaptive, ours, paper)) == names
     assert lqr.lost_at is None
     assert adaptive.lost_at is None
     assert errors(adaptive)[0] < 0.95 * errors(lqr)[0]
@@ -98,8 +101,10 @@ THEIRS = {
 }
 
 
-#: What `servo` must stay below, rms of dihedral in deg: actuators of order 2 lag twice as much.
-OURS = {"order-1": 0.20, "order-1-fault": 0.25, "order-2": 0.25, "order-2-fault": 0.30}
+#: What each of ours stays below, rms of dihedral in deg, in the order of `CASES`. That of `servo` was asked;
+#: `servo-gusts` pays for the gusts with the faults.
+OURS = {"servo": (0.20, 0.25, 0.25, 0.30), "servo-gusts": (0.20, 0.43, 0.25, 0.43), "servo-states": (0.25,) * 4}
+OURS |= {f"servo {kind}": OURS["servo"] for kind in ("frozen", "learned", "learned frozen")}
 
 
 @pytest.mark.slow
@@ -110,10 +115,10 @@ def test_the_numbers_of_simvfa_come_out_again(published_aircraft: Aircraft, case
         if where == case:
             assert flights[law].lost_at is None
             np.testing.assert_allclose(errors(flights[law]), theirs, atol=1e-3)
-    ours = flights["servo"]
-    assert ours.lost_at is None
-    assert errors(ours)[0] < OURS[case]
-    assert np.degrees(ours.fastest) < 1.0
+    for law, largest in OURS.items():
+        assert flights[law].lost_at is None
+        assert errors(flights[law])[0] < largest[list(CASES).index(case)]
+        assert np.degrees(flights[law].fastest) < (1.03 if "frozen" in law else 1.0)
     if case == "order-2-fault":
         lost = flights["simvfa-2"].lost_at
         assert lost is not None
@@ -142,7 +147,7 @@ def test_steps_and_faults_that_no_one_has_tuned_on(
     fault = ActuatorFault(0.0, effectiveness, bandwidth)
     monkeypatch.setattr(servo_flights, "simvfa_commands", lambda: CommandSteps(REGULATED, times, ends, 0.5, 2.0))
     monkeypatch.setitem(CASES, "order-1", CASES["order-1"]._replace(faults=(fault,)))
-    flights = fly_case(published_aircraft, "order-1", {}, 1000.0)[:3]
+    flights = fly_case(published_aircraft, "order-1", {}, 1000.0, only=("simvfa-1", "simvfa-1 adaptive", "servo"))
     assert all(flight.lost_at is None for flight in flights)
     np.testing.assert_allclose([errors(flight)[0] for flight in flights], UNSEEN[given], atol=2e-3)
 
@@ -152,26 +157,31 @@ def test_a_finished_case_is_kept_and_known_again(
 ) -> None:
     told: list[tuple[str, int, int]] = []
     own = {"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[9:15])}
+    settings: dict[str, Any] = {"duration": 4.0, "only": ("simvfa-2", "ours", "paper")}
     first = run_case(
         published_aircraft,
         "order-2",
         own,
         tmp_path / "out",
         ORIGIN,
-        duration=4.0,
         progress=lambda *done: told.append(done),
+        **settings,
     )
-    assert told[-1] == ("order-2", 5, 5)
+    assert told[-1] == ("order-2", 3, 3)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["order-2.json", "order-2.png"]
-    assert [flight["law"] for flight in first["flights"]] == ["simvfa-2", "simvfa-2 adaptive", "servo", "ours", "paper"]
+    assert tuple(flight["law"] for flight in first["flights"]) == settings["only"]
     flown = []
     monkeypatch.setattr(servo_flights, "fly_case", lambda *given: flown.append(given) or ())
     monkeypatch.setattr("verification.servo.servo_flights.servo_figure", lambda *_: pytest.fail("drawn again"))
-    again = run_case(published_aircraft, "order-2", own, tmp_path / "out", ORIGIN, duration=4.0, resume=True)
-    assert again == first
-    with pytest.raises(pytest.fail.Exception):
-        run_case(published_aircraft, "order-2", {}, tmp_path / "out", ORIGIN, duration=4.0, resume=True)
-    assert len(flown) == 1
+    assert run_case(published_aircraft, "order-2", own, tmp_path / "out", ORIGIN, resume=True, **settings) == first
+    others = (
+        ({"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[8:15])}, settings),
+        (own, {"duration": 4.0}),
+    )
+    for controllers, changed in others:
+        with pytest.raises(pytest.fail.Exception):
+            run_case(published_aircraft, "order-2", controllers, tmp_path / "out", ORIGIN, resume=True, **changed)
+    assert len(flown) == 2
     text = servo_report([first]).text()
     assert "case order-2, published dynamics, 4 s" in text
     assert "simvfa-2" in text
@@ -215,6 +225,22 @@ def test_a_case_is_kept_in_the_units_asked_for_and_read_back(
         monkeypatch.setattr(servo_flights, "fly_case", lambda *_: pytest.fail("flown again"))
 
 
+def test_every_variant_of_ours_flies(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Learned gains fly as the exact ones do; frozen ones are those of the trim."""
+    monkeypatch.setattr(cases, "OWN_ANGLES", np.radians([10.0, 13.0]))
+    variants = ("", " frozen", " learned", " learned frozen")
+    names = tuple(f"{design}{variant}" for design in cases.OWN_DESIGNS for variant in variants)
+    flights = {each.law: each for each in fly_case(published_aircraft, "order-2-fault", {}, 8.0, only=names)}
+    assert tuple(flights) == names
+    for design in cases.OWN_DESIGNS:
+        exact, frozen, *learned = (flights[f"{design}{variant}"].tracked[0].output for variant in variants)
+        apart = float(np.abs(exact - frozen).max())
+        assert 1e-8 < apart < 1e-3
+        np.testing.assert_allclose(learned, [exact, frozen], atol=1e-3 * apart)
+    with pytest.raises(BadInputError, match="there is no law 'simvfa-1' for order 2; choose from simvfa-2, simvfa"):
+        laws_of(2, {}, ("simvfa-1",))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("intensity", "feels_the_air", "held"), [(6.0, True, True), (6.0, False, False)])
 def test_our_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
@@ -233,23 +259,40 @@ def test_our_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
     assert (result.departure is None) == held
 
 
-#: ft/s, of 400 ft, as docs/servo.md has it: up and down at 5 and 15 deg.
-STOOD = {("published", 1.0): 28.5, ("published", -1.0): 29.5, ("newton", 1.0): 21.0, ("newton", -1.0): 45.0}
+#: ft/s, of 400 ft, as docs/servo.md has it: held at 5 and 15 deg, with `servo-gusts` the row that was asked.
+STOOD = {
+    ("servo", "published", 1.0): 28.5,
+    ("servo", "published", -1.0): 29.5,
+    ("servo", "newton", 1.0): 21.0,
+    ("servo", "newton", -1.0): 45.0,
+    ("servo-gusts", "published", 1.0): 35.0,
+    ("servo-gusts", "published", -1.0): 45.0,
+    ("servo-gusts", "newton", 1.0): 35.0,
+    ("servo-gusts", "newton", -1.0): 45.0,
+    ("servo-states", "published", 1.0): 45.0,
+    ("servo-states", "published", -1.0): 17.0,
+    ("servo-states", "newton", 1.0): 45.0,
+    ("servo-states", "newton", -1.0): 25.0,
+}
+#: Of these a gust of 1.5 times the size ends at 5 deg.
+ENDED = [(*each, 1.0) for each in (("servo", "published"), ("servo", "newton"), ("servo-gusts", "newton"))]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("given", STOOD)
-def test_gusts_that_our_servo_stands_and_one_that_it_does_not(given: tuple[str, float]) -> None:
-    dynamics, sign = given
+def test_gusts_that_our_servos_stand_and_one_that_they_do_not(given: tuple[str, str, float]) -> None:
+    design, dynamics, sign = given
     aircraft = Aircraft(dynamics=dynamics)
-    controller = design_controller(aircraft, load_design("servo"), np.radians(np.arange(21.0)))
-    for degrees in (5.0, 15.0):
+    controller = design_controller(aircraft, load_design(design), np.radians(np.arange(21.0)))
+
+    def held(degrees: float, peak: float) -> bool:
         point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
         still = CommandSteps(REGULATED, np.zeros(0), np.zeros((0, 2)), 0.5, 2.0)
         law, envelope = servo_law(controller, still, aircraft, point), flight_envelope(aircraft.parameters, point)
-        held = []
-        for peak in (sign * STOOD[given], sign * 1.5 * STOOD[given]):
-            gust = OneMinusCosine(400.0, peak, point.states.speed, 1.0)
-            scenario = replace(scenario_of(CASES["order-1"], still, 30.0), step=0.01, tick=0.05, gust=gust)
-            held.append(fly_law(NonlinearPlant(aircraft, point), law, scenario, envelope).departure is None)
-        assert held == [True, given == ("newton", -1.0)]  # `newton` stands every downdraft that was tried, up to 60
+        gust = OneMinusCosine(400.0, sign * peak, point.states.speed, 1.0)
+        scenario = replace(scenario_of(CASES["order-1"], still, 30.0), step=0.01, tick=0.05, gust=gust)
+        return fly_law(NonlinearPlant(aircraft, point), law, scenario, envelope).departure is None
+
+    assert all(held(degrees, STOOD[given]) for degrees in (5.0, 15.0))
+    if given in ENDED:
+        assert not held(5.0, 1.5 * STOOD[given])

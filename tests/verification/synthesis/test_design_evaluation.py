@@ -42,16 +42,16 @@ def evaluated(aircraft: Aircraft, **changed: object) -> Evaluation:
 
 def test_the_cost_is_what_it_says(published_aircraft: Aircraft) -> None:
     found = evaluated(published_aircraft)
-    rms, error, stood = found.rms[0]["dihedral"], found.errors[0]["dihedral"], found.stood[0]
+    rms, error = found.rms[0]["dihedral"], found.errors[0]["dihedral"]
     assert set(found.errors[0]) == {"dihedral", A_Z}
     assert found.cost == pytest.approx(100.0 * error + 50.0 * rms)
+    larger = tuning().gusts[0]._replace(peak=-90.0, dynamics="newton")
     missed = evaluated(
-        published_aircraft,
-        margin=2.0 * found.margin,
-        fastest=found.fastest / 3.0,
-        gusts=(tuning().gusts[0]._replace(peak=5.0 * stood),),
+        published_aircraft, margin=2.0 * found.margin, fastest=found.fastest / 3.0, gusts=(*tuning().gusts, larger)
     )
-    assert missed.cost == pytest.approx(found.cost + PENALTY * (0.5 + 2.0 + 4.0))
+    assert missed.gusts[0] == found.gusts[0] < 0.5
+    assert missed.gusts[1] > 1.0
+    assert missed.cost == pytest.approx(found.cost + PENALTY * (0.5 + 2.0 + missed.gusts[1] - 1.0))
     weak = Actuator(2, 0.2, 0.3)  # the case itself is not stable
     lost = evaluated(published_aircraft, turbulence=(tuning().turbulence[0]._replace(actuator=weak),))
     assert lost.cost > LOST
@@ -60,5 +60,5 @@ def test_the_cost_is_what_it_says(published_aircraft: Aircraft) -> None:
 
 def test_without_air_there_is_none(published_aircraft: Aircraft) -> None:
     found = evaluated(published_aircraft, turbulence=(), gusts=(), margin=0.0)
-    assert (found.rms, found.stood, found.margin) == ((), (), 0.0)
+    assert (found.rms, found.gusts, found.margin) == ((), (), 0.0)
     assert found.cost == pytest.approx(100.0 * found.errors[0]["dihedral"])

@@ -8,26 +8,40 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from servo_cases import measured_servo, model_at
 
 from controller.design.design import Actuator
 from controller.design.design_model import DesignModel
-from controller.flight.envelope import Envelope, flight_envelope
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.envelope import flight_envelope
+from controller.flight.flight_result import NonlinearFlight
+from controller.flight.gusts import OneMinusCosine
+from controller.flight.plants import NonlinearPlant
+from controller.flight.scenario import Scenario
+from controller.flight.simulate import fly_law
+from controller.policy.commands import CommandSteps
+from controller.policy.servo_policy import servo_law
 from hfa_model import Aircraft
+from hfa_model.vectors import STATES, Input
 from verification.synthesis.design_evaluation import quick_controller
-from verification.synthesis.moving_air import gust_stood, turbulence_rms
+from verification.synthesis.moving_air import gust_share, turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
+from verification.synthesis.tuning import InGust
 
 SIGMA, SCALE, LENGTH = 3.0, 1750.0, 400.0
 
 
 @cache
+def _table() -> ScheduledController:
+    return quick_controller(Aircraft(), model_at(11.0), measured_servo(feedforward=None))
+
+
+@cache
 def closed() -> tuple[DesignModel, ServoLoop]:
-    aircraft, model = Aircraft(), model_at(11.0)
-    table = quick_controller(aircraft, model, measured_servo(feedforward=None))
-    plant = servo_plant(aircraft, model, table, dict.fromkeys(table.inputs, Actuator()))
-    return plant, servo_loop(plant, table)
+    plant = servo_plant(Aircraft(), model_at(11.0), _table(), dict.fromkeys(_table().inputs, Actuator()))
+    return plant, servo_loop(plant, _table())
 
 
 def rms_by_frequency(loop: ServoLoop, row: int, speed: float) -> float:
@@ -52,36 +66,42 @@ def test_turbulence_is_the_integral_of_the_frequency_response() -> None:
     assert turbulence_rms(plant, deaf, SIGMA, SCALE)["dihedral"] > 1.1 * found["dihedral"]
 
 
-def shares(plant: DesignModel, loop: ServoLoop, envelope: Envelope, peak: float) -> dict[str, float]:
-    """Largest share of the way to its limit, of every limited quantity, in one gust."""
-    V, x0 = plant.model.point.states.speed, plant.model.point.states
-
-    def gust(t: np.ndarray | float) -> np.ndarray:
-        phase = 2 * np.pi * np.minimum(V * np.asarray(t) / LENGTH, 1.0)
-        return peak / 2 * (1 - np.cos(phase))
-
-    def rate(t: float, x: np.ndarray) -> np.ndarray:
-        return np.asarray(loop.closed @ x + loop.disturbed[:, 0] * gust(t))
-
-    times = np.linspace(0.0, 35.0, 1401)
-    x = solve_ivp(rate, (0.0, 35.0), np.zeros(len(loop.closed)), t_eval=times, rtol=1e-8, atol=1e-10, method="LSODA").y
-    found = {}
-    for name in ("speed", "alpha", "pitch", "pitch_rate", "dihedral", "dihedral_rate"):
-        moved = x[plant.states.index(name)] + (gust(times) / V if name == "alpha" else 0.0)
-        limits = getattr(envelope.lowest, name) - getattr(x0, name), getattr(envelope.highest, name) - getattr(x0, name)
-        found[name] = max(moved.max() / limits[1], moved.min() / limits[0])
-    for name, limit in (("aileron_outer", 20.0), ("elevator_center", 30.0)):
-        moved, trim = x[plant.states.index(f"{name}_position")], getattr(plant.model.point.inputs, name)
-        found[name] = max(moved.max() / (math.radians(limit) - trim), -moved.min() / (math.radians(limit) + trim))
-    return found
+def in_gust(peak: float) -> float:
+    return gust_share(Aircraft(), model_at(11.0), _table(), InGust(0.0, Actuator(effectiveness=0.8), LENGTH, peak))
 
 
-def test_the_gust_that_is_stood_brings_one_limit_and_no_more() -> None:
-    plant, loop = closed()
-    envelope = flight_envelope(Aircraft().parameters, plant.model.point)
-    peak = gust_stood(plant, loop, envelope, LENGTH)
-    both = [shares(plant, loop, envelope, sign * peak) for sign in (1.0, -1.0)]
-    worst = max(max(each.values()) for each in both)
-    assert worst == pytest.approx(1.0, abs=5e-3)
-    narrow = replace(envelope, highest=envelope.highest._replace(pitch=plant.model.point.states.pitch + 1e-3))
-    assert gust_stood(plant, loop, narrow, LENGTH) < 0.2 * peak
+def flown(peak: float) -> NonlinearFlight:
+    """The same gust, actuators and controller in a flight by itself, with a finer step."""
+    aircraft, point = Aircraft(), model_at(11.0).point
+    lowest, highest = (
+        Input(200.0 * side, *[math.radians(20) * sign] * 2, *[math.radians(30) * sign] * 2)
+        for side, sign in ((0, -1), (1, 1))
+    )
+    lag, rate = Input(*[0.5] * 5), Input(*[math.inf] * 5)
+    scenario = Scenario(
+        duration=30.0,
+        step=0.005,
+        tick=0.5,
+        actuators=Actuators(lag, lowest, highest, rate, faults=(ActuatorFault(0.0, 0.8),)),
+        gust=OneMinusCosine(LENGTH, peak, point.states.speed),
+    )
+    law = servo_law(_table(), CommandSteps(("dihedral",), np.zeros(0), np.zeros((0, 1))), aircraft, point)
+    return fly_law(NonlinearPlant(aircraft, point), law, scenario, flight_envelope(aircraft.parameters, point))
+
+
+@pytest.mark.parametrize("peak", [16.0, -16.0])
+def test_the_share_of_the_envelope_is_that_of_a_flight_by_itself(peak: float) -> None:
+    whole, at, found = flown(peak), model_at(11.0).point.states, 0.0
+    flight, envelope = whole.flight, whole.envelope
+    for name, column in zip(STATES, flight.states.T, strict=True):
+        moved = column + (np.arctan2(flight.updrafts.ravel(), at.speed) if name == "alpha" else 0.0)
+        low, high = (getattr(each, name) - getattr(at, name) for each in (envelope.lowest, envelope.highest))
+        found = max(found, moved.max() / high, moved.min() / low)
+    assert 0.15 < found < 0.9
+    assert in_gust(peak) == pytest.approx(found, rel=0.02)
+
+
+def test_an_aircraft_that_leaves_its_envelope_has_more_than_all_of_it() -> None:
+    departure = flown(-25.0).departure
+    assert departure is not None
+    assert in_gust(-25.0) == pytest.approx(2.0 - departure.time / 30.0, abs=2e-3)

@@ -24,7 +24,8 @@ speed = 0.1
 dihedral = 13
 order = 2
 length = 250
-peak = 5
+peak = -5
+dynamics = "newton"
 """
 
 
@@ -39,9 +40,10 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
     (air,), (gust,) = found.turbulence, found.gusts
     assert (air.dihedral, air.actuator.effectiveness) == (math.radians(9), 0.5)
     assert (air.intensity, air.scale, dict(air.objective)) == (2.0, 1750.0, {"dihedral": 50.0, "speed": 0.1})
-    assert (gust.dihedral, gust.actuator.order, gust.length, gust.peak) == (math.radians(13), 2, 250.0, 5.0)
+    assert (gust.dihedral, gust.actuator.order, gust.length, gust.peak) == (math.radians(13), 2, 250.0, -5.0)
+    assert gust.dynamics == "newton"
     assert (found.margin, found.fastest) == (0.2, 150.0)
-    assert len(found.places) == 3
+    assert len(found.places) == 2
     plain = load_tuning(str(write_tuning(tmp_path, abscissa=-0.02)))
     assert (plain.evaluations, plain.seed, plain.abscissa) == (12, 1, -0.02)
     assert (plain.angles, plain.rate, dict(plain.objective)) == (
@@ -58,8 +60,10 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
     [
         ("[[gusts]]", "[gusts]", "gusts is no list of tables; write [[gusts]]"),
         ("length = 250", "long = 250", "unknown entry 'long'; gusts 1 has dihedral, order"),
-        ("peak = 5", "peak = -5", "peak is -5; give a positive number"),
-        ("peak = 5", "", "peak is missing; give a positive number"),
+        ("peak = -5", "peak = inf", "gusts 1.peak"),
+        ("peak = -5", "", "gusts 1.peak"),
+        ('dynamics = "newton"', 'dynamics = "euler"', "euler"),
+        ('dynamics = "newton"', "dynamics = 3", "3"),
         ("speed = 0.1", "sped = 0.1", "turbulence 1: sped is no state of the plant; choose from speed, alpha"),
         ("[turbulence.objective]\ndihedral = 50.0\nspeed = 0.1", "", "[objective] is empty"),
         ("margin = 0.2", "margin = 0", "margin is 0; give a positive number"),
