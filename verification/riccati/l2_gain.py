@@ -48,7 +48,8 @@ def gain_is_below(game: Game, K: np.ndarray, level: float) -> bool:
 
 
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """L2 gain to 1e-9 relative by bisection on `gain_is_below`; inf when A - B K is not Hurwitz.
+    """L2 gain to 1e-9 relative by bisection on `gain_is_below`; inf when A - B K is not Hurwitz, or so stiff that
+    rounding hides every bound.
 
     The number returned is the upper end: it was seen to be above the gain.
     Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
@@ -63,6 +64,8 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     lower = upper = typical
     while not gain_is_below(game, K, upper):
         lower, upper = upper, 4.0 * upper
+        if upper > typical / ZERO:
+            return math.inf
     while gain_is_below(game, K, lower):
         lower, upper = lower / 4.0, lower
         if upper < ZERO * typical:

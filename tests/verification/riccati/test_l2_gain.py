@@ -97,3 +97,12 @@ def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
         gain = bounded_real_gain(game, solve_game(game).K)
         assert minimum_delta(game).refused < gain < game.delta
         tried += 1
+
+
+@pytest.mark.parametrize("size", [1e10, 1e40])
+def test_a_loop_so_stiff_that_rounding_hides_its_slow_mode_has_no_bound(size: float) -> None:
+    """The search for a bound went on for ever; the sweep, which promises nothing, finds 1044."""
+    game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
+    K = np.array([[size, 0.0]])
+    assert bounded_real_gain(game, K) == math.inf
+    assert swept_gain(game, K).gain == pytest.approx(1044.03, rel=1e-5)
