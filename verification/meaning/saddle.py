@@ -21,7 +21,7 @@ RATIO = 8.0
 SLOPE_TOLERANCE = 0.05
 DIRECTIONS = 3
 #: Where the search for ε stops when a player cannot change the cost at all.
-LARGEST_STEP = 1e12
+LARGEST_STEP, SMALLEST_STEP = 1e12, 1e-30
 
 
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
@@ -105,6 +105,11 @@ def saddle_checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float 
     With delta = inf, or an E without columns, there is no second player, and only the control is perturbed.
     Raises BadInputError when the flight from `initial` costs nothing.
     """
+    with np.errstate(all="ignore"):  # a P far from any value overflows, and fails
+        return _checks(game, P, initial, seed, change)
+
+
+def _checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int, change: float) -> tuple[Check, ...]:
     K, L = game.gain(P), game.disturbance_gain(P)
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):
         reason = "the policies of P do not bring the state to rest: there is no cost to compare"
@@ -147,7 +152,9 @@ def _judge(player: str, losses: np.ndarray) -> tuple[Check, ...]:
 def _changes(
     game: Game, P: np.ndarray, step: tuple[np.ndarray, np.ndarray], initial: np.ndarray, base: float, change: float
 ) -> tuple[float, float]:
-    """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`."""
+    """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`; nan where
+    rounding changes it more.
+    """
     K, L = game.gain(P), game.disturbance_gain(P)
 
     def is_small(size: float) -> bool:
@@ -161,8 +168,13 @@ def _changes(
         size *= 2.0
     while not is_small(size):
         size /= 2.0
-    first, second = (
-        simulated_cost(game, K + part * step[0], L + part * step[1], initial) / base - 1.0
-        for part in (size, size / RATIO)
-    )
+        if size < SMALLEST_STEP:  # the two costs of P itself differ: a P of rounding alone
+            return math.nan, math.nan
+    try:
+        first, second = (
+            simulated_cost(game, K + part * step[0], L + part * step[1], initial) / base - 1.0
+            for part in (size, size / RATIO)
+        )
+    except NoSolutionError:  # Hurwitz at one step and not at a smaller one
+        return math.nan, math.nan
     return first, second

@@ -179,6 +179,15 @@ def test_a_critic_of_sizes_that_overflow_fails(game, size):
         assert "K_rel_error" in _failed(check_critic(game, candidate))
 
 
+@pytest.mark.filterwarnings("ignore:Input")  # SciPy, on a Lyapunov equation that rounding makes singular
+@pytest.mark.parametrize(("state", "size"), [(0, 1e20), (0, 1e30)])
+def test_a_value_that_rounding_alone_makes_ends_and_fails(game, state, size):
+    """The search for a perturbation that costs little went on for ever, or ended in a traceback."""
+    P = solve_game(game).P.copy()
+    P[state, state] += size
+    assert {"saddle_control_loses", "saddle_control_slope_error"} <= _failed(check_critic(game, from_value(game, P)))
+
+
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_a_critic_that_is_not_finite_fails(game, number):
     weights = QUADRATIC.weights(solve_game(game).P)
