@@ -106,10 +106,10 @@ def saddle_checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float 
     Raises BadInputError when the flight from `initial` costs nothing.
     """
     with np.errstate(all="ignore"):  # a P far from any value overflows, and fails
-        return _checks(game, P, initial, seed, change)
+        return _checks(game, P, initial, change)
 
 
-def _checks(game: Game, P: np.ndarray, initial: np.ndarray, seed: int, change: float) -> tuple[Check, ...]:
+def _checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float) -> tuple[Check, ...]:
     K, L = game.gain(P), game.disturbance_gain(P)
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):
         reason = "the policies of P do not bring the state to rest: there is no cost to compare"
