@@ -6,7 +6,7 @@ function [models, data] = hfa_models(file)
 %   models: cell array, one ss a point of the sweep, in its order, with the names of states, inputs and outputs;
 %   [] where there is no trim. In MATLAB, stack(1, models{:}) makes one array of them.
 %   data: everything in the file: data.A (n, n, N), data.B (n, m, N), the varied values and their names, operating
-%   points (the offsets X0, U0 of the models), units. Feet, slugs, pounds, radians.
+%   points (the offsets X0, U0 of the models). data.units: 'english' (ft, slug, lbf, rad) or 'si' (m, kg, N, rad).
 %
 %   Needs the Control System Toolbox, or in Octave: pkg load control.
 data = load(file);

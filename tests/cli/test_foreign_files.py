@@ -131,6 +131,14 @@ def has_unit(name: str, header: list[str]) -> bool:
     return beside or name.endswith("]") or name.endswith("_deg")
 
 
+def test_what_is_no_table_of_numbers_with_units_is_seen(tmp_path: Path) -> None:
+    polars, path = pytest.importorskip("polars"), tmp_path / "table.csv"
+    path.write_text("speed,time [s]\nnan,NaN\n1.0,1.0\n", encoding="utf-8")
+    table = polars.read_csv(path)
+    assert [has_unit(name, table.columns) for name in table.columns] == [False, True]
+    assert [table[name].dtype.is_numeric() for name in table.columns] == [False, True]
+
+
 def test_a_column_of_units_is_found(tmp_path: Path) -> None:
     pandas, path = pytest.importorskip("pandas"), tmp_path / "table.csv"
     data = json.loads(hfa("linearize", "--dihedral", "10", "--units", "si", "-o", str(path), "--json").out)

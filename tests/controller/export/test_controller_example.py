@@ -88,6 +88,10 @@ def test_it_flies_what_we_fly_and_says_its_time(
     assert size > 0.1
     assert np.abs(states[0] - known).max() < 0.03 * size
     assert np.abs((10 * states[1] - states[0]) / 9 - known).max() < 3e-5 * size
+    text = (tmp_path / EXAMPLE).read_text()
+    (tmp_path / EXAMPLE).write_text(text.replace("flown[0] += 1.0", "flown[0] += 1.02"))
+    planted = ran(tmp_path, "-DHERTZ=1000", EXAMPLE, SOURCE)
+    assert max(abs(planted[name] - value) for name, value in zip(STATES, known, strict=True)) > 3e-3 * size
 
 
 def test_what_the_actuators_do_not_have_is_refused(published_aircraft: Aircraft, point: OperatingPoint) -> None:
