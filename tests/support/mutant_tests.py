@@ -149,9 +149,9 @@ class Tests:
     def deciding(self, module: str, line: int, limit: float) -> dict[str, list[str]]:
         """Test file -> its tests, in the order in which they are asked; the module must be without a mistake.
 
-        What executes the line, of the module's own file; of the files beside it; a few of each other file; the rest.
-        What goes on from the line where few do comes first, and what is cheap. Those of other files than the module's
-        cost `limit` seconds together at most.
+        What executes the line, of the module's own file; its rest, and of the files beside it; a few of each other
+        file; the rest. What goes on from the line where few do comes first, and what is cheap. All but the first cost
+        `limit` seconds together at most.
         """
         own, groups = _own(module), []
         for file, known in self._known.items():
@@ -159,7 +159,8 @@ class Tests:
             direct, few = self._executing(file, module, line) if module in known["executed"] else (set(), set())
             tests = sorted(direct & set(seconds), key=lambda one: (one not in few, seconds[one]))
             if file == str(own):
-                groups.append((0, file, tests))
+                rest = sorted(set(seconds) - direct, key=seconds.__getitem__)  # a fixture may execute the line for all
+                groups += [(0, file, tests), (1, file, rest)]
             elif Path(file).parent == own.parent:
                 groups.append((1, file, tests))
             else:

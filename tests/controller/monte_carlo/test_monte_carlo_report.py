@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
+from member_plans import EVERYTHING, with_scenario
 
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.monte_carlo_report import Outcome
@@ -22,3 +24,13 @@ def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path:
     assert set(data["effort"].values()) == {None}
     assert data["errors"]["panel_mass"]["deviation"] is None
     assert data["first_left"] < 0.5
+
+
+@pytest.mark.parametrize("turbulence", [EVERYTHING.turbulence, None])
+def test_deviations_are_shown_where_the_air_moves(
+    plan: MonteCarlo, tmp_path: Path, turbulence: tuple[float, ...] | None
+) -> None:
+    few = replace(with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=turbulence)), members=2)
+    text = Outcome.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
+    assert ("peak deviation" in text) == (turbulence is not None)
+    assert "rms error dihedral" in text

@@ -155,7 +155,9 @@ def test_tracking_is_the_commanded_output_against_its_command(
     assert one.rms == pytest.approx(float(np.sqrt(np.mean(z**2))))
     assert one.largest == pytest.approx(float(np.abs(z).max()))
     fastest = fastest_inputs(result.flight)
-    assert fastest[INPUTS.index("aileron_outer")] > 0.0 == fastest[0]
+    moved = np.diff(result.flight.inputs[:, INPUTS.index("aileron_outer")])
+    assert fastest[INPUTS.index("aileron_outer")] == pytest.approx(np.abs(moved).max() / 0.01)
+    assert fastest[0] == 0.0
     assert "dihedral" in tracking_table((one,)).rows[0]
 
 

@@ -19,6 +19,7 @@ from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, State
 from trim.identification.evidence import ALTERNATIVES, _left_out, save_fit
 from trim.identification.fit_result import IDENTIFIED, Fit
+from trim.identification.identification_result import Identification
 from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import regenerate
 
@@ -254,3 +255,9 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         assert row.determined == len(IDENTIFIED) - 1
         assert row.errors["pitch_rate"] > 0.1
         assert row.pitch_shape_error < 1e-5
+
+
+def test_starts_that_agree_are_counted(identified: tuple[Fit, list[float]]) -> None:
+    best, sums = identified
+    for starts, said in ((sums, "8 of 8 starts agree"), ([*sums, 1.1 * min(sums)], "8 of 9 starts agree")):
+        assert said in Identification(best, starts, {15.0: (), 5.0: ()}, (), ()).report().title
