@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from verification.published.regeneration import _spectrum
+from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.text import Table, eigenvalue_text
+from verification.published.regeneration import _spectrum, regenerate_all
 
 
 def test_a_spectrum_begins_with_the_fastest_and_the_upper_half() -> None:
@@ -12,3 +14,10 @@ def test_a_spectrum_begins_with_the_fastest_and_the_upper_half() -> None:
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4], A[4, 4] = slow, fast, 1.0
     np.testing.assert_allclose(_spectrum(A), [-2 + 3j, -2 - 3j, 1, -0.1 + 0.5j, -0.1 - 0.5j], atol=1e-12)
+
+
+def test_the_report_shows_each_eigenvalue_or_pair_once(published_aircraft: Aircraft) -> None:
+    for pair in regenerate_all(published_aircraft).pairs:
+        (table,) = [each for each in pair.report().parts if isinstance(each, Table) and "regenerated A" in each.header]
+        assert [row[2] for row in table.rows] == [eigenvalue_text(one) for one in pair.eigenvalues if one.imag >= 0.0]
+        assert len(table.rows) == 4
