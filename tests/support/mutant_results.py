@@ -29,6 +29,12 @@ def record(outcomes: dict[str, dict[str, Any]], known: dict[str, Any]) -> dict[s
     return {"packages": packages, "survivors": survivors}
 
 
+def reasoned() -> set[str]:
+    """The keys of survivors that somebody has looked at."""
+    known = json.loads(FILE.read_bytes())["survivors"] if FILE.exists() else []
+    return {each["key"] for each in known if each["reason"]}
+
+
 def written(outcomes: dict[str, dict[str, Any]]) -> None:
     """Bring the file of results and the page up to date; the causes in the file stay."""
     from hfa_model.support.jsonable import records_text  # here: the forks must load what they need of a copy

@@ -4,7 +4,8 @@ Works in a copy of the project. First every test file runs once, which says what
 mistake the tests that execute its line run, those of its module first, the cheapest first, to the first failure.
 The modules take turns, so that each has about as many mistakes as another; which ones, the seed decides. What is known
 is kept in a folder, where the next run goes on: what was found is not tried again, what was not is where the tests
-beside its module have changed. Everything is loaded once, and forked for each mistake.
+beside its module have changed, unless the file of results has a reason. Everything is loaded once, and forked for each
+mistake.
 
     python tests/support/mutants.py [--count N] [--seconds S] [--limit S] [--folder FOLDER] [MODULE ...]
 """
@@ -25,7 +26,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mutant_results import written
+from mutant_results import reasoned, written
 from mutant_tests import Tests, keep
 from mutations import Mutation, mutations, same_types
 
@@ -106,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     known = json.loads((folder / "outcomes.json").read_bytes()) if (folder / "outcomes.json").exists() else {}
-    end = time.monotonic() + options.seconds
+    end, with_reason = time.monotonic() + options.seconds, reasoned()
     for name in _LOADED:
         importlib.import_module(name)
     gc.freeze()  # no fork looks through all of that again
@@ -120,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
         wanted = [one for one in mutants(copy, options.packages, options.seed) if _is_asked(one, options.modules)]
         for mutant in wanted[: options.count]:
             before, state = known.get(mutant.key, {}), tests.state(mutant.module)
-            if before.get("killed") or before.get("state") == state:
+            if before.get("killed") or before.get("state") == state or (before and mutant.key in with_reason):
                 continue
             if time.monotonic() > end:
                 break
