@@ -36,7 +36,6 @@ def recoverable_map(
     speeds: np.ndarray,
     dihedrals: np.ndarray,
     commands: np.ndarray,
-    compile_code: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> RecoverableMap:
     """Fly u = -K z from every start and to every command on the nonlinear aircraft and on its linear model.
@@ -64,7 +63,7 @@ def recoverable_map(
     total = len(plants) * (len(starts) + len(orders))
     tell = (lambda: None) if progress is None else (lambda: progress(next(flown), total))
     for name, plant in plants.items():
-        loop = TrialLoop(plant, point, envelope, compile_code=compile_code)
+        loop = TrialLoop(plant, point, envelope)
         found[name] = (
             loop.fly(gain, starts, np.zeros((len(starts), len(LINEAR_STATES))), seconds, tell),
             loop.fly(gain, np.zeros((len(commands), len(STATES))), orders, seconds, tell),
