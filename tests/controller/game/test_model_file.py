@@ -40,6 +40,15 @@ def _same(one: Game, other: Game) -> bool:
     return matrices and one.delta == other.delta
 
 
+def test_where_a_plant_comes_from_is_read(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
+    block = {"version": "1.2", "parameters": "ab12"}
+    np.savez(tmp_path / "a.npz", **model, **{f"provenance.{name}": word for name, word in block.items()})  # type: ignore[arg-type]
+    savemat(tmp_path / "a.mat", model | {"provenance": block})
+    _json(tmp_path / "a.json", {name: matrix.tolist() for name, matrix in model.items()} | {"provenance": block})
+    for suffix in ("npz", "mat", "json"):
+        assert stored_game(tmp_path / f"a.{suffix}").provenance == block
+
+
 def test_every_format_gives_the_same_game(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
     extra = {"E": np.eye(6)[:, :2], "Q": 2.0 * np.eye(6), "R": 3.0 * np.eye(5), "delta": 321.0}
     full = model | extra
