@@ -198,13 +198,17 @@ class Tests:
     def judge(self, asked: dict[str, list[str]]) -> dict[str, Any]:
         """Whether one of these tests fails with what is now in the current folder, which, and how many ran.
 
-        Three times as long as they took when they were listed is a failure too.
+        Three times as long as those of a file took when they were listed, and 10 s, is a failure too.
         """
-        usual = sum(self._known[file]["seconds"][each] for file, tests in asked.items() for each in tests)
+        limits = {
+            file: 10 + 3 * sum(self._known[file]["seconds"][each] for each in tests) for file, tests in asked.items()
+        }
 
         def work() -> dict[str, Any]:
             ran = 0
             for file, tests in asked.items():
+                end = int(time.process_time() + limits[file])
+                resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
                 watch = Watch(tests)
                 watch.run(file, "-x")
                 ran += len(watch.seconds)
@@ -212,7 +216,7 @@ class Tests:
                     return {"killed": True, "by": watch.failed, "tests": ran}
             return {"killed": False, "by": "", "tests": ran}
 
-        return in_a_fork(work, 10 + 3 * usual + len(asked)) or {
+        return in_a_fork(work, 10 + sum(limits.values())) or {
             "killed": True,
             "by": "the time, or the process ended",
             "tests": 0,
