@@ -223,3 +223,12 @@ def test_malformed_stacks_are_refused() -> None:
         random_pool(game, 10, 0, np.array([1.0, 0.0]))
     with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
         record(game, np.array([[1.0, 0.0]])).channel_scales()
+
+
+def test_a_stack_is_its_own_and_stays_as_it_is() -> None:
+    states = np.ones((3, 2))
+    stack = Stack(states, 2.0 * states)
+    states[0, 0] = 5.0
+    assert stack.states[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        stack.drifts[0, 0] = 5.0
