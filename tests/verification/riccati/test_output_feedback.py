@@ -19,6 +19,7 @@ from verification import minimum_delta, solve_game
 from verification.riccati import output_feedback
 from verification.riccati.output_feedback import (
     OutputGame,
+    _response_difference,
     closed_loop,
     minimum_output_delta,
     solve_output_feedback,
@@ -207,3 +208,12 @@ def test_the_derivations_are_compared_relative_to_their_response() -> None:
         one = (-np.eye(1), np.eye(1), size * np.eye(1))
         other = (-np.eye(1), np.eye(1), 1.001 * size * np.eye(1))
         assert output_feedback._response_difference(one, other) == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_two_controllers_are_compared_over_the_frequencies_of_the_first() -> None:
+    """1/(s + 100) beside itself and ε/(s + 10⁴): apart by ε |s + 100| / |s + 10⁴|, most at 100 times its pole."""
+    share = 1e-6
+    one = np.array([[-100.0]]), np.ones((1, 1)), np.ones((1, 1))
+    other = np.diag([-100.0, -1e4]), np.ones((2, 1)), np.array([[1.0, share]])
+    expected = share * abs(1e4j + 100.0) / abs(1e4j + 1e4)
+    assert _response_difference(one, other) == pytest.approx(expected, rel=1e-6)
