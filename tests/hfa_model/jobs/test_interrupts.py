@@ -63,3 +63,14 @@ def test_a_signal_that_comes_where_python_only_prints_it_is_given_again(
     with pytest.raises(KeyboardInterrupt) as raised, ended_by_signals():
         work()
     assert raised.type is ending
+
+
+def test_after_sigterm_another_is_not_heard_and_after_ctrl_c_it_is() -> None:
+    deaf = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        with ended_by_signals():
+            try:
+                signal.raise_signal(number)
+            except KeyboardInterrupt:
+                deaf.append(signal.getsignal(signal.SIGTERM) == signal.SIG_IGN)
+    assert deaf == [True, False]

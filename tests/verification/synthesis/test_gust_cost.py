@@ -32,6 +32,7 @@ def test_a_long_harmonic_updraft_of_the_worst_frequency_costs_what_is_said(publi
     assert all(mean_cost(frequency) <= found.cost * (1 + 1e-9) for frequency in np.geomspace(1e-3, 1e2, 200))
     assert 200.0 * found.dihedral**2 == pytest.approx(found.cost)
     assert f"costs {found.cost:.4g}, as much as {math.degrees(found.dihedral):.3g} deg of dihedral" in found.text()
+    assert found.to_dict() == {**found._asdict(), "updraft": {"value": 1.0, "unit": "ft/s"}}
 
 
 def test_who_estimates_pays_what_the_whole_loop_says(published_aircraft: Aircraft) -> None:
