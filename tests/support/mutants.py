@@ -157,7 +157,7 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", metavar="MODULE", help="like trim/point/solve.py; all when none is named")
     parser.add_argument("--count", type=int, default=400, help="mutants, with those of earlier runs")
     parser.add_argument("--seconds", type=float, default=3600.0, help="for all")
-    parser.add_argument("--limit", type=float, default=8.0, help="seconds of tests for one mutant")
+    parser.add_argument("--limit", type=float, default=4.0, help="seconds of tests for one mutant")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path("out/mutants"), help="what is known")
     parser.add_argument("--root", type=Path, default=ROOT, help="the project")
