@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,6 @@ from verification.servo import cases, servo_flights
 from verification.servo.cases import (
     ANGLES,
     CASES,
-    DURATION,
     REGULATED,
     Flown,
     laws_of,
@@ -51,27 +49,6 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
     """Of dihedral, deg, and of vertical acceleration, ft/s²."""
     angle, acceleration = flight.tracked
     return float(np.degrees(angle.rms)), acceleration.rms
-
-
-def test_the_commands_are_sixteen_steps_of_seventy_seconds() -> None:
-    commands = simvfa_commands()
-    assert commands.names == REGULATED
-    assert (len(commands.times), DURATION) == (16, 1051.0)
-    np.testing.assert_allclose(np.diff(commands.times), 70.0)
-    assert np.degrees(commands.values[:, 0]).tolist() == pytest.approx(
-        [1, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0]
-    )
-
-
-def test_faults_act_from_the_start() -> None:
-    parts = attrgetter("begin", "effectiveness", "bandwidth", "damping")
-    weak = {name: [parts(fault) for fault in case.faults] for name, case in CASES.items()}
-    assert weak == {
-        "order-1": [],
-        "order-1-fault": [(0.0, 0.2, 0.5, None)],
-        "order-2": [],
-        "order-2-fault": [(0.0, 0.2, 0.5, 0.8)],
-    }
 
 
 def test_two_steps_with_a_fault(published_aircraft: Aircraft) -> None:
