@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from flight_cases import FlownCase, flown, signal
 from controller.flight.scenario import Scenario
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
-from verification.flights.recoverable import recoverable_map
+from verification.flights.recoverable import _edge, recoverable_map
 from verification.flights.recoverable_map import RecoverableMap
 
 N = len(LINEAR_STATES)
@@ -92,6 +93,17 @@ def test_commands_arrive_or_not(recoverable: RecoverableMap) -> None:
     final = trials.final.copy()
     final[1, STATES.index("dihedral")] *= -1
     assert replace(trials, final=final).arrived(recoverable.commands).tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> None:
+    def fly(values: np.ndarray) -> Any:
+        assert np.all(np.sign(values) == sign)
+        return SimpleNamespace(held=np.abs(values) < 3.7, left=np.full(len(values), 2), when=np.full(len(values), 1.5))
+
+    found = _edge("speed", sign, "linear", fly, lambda _, values: np.abs(values) < 2.2, 10.0)
+    assert (found.held, found.returned) == pytest.approx((3.7, 2.2), rel=0.02)
+    assert (found.state, found.time, found.reach) == (STATES[2], 1.5, 10.0)
 
 
 def test_maps_without_points_and_gains_that_do_not_stabilize_are_refused(newton: FlownCase) -> None:

@@ -66,6 +66,10 @@ def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
     assert np.array_equal(report.data["A"], grid.A)
     assert report.records is not None
     assert len(report.records.rows) == len(grid.A) * (36 + 30 + 5 + 30)
+    units = {row[1:4]: row[5] for row in report.records.rows}
+    assert units["A", "speed", "pitch_rate"] == "(ft/s^2)/(rad/s)"
+    assert units["B", "speed", "throttle"] == "(ft/s^2)/(1)"
+    assert units["K", "throttle", "speed"] == "(1)/(ft/s)"
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
