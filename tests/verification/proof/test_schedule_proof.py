@@ -61,6 +61,8 @@ def test_an_instability_between_two_angles_is_found_and_refuted() -> None:
     assert proof.loop.counts[-1][1:] == (15.06, 0)
     # What is open are the places where a mode crosses the axis, and they are narrow.
     assert 0.0 < sum(high - low for low, high in proof.loop.gaps) < 0.03
+    assert proof.rate > 0.0
+    assert replace(proof, loop=Cover((), ())).rate == 0.0
     report = schedule_report(proof)
     assert f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for" in report.text()
     (loop,) = [each for each in report.parts if isinstance(each, Table) and each.header[0].startswith("loop")]
