@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from verification.experiments.metrics import FlightMetrics, LearningMetrics
+import numpy as np
+import pytest
+
+from controller.game.basis import basis
+from verification.experiments.flown_laws import Critic
+from verification.experiments.metrics import FlightMetrics, LearningMetrics, learning_metrics
 
 
 def metrics(learning: LearningMetrics | None) -> dict[str, Any]:
@@ -20,3 +25,21 @@ def test_learning_is_left_out_where_nothing_learns_and_nothing_else_is() -> None
     learned = LearningMetrics(**{field.name: 1.5 for field in fields(LearningMetrics)})  # type: ignore[arg-type]
     assert list(metrics(learned)) == names
     assert metrics(learned)["learning"]["late_update"] == 1.5
+
+
+def critic_of(weights: np.ndarray) -> Critic:
+    return Critic(basis("quadratic", 1), weights, np.arange(len(weights)) + 1.0, {"law": 1})
+
+
+def test_learning_before_and_after_its_time() -> None:
+    """Ticks of 0.1 s, T_w = 1 s, its end begins at 0.9 s."""
+    W = np.array([0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 9.5, 10.0, 10.0, 12.0, 11.0, 11.0])[:, None]
+    residual = np.array([-3.0, *[1.0] * 9, -2.0, 0.5, 0.5, 0.7, 0.5])
+    found = learning_metrics(0.1 * np.arange(len(W)), critic_of(W), residual, 1.0, np.inf)
+    shares = (found.path_share, found.late_update, found.end_update, found.late_change, found.end_change)
+    assert shares == pytest.approx((10.0 / 13.0, 1.0, 0.25, 0.2, 0.05))
+    assert found.stack_residual == (1.0, 11.0, 15.0)
+    assert found.flown_residual == (3.0, 3.0, 2.0)
+    still = learning_metrics(0.1 * np.arange(len(W)), critic_of(0.0 * W + 1.0), residual, 1.0, np.inf)
+    assert (still.path_share, still.late_change) == (0.0, 0.0)
+    assert learning_metrics(np.zeros(1), critic_of(W), residual, 1.0, 0.5).path_share == np.inf

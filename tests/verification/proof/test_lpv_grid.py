@@ -14,6 +14,7 @@ import pytest
 from proof_cases import exact_gain, family, forge, model_at
 
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.vectors import INPUT_SCALES
 from verification.checker.checker import Rejected, check_certificate
 from verification.proof.checked_report import checked_report
 from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
@@ -33,15 +34,18 @@ def between(grid: LpvGrid, degrees: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 def test_the_error_stays_below_its_bound_and_not_far(grid: LpvGrid) -> None:
     assert max(grid.error.values()) <= 2e-3
-    errors, gains = [], []
+    errors, gains, trims = [], [], []
     for angle in np.linspace(14.0, 15.0, 17):
         model, (A, B, K) = model_at(float(angle)), between(grid, float(angle))
         gain = exact_gain(float(angle))
         gains.append(np.linalg.norm(K - gain) / np.linalg.norm(gain))
+        u = [np.interp(angle, grid.dihedral_deg, column) for column in grid.inputs.T]
+        trims.append(np.linalg.norm((np.array(u) - model.input_offsets) / INPUT_SCALES))
         errors.append(np.linalg.norm(A - model.A) / np.linalg.norm(model.A))
         assert np.linalg.norm(B - model.B) / np.linalg.norm(model.B) <= grid.error["B"]
     assert 0.5 * grid.error["A"] < max(errors) <= grid.error["A"]
     assert 0.5 * grid.error["K"] < max(gains) <= grid.error["K"]
+    assert 0.51 * grid.error["inputs"] < max(trims) <= grid.error["inputs"]
 
 
 def test_half_the_step_has_a_quarter_of_the_error(grid: LpvGrid) -> None:
