@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verification.balls.balls import exact, matrix
+from verification.arithmetic.balls import exact, matrix
 from verification.balls.taylor import TaylorForm
 
 
