@@ -11,6 +11,13 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import STATES
 
 
+def test_speed_and_altitude_are_limited_about_the_trim(newton: FlownCase) -> None:
+    at, low, high = newton.point.states, newton.envelope.lowest, newton.envelope.highest
+    assert (low.speed, high.speed) == (at.speed / 2, 2 * at.speed)
+    assert (at.altitude - low.altitude, high.altitude - at.altitude) == (1000.0, 1000.0)
+    assert high.pitch_rate == -low.pitch_rate > 0.0
+
+
 @pytest.mark.parametrize("name", STATES)
 def test_each_state_can_be_the_first(newton: FlownCase, name: str) -> None:
     """A planted path that leaves in one state, and later in another: the first one is named."""
