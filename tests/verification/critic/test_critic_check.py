@@ -9,7 +9,7 @@ from planted_critics import other_root
 
 from controller.game.basis import BASES, basis
 from controller.game.learning_result import Excitation, LearningResult
-from controller.game.zero_sum import published_game
+from controller.game.zero_sum import Game, published_game
 from hfa_model import BadInputError, NoSolutionError
 from hfa_model.published import published_models
 from verification.critic.candidate import from_gain, from_value, from_weights
@@ -49,6 +49,14 @@ def test_the_exact_weights_pass_in_every_basis(game, name):
 def test_the_other_printed_model_passes_too():
     game = _game(5.0)
     assert check_critic(game, from_value(game, solve_game(game).P)).ok
+
+
+def test_the_value_of_a_state_that_costs_nothing_may_be_0():
+    A, B, Q = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), np.diag([1.0, 0.0])
+    game = Game(A=A, B=B, E=np.eye(2), Q=Q, R=np.eye(1), delta=100.0)
+    P = solve_game(game).P
+    assert P[1, 1] == pytest.approx(0.0, abs=1e-14)
+    assert check_critic(game, from_value(game, P)).ok
 
 
 def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game):
