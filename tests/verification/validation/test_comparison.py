@@ -9,6 +9,9 @@ import pytest
 
 from hfa_model import Aircraft, Parameters
 from hfa_model.reporting.text import Table
+from trim.linear.linearize import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
 from verification.validation import comparison
 from verification.validation.comparison import validate
 from verification.validation.outside import outside_data, released_trims, third_printed_model
@@ -62,6 +65,15 @@ def test_half_a_unit_of_the_last_printed_digit() -> None:
     assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
     assert entries["A(pitch, pitch_rate)"].half_unit == 0.0
     assert "B(speed, elevator_center)" not in entries  # what is printed there belongs to another input
+
+
+def test_an_entry_that_is_printed_as_0_or_1_is_exact(published_aircraft: Aircraft) -> None:
+    printed = next(each for each in third_printed_model() if each.name == "A(pitch, pitch_rate)")
+    model = linearize(published_aircraft, find_operating_point(published_aircraft, level_flight(math.radians(10.0))))
+    assert comparison._entry_difference(printed, model).half_units == 0.0
+    A = model.A.copy()
+    A[model.states.index("pitch"), model.states.index("pitch_rate")] += 1e-9
+    assert comparison._entry_difference(printed, dataclasses.replace(model, A=A)).half_units == math.inf
 
 
 def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
