@@ -48,6 +48,13 @@ def test_all_in_one(tmp_path: Path) -> None:
     assert found == {"states": ["x", "y"], "inputs": ["u"]}
 
 
+def test_units_of_the_states_are_those_of_the_columns_of_A(tmp_path: Path) -> None:
+    unit = {"A,x,x": "(ft/s^2)/(ft/s)", "A,x,y": "(ft/s^2)/(rad)", "A,y,x": "(rad/s)/(ft/s)"}
+    unit |= {"A,y,y": "(rad/s)/(rad)", "B,x,u": "(ft/s^2)/(lbf)", "B,y,u": "(rad/s)/(lbf)"}
+    rows = "".join(f"{entry},1,{text}\n" for entry, text in unit.items())
+    assert of(tmp_path, plant="matrix,row,column,value,unit\n" + rows)["state_units"] == ["ft/s", "rad"]
+
+
 def test_a_critic_alone(tmp_path: Path) -> None:
     found = of(tmp_path, K="speed,alpha\n1,2\n", A=PLAIN[0])
     assert list(found) == ["K"]

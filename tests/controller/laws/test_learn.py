@@ -17,6 +17,7 @@ from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.learn import LAWS, learn
 from controller.samples.recording import random_pool
 from hfa_model.support.errors import BadInputError
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 #: A short run of each law.
 RUNS: dict[str, dict[str, Any]] = {
@@ -134,3 +135,14 @@ def test_the_samples_of_the_aircraft_stay_fifty_of_five_hundred() -> None:
     for functions in BASES:
         settings = certified_law(game, CertifiedSettings(basis=functions), 0).settings
         assert (settings.samples, settings.pool_samples) == (50, 500)
+
+
+def test_a_report_names_states_and_inputs_or_numbers_them() -> None:
+    result = learn(published(PUBLISHED[0])[0])
+    m, n = result.K.shape
+    plain = result.report().text()
+    assert f"u{m}" in plain
+    assert f"x{n}" in plain
+    named = result.report(LINEAR_STATES, INPUTS).text()
+    assert INPUTS[-1] in named
+    assert f"u{m} " not in named
