@@ -60,3 +60,12 @@ def test_an_answer_of_discrete_time_is_named_with_its_sample_time(
     assert_named(game, exact, wrong)
     for right in (from_gain(game, noisy(K)), from_value(game, noisy(S)), from_value(game, noisy(S * dt))):
         assert diagnose(game, exact, right, LIMIT) == ""
+
+
+def test_euler_is_the_regulator_of_one_step(game: Game) -> None:
+    time = 0.05
+    A, B = np.eye(6) + time * game.A, time * game.B
+    S = solve_discrete_are(A, B, game.Q, game.R)
+    found, K = discrete_lqr(game, time, "euler")
+    np.testing.assert_allclose(found, S, rtol=1e-6, atol=1e-9 * np.abs(S).max())
+    np.testing.assert_allclose(K, np.linalg.solve(game.R + B.T @ S @ B, B.T @ S @ A), rtol=1e-5, atol=1e-8)
