@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
     from hfa_model.reporting.report import Report
+    from trim.point.named_condition import NamedCondition
 
 _RUN: ContextVar[tuple[str, argparse.Namespace] | None] = ContextVar("run", default=None)
 
@@ -40,14 +41,15 @@ def provenance() -> Provenance:
         return Provenance(command)
     from hfa_cli.options.shared_options import parameters_of
 
-    chosen = parameters_of(arguments)
+    chosen, flight = parameters_of(arguments), _flight(arguments)
     return Provenance(
         command,
         dynamics=getattr(arguments, "dynamics", "both"),
         parameters=chosen.name,
         parameter_hash=parameter_hash(chosen.values),
         changed=changed_parameters(chosen),
-        condition=_condition(arguments),
+        condition=_condition(arguments, flight),
+        flight="" if flight is None else _in_words(flight),
     )
 
 
@@ -64,23 +66,37 @@ def signed(report: Report) -> Report:
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
 
-def _condition(arguments: argparse.Namespace) -> dict[str, object]:
-    """What the trim of the run imposes (rad, ft/s, ft), frees and limits; empty for a run without one.
+def _flight(arguments: argparse.Namespace) -> NamedCondition | None:
+    """What all trims of the run have in common, as changes of the paper's level flight; None of a run without one."""
+    from hfa_cli.options.shared_options import flight_of, swept_condition_of
 
-    Of a sweep, what its points have in common and what it changes of the paper's level flight.
-    """
-    from hfa_cli.options.shared_options import condition_of
-
-    if hasattr(arguments, "sweep") and hasattr(arguments, "start"):
-        from hfa_cli.options.shared_options import flight_of
-
-        return flight_of(arguments).to_dict()
     if hasattr(arguments, "vary"):
-        from hfa_cli.options.shared_options import swept_condition_of
+        return swept_condition_of(arguments)
+    alone = isinstance(getattr(arguments, "dihedral", None), float)
+    return flight_of(arguments) if hasattr(arguments, "start") and (alone or hasattr(arguments, "sweep")) else None
 
-        return swept_condition_of(arguments).to_dict()
-    if not isinstance(getattr(arguments, "dihedral", None), float) or not hasattr(arguments, "start"):
+
+def _condition(arguments: argparse.Namespace, flight: NamedCondition | None) -> dict[str, object]:
+    """What the trim of the run imposes (rad, ft/s, ft), frees and limits; of many trims what they change."""
+    if flight is None:
         return {}
-    condition = condition_of(arguments)
+    if hasattr(arguments, "sweep") or hasattr(arguments, "vary"):
+        return flight.to_dict()
+    condition = flight.at(arguments.dihedral)
     limits = {name: list(condition.limits_of(name)) for name in condition.free}
     return {"imposed": dict(condition.imposed), "free": list(condition.free), "limits": limits}
+
+
+def _in_words(flight: NamedCondition) -> str:
+    """speed 60 ft/s, alpha free, throttle within 0 and 50."""
+    from trim.point.condition import describe
+
+    said = [
+        f"{name} {describe(name, values[0]) if len(values) == 1 else 'over the dihedral'}"
+        for name, (_, values) in flight.imposed.items()
+    ]
+    said += [f"{name} free" for name in flight.free]
+    said += [
+        f"{name} within {describe(name, low)} and {describe(name, high)}" for name, (low, high) in flight.limits.items()
+    ]
+    return ", ".join(said)

@@ -25,10 +25,10 @@ class Provenance:
     """One block that every output carries.
 
     command: as typed. dynamics: the equations, empty for a plant of the user's own. parameters: name or file of the
-    set. parameter_hash: of the values alone, so that two files with the same numbers have the same. changed: parameter
-    -> (value, identified value), where they differ. condition: what a trim imposes, leaves free and limits. model:
-    file of a plant. date: UTC; taken from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte
-    for byte.
+    set. parameter_hash: of the values alone, so that two files with the same numbers have the same. changed:
+    parameter -> (value, identified value), where they differ. condition: what a trim imposes, leaves free and
+    limits; flight: the same in words, what it changes of the paper's level flight. model: file of a plant. date:
+    UTC; taken from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for byte.
     """
 
     command: str
@@ -37,6 +37,7 @@ class Provenance:
     parameter_hash: str = ""
     changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     condition: Mapping[str, Any] = field(default_factory=dict)
+    flight: str = ""
     model: str = ""
     version: str = field(default_factory=toolchain_version)
     date: str = field(default_factory=lambda: _now())
@@ -66,6 +67,7 @@ class Provenance:
             ("dynamics", self.dynamics),
             ("parameters", f"{self.parameters} ({self.parameter_hash})" if self.parameters else ""),
             ("not the identified aircraft", "; ".join(self._changes())),
+            ("not the paper's level flight", self.flight),
         ]
         return Table(("origin", "value"), [row for row in rows if row[1]])
 
@@ -79,14 +81,18 @@ class Provenance:
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 
     def text(self) -> str:
-        """For people: a line, and a few more where the aircraft is not the identified one."""
+        """For people: a line, and a few more where aircraft or flight are not the identified and the paper's."""
         about = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             about.append(f"plant {self.model}")
         elif self.parameters:
             about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
-        changes = "\n  ".join(self._changes())
-        return ", ".join(about) + (f"\nnot the identified aircraft: {changes}" if changes else "")
+        lines = [", ".join(about)]
+        if self.changed:
+            lines.append("not the identified aircraft: " + "\n  ".join(self._changes()))
+        if self.flight:
+            lines.append(f"not the paper's level flight: {self.flight}")
+        return "\n".join(lines)
 
 
 def parameter_hash(values: Parameters) -> str:

@@ -45,6 +45,16 @@ def test_text_says_which_aircraft(command: str, heavy: Path) -> None:
     assert edited.splitlines()[-1] == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
 
 
+@pytest.mark.parametrize("command", ["trim", "solve", "sweep"])
+def test_text_says_what_is_not_the_paper_s_flight(command: str) -> None:
+    words = ("--speed", "60", "--free", "alpha", "--hold", "aileron_outer=1", "--limit", "throttle=0:90")
+    said = "speed 60 ft/s, aileron_outer 1 deg, alpha free, throttle within 0 and 90"
+    if command == "sweep":  # its speed is a column
+        said = said.partition(", ")[2]
+    assert hfa(command, "--dihedral", "12", *words).out.splitlines()[-1] == f"not the paper's level flight: {said}"
+    assert "not the paper's" not in hfa(command, "--dihedral", "12").out
+
+
 def test_json_has_the_whole_condition(heavy: Path) -> None:
     words = ("--dihedral", "12", "--speed", "66", "--free", "alpha", "--hold", "aileron_outer=1")
     found = json.loads(hfa("linearize", *words, "--parameters", str(heavy), "--json").out)["provenance"]
