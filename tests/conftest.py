@@ -6,6 +6,7 @@ import gc
 import hashlib
 import math
 import os
+import signal
 import sys
 from collections.abc import Iterator
 
@@ -15,6 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["SOURCE_DATE_EPOCH"] = "1790000000"
 # Else each process compiles all modules anew, and each worker rewrites the assertions of all tests: five seconds each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# In the background of a shell Ctrl-C is ignored, also by what is started there; some tests are about it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import numpy as np
 import pytest

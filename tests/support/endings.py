@@ -71,8 +71,6 @@ def run(folder: Path, *words: str, number: signal.Signals | None = None, after: 
 
     Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was started.
     """
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as in the background of a shell: children would inherit it
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     (folder / "temporary").mkdir(exist_ok=True)
     place = {**os.environ, "TMPDIR": str(folder / "temporary")}
     begun, seen = time.monotonic(), set[int]()
