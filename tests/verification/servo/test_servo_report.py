@@ -25,10 +25,13 @@ def test_the_document_has_the_stored_results() -> None:
 def test_the_document_has_the_stored_turbulence() -> None:
     data = json.loads(RESULTS.with_name("servo_turbulence.json").read_text(encoding="utf-8"))
     text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
-    assert [run["dynamics"] for run in data["runs"]] == ["published", "newton"]
+    assert [(run["law"], run["dynamics"]) for run in data["runs"]] == [
+        (law, dynamics) for law in ("servo", "servo-gusts") for dynamics in ("published", "newton")
+    ]
     for run in data["runs"]:
         errors = " | ".join(f"{math.degrees(error):.2f}" for error in run["rms_error"]["dihedral"])
-        assert f"| {run['dynamics']} | {run['held']} of {run['members']} | {errors} |" in text
+        flown = f"{run['law']} | {run['dynamics']} | {run['duration']:g} s"
+        assert f"| {flown} | {run['held']} of {run['members']} | {errors} |" in text
 
 
 def test_the_report_says_angles_in_degrees_and_what_was_lost() -> None:
