@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from import_graph import ROOT
-from mutant_results import FILE, OPEN, PAGE, record, table
+from mutant_results import FILE, OPEN, PAGE, record, table, with_table
 from mutations import mutations, same_types
 
 SCRIPT = ROOT / "tests" / "support" / "mutants.py"
@@ -111,3 +111,8 @@ def test_a_new_survivor_is_open_and_a_known_one_keeps_its_cause() -> None:
     assert record({**outcomes, "k3": first}, known)["survivors"][0]["reason"] == "r"
     assert "| a | 2 | 1 | 50.0% |" in table(known)
     assert "| same result | 1 |" in table(known)
+    page = f"# Before\n\n{table(known)}\n\nBehind.\n"
+    assert with_table(page, known) == page
+    again = with_table(page, record({**outcomes, "k1": {**first, "killed": True}}, {}))
+    assert "| a | 2 | 2 | 100.0% |" in again
+    assert again.endswith("|---|---|\n\nBehind.\n")

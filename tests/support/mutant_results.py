@@ -1,6 +1,7 @@
 """What `make mutants` found, as a file of results and as the table of docs/promises.md."""
 
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,14 @@ def written(outcomes: dict[str, dict[str, Any]]) -> None:
     found = record(outcomes, known)
     FILE.write_text(records_text(found), encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(with_table(text, found), encoding="utf-8")
+
+
+def with_table(text: str, found: dict[str, Any]) -> str:
+    """The page with its two tables made anew; what stands before and behind them stays."""
     begin = text.index(_HEADER)
-    PAGE.write_text(text[:begin] + table(found) + "\n" + text[text.index("\n## ", begin) :], encoding="utf-8")
+    behind = re.compile(r"\n\n(?!\|)").search(text, begin)
+    return text[:begin] + table(found) + (text[behind.start() :] if behind else "\n")
 
 
 def table(found: dict[str, Any]) -> str:

@@ -83,7 +83,7 @@ def test_it_flies_what_we_fly_and_says_its_time(
     for hertz in (100, 1000):
         said = printed(controller, published_aircraft, point, tmp_path, f"-DHERTZ={hertz}")
         states.append(np.array([said[name] for name in STATES]))
-        assert 0.0 < said["microseconds a tick"] < 1000.0
+        assert 0.0 <= said["microseconds a tick"] < 1000.0  # 0 where the clock is coarse
     size = np.abs(known - np.array(point.states)).max()
     assert size > 0.1
     assert np.abs(states[0] - known).max() < 0.03 * size
