@@ -93,6 +93,8 @@ def _check(arguments: argparse.Namespace) -> int:
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
+    # The certificate says which aircraft it is about; the output is not signed with that of the options.
+    del arguments.parameters
     found = checked_report(check_certificate(arguments.check, Progress("check")))
     show(found, arguments, target=arguments.output)
     return 0 if found.data["proved"] else 1

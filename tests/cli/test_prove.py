@@ -63,6 +63,19 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
     assert json.loads(result.out)["proved"] is True
 
 
+def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
+    certificate = str(tmp_path / "newton.json")
+    of_certificate = ("--dynamics", "newton", "--parameters", "gibson-2011-simulation", "--speed", "70")
+    assert hfa("prove", "solution", "--dihedral", "12", *of_certificate, "-o", certificate).code == 0
+    result = hfa("prove", "--check", certificate)
+    assert "newton dynamics, parameters gibson-2011-simulation (" in result.out
+    assert "trims at speed 70 ft/s, alpha 2.8 deg" in result.out
+    assert "published" not in result.out
+    data = json.loads(hfa("prove", "--check", certificate, "--json").out)
+    assert (data["dynamics"], data["parameters"]) == ("newton", "gibson-2011-simulation")
+    assert data["provenance"]["dynamics"] == ""
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_edited_digit_is_refused(certificates: dict[str, Path], kind: str, tmp_path: Path) -> None:
     text = certificates[kind].read_text()

@@ -5,9 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from hfa_model.parameters import NAMED, Parameters, named_parameters
+from hfa_model.provenance import parameter_hash
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
 from hfa_model.vectors import LINEAR_STATES
+from trim.point.condition import describe
 from verification.proof.proof_report import SCHEMA
 from verification.proof.schedule_proof import joined
 
@@ -29,7 +32,20 @@ def checked_report(found: Verified) -> Report:
     about = f"dihedral {low:g} deg" if low == high else f"dihedral from {low:g} to {high:g} deg"
     title += "the plant of a file" if "A" in claim else about
     data |= {"boxes": boxes, "proved": proved} | own
+    if "A" not in claim:
+        about, of_aircraft = _aircraft(claim)
+        parts, data = [about, *parts], data | of_aircraft
     return Report(title=f"{verdict}: {title}, {boxes} boxes", parts=parts, data=data)
+
+
+def _aircraft(claim: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Which aircraft the certificate is about, and in which flight, whatever the options of the command say."""
+    values = Parameters(**claim["parameters"])
+    known = [name for name in NAMED if named_parameters(name).values == values]
+    name, digits = known[0] if known else "of the certificate", parameter_hash(values)
+    flight = ", ".join(f"{held} {describe(held, value)}" for held, value in claim["imposed"].items())
+    about = f"{claim['dynamics']} dynamics, parameters {name} ({digits})\ntrims at {flight}"
+    return about, {"dynamics": claim["dynamics"], "parameters": name, "parameter_hash": digits}
 
 
 def _schedule(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:

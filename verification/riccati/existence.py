@@ -123,6 +123,11 @@ def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
     gain = bounded_real_gain(game, K)
     if gain == 0.0:
         return DeltaMin(0.0, 0.0)
+    if math.isinf(gain):
+        raise NoSolutionError(
+            "a certified policy is so stiff that rounding hides its L2 gain, where the search for delta_min begins; "
+            "check the scaling of A, B, Q and R"
+        )
     upper = 2.0 * gain
     if not has_value(game.with_delta(upper)):
         raise NoSolutionError(

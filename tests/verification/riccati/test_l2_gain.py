@@ -10,6 +10,7 @@ import pytest
 from game_samples import failed_names, game_models, random_game
 
 from controller.game.zero_sum import Game
+from hfa_model.support.errors import NoSolutionError
 from verification.riccati.existence import has_value, minimum_delta
 from verification.riccati.gare import solve_game
 from verification.riccati.l2_gain import SweptGain, bounded_real_gain, gain_checks, gain_is_below, swept_gain
@@ -99,10 +100,26 @@ def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
         tried += 1
 
 
-@pytest.mark.parametrize("size", [1e10, 1e40])
-def test_a_loop_so_stiff_that_rounding_hides_its_slow_mode_has_no_bound(size: float) -> None:
+STIFF = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
+
+
+def test_a_loop_so_stiff_that_rounding_hides_its_slow_mode_has_no_bound() -> None:
     """The search for a bound went on for ever; the sweep, which promises nothing, finds 1044."""
-    game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
-    K = np.array([[size, 0.0]])
-    assert bounded_real_gain(game, K) == math.inf
-    assert swept_gain(game, K).gain == pytest.approx(1044.03, rel=1e-5)
+    K = np.array([[1e40, 0.0]])
+    assert bounded_real_gain(STIFF, K) == math.inf
+    assert swept_gain(STIFF, K).gain == pytest.approx(1044.03, rel=1e-5)
+    (failed,) = gain_checks(STIFF, K)
+    assert "rounding hides every bound" in failed.reason
+
+
+def test_a_bound_that_rounding_raises_is_refused_by_the_sweep() -> None:
+    K = np.array([[1e10, 0.0]])
+    assert swept_gain(STIFF, K).gain < bounded_real_gain(STIFF, K) < math.inf
+    assert failed_names(gain_checks(STIFF, K)) == {"l2_gain", "l2_gain_methods_agree"}
+
+
+def test_the_search_for_the_smallest_delta_needs_a_gain_to_begin_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It went on for ever below infinity."""
+    monkeypatch.setattr("verification.riccati.existence.bounded_real_gain", lambda game, K: math.inf)
+    with pytest.raises(NoSolutionError, match="rounding hides its L2 gain"):
+        minimum_delta(STIFF)
