@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from verification.synthesis.tuning_report import _name, _shown
+from verification.synthesis.tuning_report import error_name, shown_error
 
 
 @pytest.mark.parametrize(
@@ -18,4 +18,4 @@ from verification.synthesis.tuning_report import _name, _shown
     ],
 )
 def test_states_that_are_angles_are_shown_in_degrees(name: str, value: tuple[str, float], shown: float) -> None:
-    assert (_name(name), _shown(value[1], name)) == (value[0], pytest.approx(shown))
+    assert (error_name(name), shown_error(value[1], name)) == (value[0], pytest.approx(shown))
