@@ -12,6 +12,7 @@ from proof_cases import family, model_at
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.variants import VARIANTS
 from verification.arithmetic.ball_function import BallFunction
+from verification.arithmetic.balls import PRECISION
 from verification.arithmetic.taylor_model import TaylorModel
 
 
@@ -36,6 +37,48 @@ def test_taylor_models_hold_the_function_along_the_box(dynamics: str) -> None:
                 assert (c0 + c1 * s + c2 * (arb(s) ** 2) + rest).overlaps(value.range())
         rests.append(max(float(model.parts[3].rad()) for model in models))
     assert 6.0 < rests[0] / rests[1] < 12.0
+
+
+def escaped(dynamics: str, points: int, seed: int) -> int:
+    """Random places of a random line through the trim whose rates, at 200 bits, are not in the Taylor models on it."""
+    flint.ctx.prec = PRECISION
+    random, function = np.random.default_rng(seed), BallFunction(compiled_dynamics(VARIANTS[dynamics]).rates)
+    point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
+    x, direction = [arb(value) for value in point.states], random.uniform(-0.1, 0.1, len(point.states)).tolist()
+    along = [TaylorModel(a, arb(b)) for a, b in zip(x, direction, strict=True)]
+    fixed = [[arb(value) for value in values] for values in (point.inputs, parameters)]
+    models = function(along, *([TaylorModel(value) for value in values] for values in fixed))[0]
+    missed = 0
+    try:
+        flint.ctx.prec = 200
+        for s in map(arb, random.uniform(-1.0, 1.0, points).tolist()):
+            values = function([a + b * s for a, b in zip(x, direction, strict=True)], *fixed)[0]
+            for model, value in zip(models, values, strict=True):
+                c0, c1, c2, rest = model.parts
+                missed += not (c0 + c1 * s + c2 * s**2 + rest).contains(value)
+    finally:
+        flint.ctx.prec = PRECISION
+    return missed
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_taylor_models_contain_random_points(dynamics: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert escaped(dynamics, 50, seed=0) == 0
+    whole = TaylorModel.__mul__
+
+    def without_rest(self: TaylorModel, other: TaylorModel) -> TaylorModel:
+        c0, c1, c2, rest, *errors = whole(self, other).parts
+        return TaylorModel(c0, c1, c2, 0 * rest, *errors)
+
+    monkeypatch.setattr(TaylorModel, "__mul__", without_rest)
+    assert escaped(dynamics, 50, seed=0) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
+    for seed in range(10):
+        assert escaped(dynamics, 5_000, seed) == 0
 
 
 def test_errors_of_parameters_are_carried_to_first_order() -> None:
