@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.policy.policies import Memoryless, Seen
+from controller.policy.policies import Memoryless, Seen, Unvaried
 
 
 class GivenCommands(NamedTuple):
@@ -41,32 +41,22 @@ class GivenOutputs(NamedTuple):
         return self.values
 
 
-class GivenInputs(Memoryless):
+class GivenInputs(Memoryless, Unvaried):
     """u, (5,), as an argument; the policy of a loop whose inputs are held from outside."""
 
     def __init__(self, values: ca.SX) -> None:
         self._values = values
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     def control(self, *_: object) -> ca.SX:
         """The argument u."""
         return self._values
 
 
-class GivenUpdraft(Memoryless):
+class GivenUpdraft(Memoryless, Unvaried):
     """w, ft/s, as an argument; the gust of a loop."""
 
     def __init__(self, value: ca.SX) -> None:
         self._value = value
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     def updraft(self, t: Any, memory: Any, p: Any) -> ca.SX:
         """The argument w."""

@@ -9,7 +9,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from controller.policy.policies import Memoryless
+from controller.policy.policies import Memoryless, Unvaried
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import Quantity
 
@@ -48,7 +48,7 @@ class Gust(Protocol):
 
 
 @dataclass(frozen=True)
-class OneMinusCosine(Memoryless):
+class OneMinusCosine(Memoryless, Unvaried):
     """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
 
     length: ft, of the whole gust from still air to still air, twice the gust gradient distance H. peak: ft/s,
@@ -66,11 +66,6 @@ class OneMinusCosine(Memoryless):
         """Refuse what is no gust."""
         _check_positive(length=self.length, speed=self.speed)
         _check_finite(peak=self.peak, begin=self.begin)
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """The gust at t; expressions or numbers."""

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from controller.policy.policies import Unvaried
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
@@ -42,15 +43,6 @@ class Plant(Protocol):
         """The deviations of `LINEAR_STATES`, (6,)."""
 
 
-class _Known:
-    """A plant whose numbers are known when the loop is made."""
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing differs from flight to flight: 0."""
-        return 0
-
-
 class SevenStates:
     """A plant with all states of the aircraft."""
 
@@ -65,7 +57,7 @@ class SevenStates:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearPlant(_Known):
+class LinearPlant(Unvaried):
     """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5).
 
     It knows nothing of moving air: BadInputError when it is simulated in a gust (`LinearizedAircraft` can be).
@@ -98,7 +90,7 @@ class Equations(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearPlant(SevenStates, _Known):
+class NonlinearPlant(SevenStates, Unvaried):
     """X' = f(X, U, w) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
 
     d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
@@ -124,7 +116,7 @@ def _air(updraft: Quantity) -> Air:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearizedAircraft(SevenStates, _Known):
+class LinearizedAircraft(SevenStates, Unvaried):
     """x' = A x + B u + d + b w + b_o (w_o - w) with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what
     `NonlinearPlant` is to first order, altitude included; b_o = ∂f/∂w_o where the outer panels meet a w_o of
     their own.

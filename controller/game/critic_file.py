@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.game.array_file import UNNAMED, PlantNames, file_scales, found_in, in_scales, read_arrays, real_array
 from controller.game.basis import Basis, basis
-from controller.game.csv_file import holds_matrices
+from controller.game.csv_file import holds_matrices, is_number
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.reporting.unit_system import si_unit
@@ -185,7 +185,7 @@ def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
     except csv.Error as error:
         raise BadInputError(f"cannot be read as .csv ({error})") from error
     names: tuple[str, ...] = ()
-    if lines and not _is_number(lines[0][1][0]):
+    if lines and not is_number(lines[0][1][0]):
         names = tuple(cell.strip() for cell in lines.pop(0)[1])
         if not names[0].lower().startswith("t"):
             raise BadInputError(
@@ -200,7 +200,7 @@ def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
         if len(row) != width:
             raise BadInputError(f"line {number} has {len(row)} columns, the first one has {width}")
         for column in used:
-            if not _is_number(row[column]):
+            if not is_number(row[column]):
                 raise BadInputError(f"line {number}, column {column + 1} is {shortened(row[column])!r}; give a number")
     table = np.array([[row[column] for column in used] for _, row in lines], dtype=float)
     return tuple(names[column] for column in used) if names else (), table
@@ -239,11 +239,3 @@ def _units_of(names: tuple[str, ...], psi: Basis, state_units: tuple[str, ...]) 
     si = tuple(map(si_unit, state_units))
     said = [name.partition("[")[2].removesuffix("]") for name in names]
     return si if said == psi.weight_units(si) else state_units
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

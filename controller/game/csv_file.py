@@ -88,9 +88,9 @@ def _column_units(rows: list[list[str]]) -> dict[str, list[str]]:
 def _plain(name: str, rows: list[list[str]]) -> dict[str, Any]:
     """A matrix with or without names."""
     columns: list[str] = []
-    if rows and not all(map(_is_number, rows[0][1:] or rows[0])):
+    if rows and not all(map(is_number, rows[0][1:] or rows[0])):
         columns, rows = rows[0], rows[1:]
-    beside = [row[0] for row in rows] if rows and not any(_is_number(row[0]) for row in rows) else []
+    beside = [row[0] for row in rows] if rows and not any(is_number(row[0]) for row in rows) else []
     if beside:
         rows, columns = [row[1:] for row in rows], columns[1:]
     if not rows:
@@ -112,12 +112,13 @@ def _named(name: str, rows: list[str], columns: list[str]) -> dict[str, list[str
 def _numbers(name: str, rows: list[list[str]]) -> np.ndarray:
     for row in rows:
         for cell in row:
-            if not _is_number(cell):
+            if not is_number(cell):
                 raise ValueError(f"{name} has an entry {shortened(cell)!r}; entries are numbers")
     return np.array([[float(cell) for cell in row] for row in rows])
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether Python reads it as a float."""
     try:
         float(text)
     except ValueError:

@@ -64,6 +64,15 @@ class Memoryless:
         return ca.SX(0, 1)
 
 
+class Unvaried:
+    """What is handed no constants: a policy or a gust that is the same at every tick, a plant of known numbers."""
+
+    @property
+    def constants_size(self) -> int:
+        """Nothing is handed over: 0."""
+        return 0
+
+
 @dataclass(frozen=True, eq=False)
 class GainPolicy(Memoryless):
     """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from controller.policy.dihedral_table import interpolated
-from controller.policy.policies import Memoryless, Seen
+from controller.policy.policies import Memoryless, Seen, Unvaried
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Quantity
 from trim.point.operating_point import OperatingPoint
@@ -121,7 +121,7 @@ class ScheduledReference:
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledPolicy(Memoryless):
+class ScheduledPolicy(Memoryless, Unvaried):
     """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured dihedral.
 
     The trims follow the commanded dihedral and the gain the measured one. So, linearized about a trim, the policy
@@ -130,11 +130,6 @@ class ScheduledPolicy(Memoryless):
     """
 
     reference: ScheduledReference
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """U0 - U_base - K z."""

@@ -14,7 +14,7 @@ from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledCon
 from controller.policy.commands import CommandSteps
 from controller.policy.dihedral_table import DihedralTable
 from controller.policy.flown_law import FlownLaw
-from controller.policy.policies import Seen
+from controller.policy.policies import Seen, Unvaried
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
@@ -87,7 +87,7 @@ class MeasuredOutputs:
 
 
 @dataclass(frozen=True, eq=False)
-class ServoPolicy:
+class ServoPolicy(Unvaried):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured dihedral.
 
     outputs: what it measures. regulated: what is commanded. dihedral: of the trim in which the flight begins, rad.
@@ -103,11 +103,6 @@ class ServoPolicy:
     def memory_size(self) -> int:
         """The controller's states."""
         return len(self.controller.states)
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """u of the controller's inputs; 0, the trim, of the others."""

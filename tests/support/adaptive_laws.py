@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import casadi as ca
@@ -45,6 +46,25 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
     u, rate = (np.array(each).ravel() for each in ca.Function("law", [y], of)(memory))
     assert np.count_nonzero(u) == len(_INPUTS)
     return u[[INPUTS.index(name) for name in _INPUTS]], rate
+
+
+def assert_is_what_it_says(
+    kind: type[AdaptivePolicy],
+    expected: Callable[[np.ndarray, list[ReferenceModel]], tuple[np.ndarray, np.ndarray]],
+    models: list[ReferenceModel],
+    seed: int,
+    *,
+    of_rate: float,
+    of_input: float,
+) -> None:
+    """u and the rate of a law at a random memory are those `expected` of it, within these shares."""
+    law = law_of(kind, models)
+    at = np.random.default_rng(seed).normal(size=law.memory_size)
+    u, rate = evaluated(law, at)
+    wanted_u, wanted_rate = expected(at, models)
+    np.testing.assert_allclose(rate, wanted_rate, rtol=of_rate, atol=of_rate)
+    np.testing.assert_allclose(u, wanted_u, rtol=of_input)
+    assert law.constants_size == 0
 
 
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:

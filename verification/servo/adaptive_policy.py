@@ -15,7 +15,7 @@ from controller.design.design_model import design_model
 from controller.policy.commands import CommandSteps
 from controller.policy.dihedral_table import DihedralTable
 from controller.policy.flown_law import FlownLaw
-from controller.policy.policies import Seen
+from controller.policy.policies import Seen, Unvaried
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES
@@ -28,7 +28,7 @@ _TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
 
 
 @dataclass(frozen=True, eq=False)
-class AdaptivePolicy(ABC):
+class AdaptivePolicy(Unvaried, ABC):
     """A law with a reference model, tabled over the measured dihedral.
 
     outputs: pitch rate and what is regulated. dihedral: of the trim in which the flight begins, rad. angles: (N,), rad,
@@ -53,11 +53,6 @@ class AdaptivePolicy(ABC):
     def memory_size(self) -> int:
         """Reference model, filters and adaptive parameters."""
         return len(self.start)
-
-    @property
-    def constants_size(self) -> int:
-        """Nothing changes from tick to tick: 0."""
-        return 0
 
     @cached_property
     def start(self) -> np.ndarray:

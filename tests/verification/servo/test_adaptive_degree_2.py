@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from adaptive_laws import MEASURED, R, between, evaluated, law_of, parts_of, random_models
+from adaptive_laws import MEASURED, R, assert_is_what_it_says, between, law_of, parts_of, random_models
 
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.reference_model import ReferenceModel
@@ -49,14 +49,7 @@ def expected(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, n
 
 
 def test_the_law_is_what_its_equations_say() -> None:
-    models = random_models(5, 10)
-    law = law_of(AdaptiveDegree2, models)
-    at = np.random.default_rng(5).normal(size=law.memory_size)
-    u, rate = evaluated(law, at)
-    wanted_u, wanted_rate = expected(at, models)
-    np.testing.assert_allclose(rate, wanted_rate, rtol=1e-11, atol=1e-11)
-    np.testing.assert_allclose(u, wanted_u, rtol=1e-10)
-    assert law.constants_size == 0
+    assert_is_what_it_says(AdaptiveDegree2, expected, random_models(5, 10), 5, of_rate=1e-11, of_input=1e-10)
 
 
 def test_it_starts_from_the_nominal_effectiveness_and_nothing_else() -> None:

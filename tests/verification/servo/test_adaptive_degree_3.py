@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import comb
 
 import numpy as np
-from adaptive_laws import MEASURED, R_RATE, R, between, evaluated, law_of, parts_of, random_models
+from adaptive_laws import MEASURED, R_RATE, R, assert_is_what_it_says, between, law_of, parts_of, random_models
 
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_parts import A0, A1, A2, MU
@@ -123,13 +123,7 @@ def expected(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarr
 
 
 def test_the_law_is_what_its_equations_say() -> None:
-    models = random_models(7, 12)
-    law = law_of(AdaptiveDegree3, models)
-    at = np.random.default_rng(8).normal(size=law.memory_size)
-    u, rate = evaluated(law, at)
-    wanted_u, wanted_rate = expected(at, models)
-    np.testing.assert_allclose(rate, wanted_rate, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(u, wanted_u, rtol=1e-9)
+    assert_is_what_it_says(AdaptiveDegree3, expected, random_models(7, 12), 8, of_rate=1e-9, of_input=1e-9)
 
 
 def test_it_starts_from_the_nominal_effectiveness_and_nothing_else() -> None:
