@@ -13,7 +13,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import output_file, positive
 from hfa_cli.options.flight_family import add_flights, family_of, interval_of
 from hfa_cli.options.parser import add_value
-from hfa_cli.origin import origin_lines
+from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
 
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     low, high = interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))
     if arguments.certificate is not None:
-        certify(grid, family, arguments.certificate)
+        certify(grid, family, arguments.certificate, provenance())
     target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid, origin_lines()))

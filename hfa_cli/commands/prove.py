@@ -25,6 +25,7 @@ from hfa_cli.options.argument_types import input_file, number, parsed
 from hfa_cli.options.flight_family import add_flights, at_one_angle, family_of, interval_of
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of
 from hfa_cli.options.parser import add_value
+from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
@@ -119,7 +120,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
     family = family_of(arguments, arguments.errors)
     low, high = interval_of(arguments, family)
-    file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target)
+    file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target, provenance())
     result = prove_schedule(
         family,
         file.table,
@@ -145,7 +146,7 @@ def _solution(arguments: argparse.Namespace) -> int:
     named, family, degrees = _game(arguments)
     proof = prove_solution(named.game, family, degrees)
     if target is not None and proof.proved:
-        write_certificate(target, "game", *solution_claim(proof, family, degrees))
+        write_certificate(target, provenance(), "game", *solution_claim(proof, family, degrees))
     show(solution_proof_report(proof, named.states, named.origin), arguments, target=None)
     return 0 if proof.proved else 1
 
@@ -169,7 +170,7 @@ def _critic(arguments: argparse.Namespace) -> int:
     except BadInputError as error:
         raise BadInputError(f"{arguments.file}: {error}") from error
     if target is not None:
-        write_certificate(target, "game", *critic_claim(proof, family, degrees))
+        write_certificate(target, provenance(), "game", *critic_claim(proof, family, degrees))
     show(critic_proof_report(proof, str(arguments.file), named.origin), arguments, target=None)
     return 0
 

@@ -31,6 +31,8 @@ def test_a_certificate_is_verified(certificate: Path) -> None:
     assert result.code == 0
     assert "Verified, proved: dihedral from 14 to 14.25 deg" in result.out
     assert "the dihedral moves by at most" in result.out
+    assert "written by hfa" in result.out
+    assert f"on 2026-09-21T14:13:20Z: hfa prove schedule --dihedral 14:14.25 --rate -o {certificate}" in result.out
     assert_refused(hfa("prove", "schedule", "--check", str(certificate)), 2, "leave the statement out")
 
 
@@ -60,7 +62,12 @@ KINDS = ("schedule", "errors", "solution", "critic", "lpv")
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     result = hfa("prove", "--check", str(certificates[kind]), "--json")
     assert result.code == 0
-    assert json.loads(result.out)["proved"] is True
+    data, origin = json.loads(result.out), json.loads(certificates[kind].read_text())["provenance"]
+    assert data["proved"] is True
+    assert data["written"] == {key: origin[key] for key in ("version", "command", "date")}
+    assert origin["command"].endswith(str(certificates[kind]) + (" --json" if kind == "schedule" else ""))
+    assert (origin["date"], origin["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
+    assert origin["parameter_hash"] == data["parameter_hash"]
 
 
 def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
@@ -74,6 +81,22 @@ def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> N
     data = json.loads(hfa("prove", "--check", certificate, "--json").out)
     assert (data["dynamics"], data["parameters"]) == ("newton", "gibson-2011-simulation")
     assert data["provenance"]["dynamics"] == ""
+
+
+def test_the_digest_is_of_the_proof_and_an_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", "0")
+        assert hfa("prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(again)).code == 0
+    first, second = (json.loads(path.read_text()) for path in (certificate, again))
+    assert first["digest"] == second["digest"]
+    assert (first["provenance"]["date"], second["provenance"]["date"]) == (
+        "2026-09-21T14:13:20Z",
+        "1970-01-01T00:00:00Z",
+    )
+    assert {key for key in first if first[key] != second[key]} == {"provenance", "checksum"}
+    again.write_text(again.read_text().replace("1970-01-01", "1971-01-01"))
+    assert_refused(hfa("prove", "--check", str(again)), 2, "again.json", "edited")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -129,18 +152,8 @@ def test_a_table_in_si_is_that_in_feet(tmp_path: Path) -> None:
             path, written = tmp_path / "table.json", tmp_path / "certificate.json"
             content = {"dihedral_deg": angles} | {name: each.tolist() for name, each in gains.items()}
             path.write_text(json.dumps(content))
-            words = (
-                "prove",
-                "schedule",
-                "--dihedral",
-                "14:14.0625",
-                "--table",
-                str(path),
-                "-o",
-                str(written),
-                "--json",
-            )
-            result = hfa(*words)
+            words = ("prove", "schedule", "--dihedral", "14:14.0625", "--table", str(path))
+            result = hfa(*words, "-o", str(written), "--json")
             assert result.err == ""
             said.append(json.loads(result.out))
             statement = json.loads(written.read_text())["statement"]

@@ -14,6 +14,7 @@ from controller.game.zero_sum import published_game
 from controller.policy.gain_table import GainTable
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
+from hfa_model.provenance import Provenance
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
@@ -21,6 +22,9 @@ from trim.point.solve import find_operating_point
 from verification.balls.steady_flights import Family
 from verification.checker.checker import sealed
 from verification.riccati.gare import solve_game
+
+#: What the certificates of the tests bear.
+ORIGIN = Provenance("a test", "published")
 
 
 def family(dynamics: str = "published") -> Family:
@@ -64,6 +68,8 @@ def unstable_between(low: float, high: float) -> GainTable:
 
 
 def forge(path: Path, content: dict[str, Any]) -> Path:
-    """The file as a certificate with this content and the digest of it."""
-    path.write_text(sealed(json.dumps({key: value for key, value in content.items() if key != "digest"})[:-1]))
+    """The file as a certificate with this content and the digests of it."""
+    closing = ("digest", "provenance", "checksum")
+    head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
+    path.write_text(sealed(head, json.dumps(content["provenance"])))
     return path

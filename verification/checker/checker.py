@@ -8,6 +8,7 @@ being stated; one of distances. With the prover it shares the arithmetic alone.
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache, reduce
 from itertools import chain, pairwise, zip_longest
@@ -27,7 +28,7 @@ from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.balls import matrix, norm, pivots
 from verification.arithmetic.taylor_model import TaylorModel
 
-SCHEMA = "hfa.certificate/4"
+SCHEMA = "hfa.certificate/5"
 Content = dict[str, Any]
 _LINEAR = [STATES.index(name) for name in LINEAR_STATES]
 _BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
@@ -44,17 +45,25 @@ class Rejected(NoSolutionError):
 
 
 class Verified(NamedTuple):
-    """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each, deg; rate: of decay, 1/s."""
+    """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each, deg; rate: of decay, 1/s.
+
+    written: version, command and date that the file bears, which nothing verifies.
+    """
 
     kind: str
     statement: Content
     covers: dict[str, list[tuple[float, float, int]]]
     rate: float
+    written: Content
 
 
-def sealed(head: str) -> str:
-    """A JSON object without its last brace, closed by the SHA-256 of its text: an edited digit of any number shows."""
-    return f'{head}, "digest": "{hashlib.sha256(head.encode()).hexdigest()}"}}\n'
+def sealed(head: str, origin: str) -> str:
+    """A JSON object without its last brace, closed by its SHA-256, where it comes from, and the SHA-256 of all that.
+
+    An edited digit of any number shows; the digest is that of what is stated, whenever it was proved.
+    """
+    whole = f'{head}, "digest": "{hashlib.sha256(head.encode()).hexdigest()}", "provenance": {origin}'
+    return f'{whole}, "checksum": "{hashlib.sha256(whole.encode()).hexdigest()}"}}\n'
 
 
 def check_certificate(path: Path, progress: Callable[[int, int], None] | None = None) -> Verified:
@@ -62,7 +71,9 @@ def check_certificate(path: Path, progress: Callable[[int, int], None] | None = 
     ctx.prec, where, covers, done = 256, "the statement", {}, 0
     try:
         content, text = read_json(path), path.read_text(encoding="utf-8")
-        edited = content["schema"] != SCHEMA or text != sealed(text.rpartition(', "digest"')[0])
+        origin, head = content["provenance"], text.rpartition(', "digest"')[0]
+        edited = content["schema"] != SCHEMA or text != sealed(head, json.dumps(origin))
+        written = {key: origin[key] for key in ("version", "command", "date")}
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error
     if edited:
@@ -84,17 +95,9 @@ def check_certificate(path: Path, progress: Callable[[int, int], None] | None = 
                 if progress is not None:
                     progress(done, sum(len(boxes[each]) for each in names))
         rate = min((box["rate"] for box in boxes.get("loop", ()) if not box["unstable"]), default=0.0)
-    except (
-        NoSolutionError,
-        BadInputError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        ArithmeticError,
-    ) as error:
+    except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise Rejected(f"{path}: {where} is not proved: {error or type(error).__name__}") from error
-    return Verified(kind, claim, covers, rate)
+    return Verified(kind, claim, covers, rate, written)
 
 
 def _check_box(claim: Content, name: str, box: Content) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.policy.gain_table import GainTable
+from hfa_model.provenance import Provenance
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
@@ -26,13 +27,15 @@ from verification.proof.stated_model import StatedModel
 _PAUSE = 2.0
 
 
-def write_certificate(path: Path, kind: str, statement: dict[str, Any], boxes: dict[str, Any], **more: Any) -> None:
-    """A certificate of any kind: what is claimed, and the boxes that prove it."""
+def write_certificate(
+    path: Path, origin: Provenance, kind: str, statement: dict[str, Any], boxes: dict[str, Any], **more: Any
+) -> None:
+    """A certificate of any kind: what is claimed, and the boxes that prove it; by which run is not in its digest."""
     from verification.checker.checker import SCHEMA, sealed
 
     own = {"schema": SCHEMA, "kind": kind, "toolchain": toolchain_version()}
     content = jsonable(own | {"statement": statement, "boxes": boxes} | more)
-    write_text(path, sealed(json.dumps(content)[:-1]))
+    write_text(path, sealed(json.dumps(content)[:-1], json.dumps(jsonable(origin.to_dict()))))
 
 
 def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
@@ -62,8 +65,11 @@ class ScheduleCertificate:
     The statement says of which aircraft, which flights, which gains and over which angles (deg) it is.
     """
 
-    def __init__(self, family: Family, table: GainTable, low: float, high: float, path: Path | None) -> None:
-        self.table, self._path, self._saved, self._decimals = table, path, time.monotonic(), family.decimals
+    def __init__(
+        self, family: Family, table: GainTable, low: float, high: float, path: Path | None, origin: Provenance
+    ) -> None:
+        self.table, self._path, self._origin = table, path, origin
+        self._saved, self._decimals = time.monotonic(), family.decimals
         gains = {
             "dihedral_deg": table.dihedral_deg,
         } | {name: getattr(table, name) for name in "KMNX"}
@@ -98,7 +104,7 @@ class ScheduleCertificate:
         gaps = {name: [[each.low, each.high] for each in cover.open] for name, cover in covers.items()}
         for name, cover in covers.items():  # what an unfinished proof has not come to is open too
             gaps[name] += [[cover.frontier(low), high]] if cover.frontier(low) < high else []
-        write_certificate(path, "schedule", claim, boxes, open=gaps)
+        write_certificate(path, self._origin, "schedule", claim, boxes, open=gaps)
 
     def _entry(self, proved: ProvedBox) -> dict[str, Any]:
         own = {name: getattr(proved, name) for name in ("unstable", "rate", "H", "turn")}

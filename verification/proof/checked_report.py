@@ -31,10 +31,11 @@ def checked_report(found: Verified) -> Report:
     verdict = "Verified, proved" if proved else "Verified, but not proved on the whole interval"
     about = f"dihedral {low:g} deg" if low == high else f"dihedral from {low:g} to {high:g} deg"
     title += "the plant of a file" if "A" in claim else about
-    data |= {"boxes": boxes, "proved": proved} | own
+    data |= {"boxes": boxes, "proved": proved, "written": found.written} | own
     if "A" not in claim:
         about, of_aircraft = _aircraft(claim)
         parts, data = [about, *parts], data | of_aircraft
+    parts = [*parts, "written by hfa {version} on {date}: {command}".format(**found.written)]
     return Report(title=f"{verdict}: {title}, {boxes} boxes", parts=parts, data=data)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.zero_sum import published_game
+from hfa_model.provenance import Provenance
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import INPUT_SCALES
@@ -105,7 +106,7 @@ def coarsest_grid(
     return LpvGrid(np.array(nodes), A, B, inputs[..., 0], K, bounds, tuple(cell.entry for cell in cells))
 
 
-def certify(grid: LpvGrid, family: Family, path: Path) -> None:
+def certify(grid: LpvGrid, family: Family, path: Path, origin: Provenance) -> None:
     """Write the certificate of a grid; it states the errors that the checker finds: it encloses in another way."""
     from verification.checker.checker import distances, model_on
 
@@ -118,7 +119,7 @@ def certify(grid: LpvGrid, family: Family, path: Path) -> None:
     claim = jsonable(claim)
     found = [distances(claim, cell, model_on(claim, cell)) for cell in map(jsonable, grid.cells)]
     claim["distances"] = {name: [0.0, _wider(max(float(each[name][1]) for each in found))] for name in grid.error}
-    write_certificate(path, "lpv", claim, {"cells": list(grid.cells)})
+    write_certificate(path, origin, "lpv", claim, {"cells": list(grid.cells)})
 
 
 def _cells(branch: TrimBranch, box: DihedralBox, loose: float) -> list[_Cell]:

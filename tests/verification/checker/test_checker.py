@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import exact_table, family, forge
+from proof_cases import ORIGIN, exact_table, family, forge
 
 from hfa_model.support.errors import BadInputError
 from verification.checker.checker import Rejected, check_certificate
@@ -27,7 +27,7 @@ def proved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The certificate of 14 to 15 deg."""
     path = tmp_path_factory.mktemp("proof") / "certificate.json"
     flights, table = family(), exact_table(14.0, 15.0)
-    file = ScheduleCertificate(flights, table, 14.0, 15.0, path)
+    file = ScheduleCertificate(flights, table, 14.0, 15.0, path, ORIGIN)
     found = prove_schedule(flights, table, 14.0, 15.0)
     file.finish(found, prove_rate(flights, table, 14.0, 15.0))
     assert [one.counts for one in file.known()] == [found.loop.counts, found.modes.counts]
@@ -169,7 +169,7 @@ def test_an_interrupted_proof_is_continued(tmp_path: Path, monkeypatch: pytest.M
         if done > 0.6 * total:
             raise KeyboardInterrupt
 
-    file = ScheduleCertificate(flights, table, 14.0, 15.0, path)
+    file = ScheduleCertificate(flights, table, 14.0, 15.0, path, ORIGIN)
     with pytest.raises(KeyboardInterrupt):
         prove_schedule(flights, table, 14.0, 15.0, save=file.save, progress=interrupted)
     assert joined(check_certificate(path).covers["modes"]) != [(14.0, 15.0, 2)]
@@ -185,7 +185,7 @@ def test_a_partial_certificate_that_was_forged_is_not_continued(proved: Path, tm
     path = tmp_path / "forged.json"
     forge(path, content)
     with pytest.raises(BadInputError, match=r"is not proved.*; remove the file and begin again"):
-        ScheduleCertificate(family(), exact_table(14.0, 15.0), 14.0, 15.0, path).known()
+        ScheduleCertificate(family(), exact_table(14.0, 15.0), 14.0, 15.0, path, ORIGIN).known()
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
@@ -210,7 +210,7 @@ def test_what_is_neither_proved_nor_said_to_be_open_is_refused(proved: Path, tmp
 def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
     """A of `published` gains a third unstable mode at 16.688 deg; one that is claimed too few or too many is not."""
     path, flights, table = tmp_path / "certificate.json", family(), exact_table(16.6875, 16.6895)
-    file = ScheduleCertificate(flights, table, 16.6875, 16.6895, path)
+    file = ScheduleCertificate(flights, table, 16.6875, 16.6895, path, ORIGIN)
     found = prove_schedule(flights, table, 16.6875, 16.6895)
     file.finish(found)
     (crossing,) = found.crossings

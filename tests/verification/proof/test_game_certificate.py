@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import family, forge, model_at
+from proof_cases import ORIGIN, family, forge, model_at
 
 from controller.game.basis import basis
 from controller.game.history import StoredCritic
@@ -40,7 +40,7 @@ def scalar_game() -> Game:
 def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("proof") / "solution.json"
     proof = prove_solution(aircraft_game(), family(), 15.0)
-    write_certificate(path, "game", *solution_claim(proof, family(), 15.0))
+    write_certificate(path, ORIGIN, "game", *solution_claim(proof, family(), 15.0))
     return path
 
 
@@ -52,7 +52,7 @@ def critic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     exact = solve_game(game)
     stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
     write_certificate(
-        path, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0), family(), 15.0)
+        path, ORIGIN, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0), family(), 15.0)
     )
     return path
 
@@ -76,12 +76,12 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
     proof = prove_solution(scalar_game())
     claim, boxes = solution_claim(proof, None, None)
     assert "axis" in boxes["refused"][0]
-    write_certificate(path, "game", claim, boxes)
+    write_certificate(path, ORIGIN, "game", claim, boxes)
     above, most = checked_report(check_certificate(path)).data["delta_min_above"], proof.delta
     assert most is not None
     assert above < np.sqrt(0.5) <= most.value
     forged = claim | {"delta_min": [0.5, above]}, boxes | {"value": boxes["refused"]}
-    write_certificate(path, "game", *forged)
+    write_certificate(path, ORIGIN, "game", *forged)
     with pytest.raises(Rejected):
         check_certificate(path)
 
@@ -89,7 +89,7 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
 def test_a_gain_that_does_not_stabilize_is_certified_so(tmp_path: Path) -> None:
     path = tmp_path / "critic.json"
     proof = prove_critic(aircraft_game(), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
-    write_certificate(path, "game", *critic_claim(proof, None, None))
+    write_certificate(path, ORIGIN, "game", *critic_claim(proof, None, None))
     data = checked_report(check_certificate(path)).data
     assert data["closed_loop_hurwitz"] is False
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import exact_gain, family, forge, model_at
+from proof_cases import ORIGIN, exact_gain, family, forge, model_at
 
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
@@ -97,7 +97,7 @@ def test_the_c_function_interpolates(grid: LpvGrid, tmp_path: Path) -> None:
 
 def test_a_grid_is_verified_and_a_better_one_is_not(grid: LpvGrid, tmp_path: Path) -> None:
     path = tmp_path / "certificate.json"
-    certify(grid, family(), path)
+    certify(grid, family(), path, ORIGIN)
     data = checked_report(check_certificate(path)).data
     assert data["nodes"] == len(grid.A)
     stated = data["error"]

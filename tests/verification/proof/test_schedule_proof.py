@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import exact_table, family, model_at, unstable_between
+from proof_cases import ORIGIN, exact_table, family, model_at, unstable_between
 
 from controller.policy.gain_table import GainTable
 from hfa_model.parameters import default_parameters
@@ -137,7 +137,7 @@ def test_the_whole_range_is_proved_within_one_standard_error(dynamics: str, tmp_
     assert proof.proved
     assert proof.rate > 0.29
     path = tmp_path / "certificate.json"
-    ScheduleCertificate(flights, table, 0.0, 20.0, path).finish(proof)
+    ScheduleCertificate(flights, table, 0.0, 20.0, path, ORIGIN).finish(proof)
     assert joined(check_certificate(path).covers["loop"]) == [(0.0, 20.0, 0)]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import exact_gain, family, forge, model_at
+from proof_cases import ORIGIN, exact_gain, family, forge, model_at
 
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
@@ -98,7 +98,7 @@ def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
     proof = prove_schedule(family(), table, 14.0, 15.0)
     assert proof.proved
     assert 0.2 < proof.rate < 0.4
-    ScheduleCertificate(family(), table, 14.0, 15.0, path).finish(proof)
+    ScheduleCertificate(family(), table, 14.0, 15.0, path, ORIGIN).finish(proof)
     found = check_certificate(path)
     assert joined(found.covers["loop"]) == [(14.0, 15.0, 0)]
     assert found.rate == proof.rate
@@ -114,7 +114,7 @@ def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path:
     table = servo_table(controller, actuators, 68.0)
     proof, motion = prove_schedule(family(), table, 14.0, 14.125), prove_rate(family(), table, 14.0, 14.125)
     assert motion.rate > 0.1
-    ScheduleCertificate(family(), table, 14.0, 14.125, path).finish(proof, motion)
+    ScheduleCertificate(family(), table, 14.0, 14.125, path, ORIGIN).finish(proof, motion)
     assert joined(check_certificate(path).covers["motion"]) == [(14.0, 14.125, 0)]
     content = json.loads(path.read_text())
     content["statement"]["dihedral_rate"] *= 3.0
