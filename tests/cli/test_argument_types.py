@@ -17,12 +17,6 @@ from trim.sweeps.sweep_plan import Steps
 DIGITS = "9" * 5000
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def test_degrees_become_radians_and_nothing_else_does() -> None:
     assert angle("180") == quantity("dihedral", "180") == quantity("pitch_rate", "180") == math.pi
     assert (quantity("speed", "68"), quantity("panel_mass", "2")) == (68.0, 2.0)

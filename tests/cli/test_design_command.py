@@ -6,19 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from controllers import small_controller
-from game_answers import answer
 from scipy.io import loadmat
 from servo_cases import write_tuning
 
 from controller import load_controller, load_design, save_controller
 from hfa_model import Aircraft
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:

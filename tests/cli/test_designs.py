@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
-from game_answers import AT_15, QUICK, answer
+from cli import answer, assert_refused, hfa
+from game_files import AT_15, QUICK
 
 from controller.design.design_file import NAMED, load_design
 from controller.design.design_model import design_model
@@ -20,11 +20,6 @@ from trim.point.solve import find_operating_point
 
 AT_11 = ("--dihedral", "11")
 PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])

@@ -57,7 +57,6 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
 def test_refusals(
     words: tuple[str, ...], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert_refused(hfa("export", *words), 2, *said)
     assert list(tmp_path.iterdir()) == []
 

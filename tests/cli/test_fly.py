@@ -18,7 +18,6 @@ FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
 def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
     words = (*FLY, "--duration", "1", "--initial", "speed=0.1", "--gust", "50:2", "--error", "lift_slope=0.99")
     result = hfa(*words, "--picture", "flight.png", "-o", "flight.json")
     assert (result.code, result.err) == (0, "")
@@ -96,7 +95,6 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, game: Game
 ) -> None:
     """The exact gain, P and W from a file fly as --law exact does; another R changes the policy of P alone."""
-    monkeypatch.chdir(tmp_path)
     exact = solve_game(game)
     stored("K.json", K=exact.K)
     stored("P.npz", P=exact.P)

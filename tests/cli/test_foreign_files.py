@@ -98,7 +98,6 @@ def test_refusals_are_one_line(name: str, text: str, said: str, tmp_path: Path) 
 @pytest.mark.parametrize("command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)])
 def test_tables_are_read_as_they_are(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column "unit"."""
-    monkeypatch.chdir(tmp_path)
     if "learn.npz" in command:
         assert hfa("learn", "--dihedral", "10", "--set", "predefined_time=2", "-o", "learn.npz").code == 0
     hfa(*shlex.split(command), "-q", "-o", "table.csv")

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import Terminal, assert_refused, hfa
-from game_answers import AT_15, HISTORY, LABELS, QUICK, answer
-from game_files import SMALL, small, stored
+from cli import Terminal, answer, assert_refused, hfa
+from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small, stored
 from scipy.io import loadmat
 
 from controller.game.zero_sum import Game, published_game
@@ -24,12 +23,6 @@ from trim.linear.linearize import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.gare import solve_game
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
 
 # Solve.
 
@@ -280,13 +273,3 @@ def test_the_same_run_gives_the_same_bytes(law: str) -> None:
 def test_states_of_runs_are_no_longer_kept(command: str, option: str) -> None:
     result = hfa(command, "--model", small("plant.json"), option, "state.npz")
     assert_refused(result, BAD_INPUT, f"{option} is no longer there: a run takes about a second; run it again")
-
-
-def test_progress_is_shown_on_a_terminal_alone() -> None:
-    words = ("learn", "--model", small("plant.json"), *QUICK)
-    quiet, terminal = hfa(*words), hfa(*words, err=Terminal())
-    assert quiet.err == ""
-    assert quiet.out == terminal.out
-    assert "learn: 100 %" in terminal.err
-    assert terminal.err.endswith("\r\033[K")
-    assert "\n" not in terminal.err

@@ -24,7 +24,6 @@ GAME_COMMANDS = ("solve", "learn", "verify")
 @pytest.fixture(autouse=True)
 def _nothing_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Files `given...` are a test's own; no other may be there afterwards."""
-    monkeypatch.chdir(tmp_path)
     yield
     assert [path.name for path in tmp_path.iterdir() if not path.name.startswith("given")] == []
 

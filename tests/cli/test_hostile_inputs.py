@@ -27,7 +27,6 @@ def test_a_hostile_input_is_a_result_or_one_line(way: str, content: bytes) -> No
 def test_what_is_made_hostile_is_accepted_as_it_was(way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not WAYS[way].file:
         pytest.skip("a command line is no file")
-    monkeypatch.chdir(tmp_path)
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)

@@ -16,12 +16,6 @@ CARLO = "monte-carlo --dihedral 15 --law exact --duration 0.1 --members 2"
 STORE = "-o a.zarr"
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [

@@ -7,17 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
-from game_answers import AT_15, answer
+from cli import answer, assert_refused, hfa
+from game_files import AT_15
 
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 CHOSEN = ("--outputs", "load_factor,dihedral", "--inputs", "elevator_center,throttle", "--states", "dihedral,alpha")
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def test_without_names_every_state_is_an_output() -> None:

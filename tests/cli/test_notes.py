@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import Terminal, hfa
+from cli import Terminal, answer, hfa
 
 from hfa_model.parameters import default_parameters
 from trim.sweeps.paper_range import plan_warnings
@@ -35,7 +35,6 @@ def sweep_note(beyond: int, points: int) -> str:
 def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("verification.flights.recoverable._SCAN", 2)
     beyond = hfa(*COMMANDS[name], "--dihedral", "16", "--json")
     assert beyond.err == f"hfa: note: {NOTE}\n"
@@ -44,6 +43,14 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
         within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
         assert within.err == ""
         assert json.loads(within.out)["warnings"] == []
+
+
+@pytest.mark.parametrize("command", ["trim", "linearize"])
+def test_a_report_of_one_point_says_it_itself(command: str) -> None:
+    beyond, within = (hfa(command, "--dihedral", degrees) for degrees in ("16", "15"))
+    assert (NOTE in beyond.out, beyond.err, "beyond" in within.out) == (True, "", False)
+    notes = [answer(command, "--dihedral", degrees)["warnings"] for degrees in ("16", "15")]
+    assert notes == [[NOTE], []]
 
 
 def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:

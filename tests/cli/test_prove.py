@@ -280,7 +280,6 @@ def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
 def test_a_controller_with_memory_is_proved_on_the_actuators_of_a_design(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert hfa("design", "--design", "servo", "--dihedral", "11:11.125:0.125", "-o", "servo.npz").code == 0
     words = ("prove", "schedule", "--dihedral", "11:11.125", "--table", "servo.npz", "--design")
     proved = hfa(*words, "simvfa-1", "-o", "certificate.json")

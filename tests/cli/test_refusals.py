@@ -27,7 +27,6 @@ def untouched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "folder.html").mkdir()
     (tmp_path / "file").write_text("a file", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
     before = snapshot(tmp_path)
     yield
     after = {path: content for path, content in snapshot(tmp_path).items() if not Path(path).name.startswith("given")}

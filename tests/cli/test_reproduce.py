@@ -233,7 +233,6 @@ def test_progress_is_for_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_bad_input_is_one_line(
     words: tuple[str, ...], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     assert_refused(hfa("reproduce", *words), BAD_INPUT, named)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -15,11 +15,6 @@ from controller.study.study_rows import STUDY
 from hfa_cli.main import DONE, INTERRUPTED
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(_: object, fraction: float, row: str) -> None:
         if row.startswith("learning alone"):

@@ -8,17 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from scipy.io import loadmat
 
 GRID = ("--gamma=-2:2:2", "--dihedral", "0:20:10")
 ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
-
-
-def answer(*words: str) -> dict:
-    result = hfa(*words, "--json")
-    assert result.code == 0, result.err
-    return json.loads(result.out)
 
 
 @pytest.mark.parametrize(

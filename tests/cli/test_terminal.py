@@ -6,6 +6,7 @@ import re
 
 import pytest
 from cli import Terminal, hfa
+from game_files import small
 
 from hfa_cli.main import DONE, FAILED
 from hfa_model.aircraft import Aircraft
@@ -59,3 +60,13 @@ def test_a_search_for_delta_min_says_how_far_it_is() -> None:
         assert (shown[0], shown[-1], len(shown) > 15) == ("0", "100", True)
         assert terminal.getvalue().rpartition("%")[2].startswith("\r\033[K")
         assert "%" not in hfa("solve", "--dihedral", "15", *words).err
+
+
+@pytest.mark.parametrize("words", ["sweep --speed 1:5:1", "learn --model plant.json --set tick=0.1"])
+def test_progress_is_for_terminals_alone(words: str) -> None:
+    small("plant.json")
+    quiet, terminal = hfa(*words.split()), hfa(*words.split(), err=Terminal())
+    assert (quiet.err, quiet.out) == ("", terminal.out)
+    assert f"{words.split()[0]}: 100 %" in terminal.err
+    assert terminal.err.endswith("\r\033[K")
+    assert "\n" not in terminal.err

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from scipy.io import loadmat
 
 from hfa_model.reporting import unit_system as units
@@ -25,12 +25,6 @@ COMMANDS = {
 }
 ENGLISH = ("ft", "lbf", "slug")
 ENGLISH_UNIT = re.compile(rf"\b({'|'.join(ENGLISH)})\b")
-
-
-def answer(*words: str) -> dict[str, Any]:
-    result = hfa(*words, "--json")
-    assert result.code == 0, result.err
-    return json.loads(result.out)
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 
 from hfa_cli.main import COMMANDS
 from hfa_cli.options.unit_options import IN_FEET
@@ -91,12 +91,6 @@ def complaints(command: str, before: dict[str, Any], after: dict[str, Any]) -> l
     return found
 
 
-def answer(*words: str) -> dict[str, Any]:
-    result = hfa(*words, "--json")
-    assert result.code == 0, result.err
-    return dict(json.loads(result.out))
-
-
 def in_both(name: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     words = (name, *RUNS[name], *(("-o", str(folder)) if name == "servo" else ()))
     again = ("--resume",) if name == "servo" else ()
@@ -162,7 +156,6 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
 def test_a_file_that_stays_in_feet_is_refused(
     words: tuple[str, ...], because: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert_refused(hfa(*words, "--units", "si"), 2, because)
     assert not any(tmp_path.iterdir())
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import hfa
-from game_answers import AT_15, LABELS, QUICK, answer, checks_of
-from game_files import small, stored
+from cli import answer, hfa
+from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 from planted_critics import NAMED, UNNAMED
 from scipy.io import loadmat
 
@@ -19,12 +18,6 @@ from controller.game.model_file import load_game
 from controller.game.zero_sum import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from verification.riccati.gare import solve_game
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
 
 # Verify.
 

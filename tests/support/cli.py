@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import pytest
 from published_formats import assert_published
 
-from hfa_cli.main import BAD_INPUT, main
+from hfa_cli.main import BAD_INPUT, DONE, main
 
 #: The console script beside the interpreter that runs the tests.
 SCRIPT = Path(sys.executable).with_name("hfa")
@@ -53,6 +55,20 @@ def unchecked_hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO 
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     return Result(code, out.getvalue(), err.getvalue())
+
+
+def answer(*words: str, code: int = DONE) -> dict[str, Any]:
+    """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings, nothing else.
+
+    Those of `trim` and `linearize` stand in their report.
+    """
+    result = hfa(*words, "--json")
+    assert result.code == code, result.err
+    data = json.loads(result.out, parse_constant=pytest.fail)
+    assert isinstance(data, dict)
+    notes = [] if words[0] in ("trim", "linearize") else data.get("warnings", [])
+    assert result.err == "".join(f"hfa: note: {note}\n" for note in notes)
+    return data
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Plants and critics in files, as users of `hfa solve`, `hfa learn` and `hfa verify` bring them."""
+"""`hfa solve`, `hfa learn`, `hfa verify`: plants and critics as users bring them, and what their answers hold."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.io import savemat
 
+AT_15 = ("--dihedral", "15")
+#: A certified run of a tenth of a second.
+QUICK = ("--set", "tick=0.1")
+LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
+HISTORY = {"times", "weights", "residual_norm", "law_residual_norm"}
 #: Two states, one input, of another size than the aircraft.
 SMALL: dict[str, Any] = {
     "A": [[-0.2, 1.0], [-2.0, -0.3]],
@@ -37,3 +42,7 @@ def small(path: str | Path, **changes: Any) -> str:
     """The small plant with changes; a change to None leaves the entry out."""
     content = {key: value for key, value in (SMALL | changes).items() if value is not None}
     return stored(path, **content)
+
+
+def checks_of(data: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {check["name"]: check for check in data["checks"]}

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import hfa
-from game_answers import AT_15, answer
-from game_files import stored
+from cli import answer, hfa
+from game_files import AT_15, stored
 
 from controller.game.basis import basis
 from controller.game.zero_sum import Game

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from game_answers import answer, checks_of
-from game_files import stored
+from cli import answer
+from game_files import checks_of, stored
 
 from controller.game.zero_sum import Game
 from hfa_cli.main import FAILED
