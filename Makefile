@@ -29,7 +29,7 @@ FUZZ_INPUTS ?= 100000
 FUZZ_SECONDS ?= 3600
 fuzz: .venv/ready
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
-	$(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
 
 # Small mistakes in the packages, one at a time, each of which a test must find; continued like the above.
 MUTANTS ?= 400

@@ -74,6 +74,10 @@ class ScheduledController(ByValue):
                 raise BadInputError(f"controller {self.name}: {name} is {np.shape(values)}; it must be {shape}")
             if not np.all(np.isfinite(values)):
                 raise BadInputError(f"controller {self.name}: {name} has a number that is not finite")
+        if len(self.command_filter) not in (0, 2) or not all(0.0 < each < np.inf for each in self.command_filter):
+            raise BadInputError(
+                f"controller {self.name}: command_filter must be a bandwidth and a damping, both positive, or empty"
+            )
         if count < 1 or np.any(np.diff(self.dihedrals) <= 0.0):
             raise BadInputError(f"controller {self.name}: dihedrals must increase, from at least one on")
         outputs = (*STATES, *OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))

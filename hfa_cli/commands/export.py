@@ -65,6 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find what controls it, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
         raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE, --matlab FILE or --formats FILE")
+    provenance()  # before anything is written: it finds what is wrong with options that nothing below reads
     written: list[Path] = []
     notes: tuple[str, ...] | list[str] = []
     if arguments.c is not None or arguments.fmu is not None:

@@ -61,6 +61,15 @@ def test_refusals(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("target", ["--formats=a.json", "--matlab=a.m"])
+def test_a_wrong_option_is_found_before_anything_is_written(
+    target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(hfa("export", target, "--free", "lift"), 2, "unknown trim variable 'lift'")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_no_trim_writes_nothing(tmp_path: Path) -> None:
     assert_refused(hfa("export", "--c", str(tmp_path / "c"), "--speed", "20"), 1, "no trim")
     assert list(tmp_path.iterdir()) == []

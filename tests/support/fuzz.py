@@ -2,7 +2,8 @@
 
 Inputs are strings of bytes (`hostile.Choices`). Where atheris is installed it makes them, guided by which lines of the
 project they reach, and keeps those that reach new ones; else input number k of a way is always the same random bytes.
-Each way runs in a process of its own, so that a crash is a case like any other.
+Each way runs in a fork of this process, which has loaded everything and written the seeds once, so that a crash is a
+case like any other.
 
     python tests/support/fuzz.py [--inputs N] [--seconds S] [--folder FOLDER] [WAY ...]
     python tests/support/fuzz.py --again WAY HEX
@@ -14,8 +15,9 @@ import argparse
 import contextlib
 import faulthandler
 import json
+import multiprocessing
+import os
 import random
-import subprocess
 import sys
 import time
 from importlib.util import find_spec
@@ -88,53 +90,55 @@ def _random_input(way: str, number: int) -> bytes:
 def _guided(record: Record, inputs: int, end: float) -> None:
     import atheris
 
-    with atheris.instrument_imports(include=_PACKAGES):
-        from ways_in import seeds
+    def one(content: bytes) -> None:
+        if record.done < inputs and time.monotonic() < end:
+            record.attempt(content)
 
-        seeds()
-
-        def one(content: bytes) -> None:
-            if record.done < inputs and time.monotonic() < end:
-                record.attempt(content)
-
-        if not any(record.corpus.iterdir()):
-            for number in range(_FIRST):
-                (record.corpus / f"first-{number}").write_bytes(_random_input(record.way, number))
-        limits = [f"-runs={inputs - record.done}", f"-max_total_time={max(1, round(end - time.monotonic()))}"]
-        quiet = ["-timeout=0", "-len_control=0", "-verbosity=0", "-print_final_stats=0", f"-max_len={_LONGEST_INPUT}"]
-        atheris.Setup([sys.argv[0], str(record.corpus), *limits, *quiet, "-rss_limit_mb=0"], one)
-        atheris.Fuzz()
+    if not any(record.corpus.iterdir()):
+        for number in range(_FIRST):
+            (record.corpus / f"first-{number}").write_bytes(_random_input(record.way, number))
+    limits = [f"-runs={inputs - record.done}", f"-max_total_time={max(1, round(end - time.monotonic()))}"]
+    quiet = ["-timeout=0", "-len_control=0", "-verbosity=0", "-print_final_stats=0", f"-max_len={_LONGEST_INPUT}"]
+    atheris.Setup([sys.argv[0], str(record.corpus), *limits, *quiet, "-rss_limit_mb=0"], one)
+    atheris.Fuzz()
 
 
-def _child(options: argparse.Namespace) -> None:
-    from ways_in import seeds
-
-    record = Record(options.folder, options.child)
-    end = time.monotonic() + options.seconds
-    if find_spec("atheris") is not None and not options.random:
-        _guided(record, options.inputs, end)
-    else:
-        seeds()
-        _random(record, options.inputs, end)
+def _child(way: str, options: argparse.Namespace, end: float) -> None:
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    record = Record(options.folder, way)
+    (_guided if options.guided else _random)(record, options.inputs, end)
     record.save()
 
 
-def _parent(options: argparse.Namespace) -> int:
-    from ways_in import WAYS
+def _ways(options: argparse.Namespace) -> list[str]:
+    """The ways in that are asked for; from here on everything is loaded, for atheris with its marks, and written."""
+    with contextlib.ExitStack() as around:
+        if options.guided:
+            import atheris
 
+            around.enter_context(atheris.instrument_imports(include=_PACKAGES))
+        from attempts import WAYS
+        from ways_in import seeds
+
+        seeds()
+    return options.ways or list(WAYS)
+
+
+def _parent(options: argparse.Namespace) -> int:
     faults = 0
-    for way in options.ways or WAYS:
+    for way in _ways(options):
         end = time.monotonic() + options.seconds
         while True:
-            left = str(max(1.0, end - time.monotonic()))
-            words = ["--inputs", str(options.inputs), "--seconds", left, "--folder", str(options.folder)]
-            words += ["--random"] if options.random else []
-            done = subprocess.run([sys.executable, __file__, "--child", way, *words], stdin=subprocess.DEVNULL)
+            child = multiprocessing.get_context("fork").Process(target=_child, args=(way, options, end))
+            child.start()
+            child.join()
             record = Record(options.folder, way)
-            if done.returncode == 0 or not record.running.exists():
+            if child.exitcode == 0:
                 break
+            if not record.running.exists():
+                raise RuntimeError(f"{way}: nothing was tried")
             record.done += 1
-            record.add(record.running.read_bytes(), f"the process ended with code {done.returncode}")
+            record.add(record.running.read_bytes(), f"the process ended with code {child.exitcode}")
             if record.done >= options.inputs or time.monotonic() >= end:
                 break
         faults += len(record.found)
@@ -165,13 +169,10 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=Path("out/fuzz"), help="counts, seeds and cases")
     parser.add_argument("--random", action="store_true", help="random bytes, also where atheris is installed")
     parser.add_argument("--again", nargs=2, metavar=("WAY", "HEX"), help="run one case again")
-    parser.add_argument("--child", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.again:
         return _again(*options.again)
-    if options.child:
-        _child(options)
-        return 0
+    options.guided = find_spec("atheris") is not None and not options.random
     return _parent(options)
 
 

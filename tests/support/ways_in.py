@@ -25,7 +25,7 @@ Change = Callable[[bytes, Choices], bytes]
 _CHANGES: dict[str, Change] = {".npz": hostile_npz, ".mat": hostile_mat}
 _AT = ("--dihedral", "15")
 _FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
-_MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
+_MEMBERS = ("monte-carlo", *_AT, "--gain", "gain.npz", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
 _SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
 _TUNED = ("design", "--tune", "tune.toml", "-o", "best.toml")
 _ROW = ("study", "--only", "theorem gains, explicit", "--folder", "row")
@@ -135,7 +135,7 @@ WAYS = {
     "claims.json": Way(("report", "--dihedral", "5", "--sweep", "5", "--claims", "{}", "--json"), "claims.json"),
     "row of a study": Way((*_ROW, "--resume"), "row/theorem-gains-explicit.json"),
     "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr"),
-    "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr"),
+    "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr", ("gain.npz",)),
 }
 
 
@@ -176,7 +176,6 @@ def seeds() -> Mapping[str, bytes]:
         (folder / "B.csv").write_text("u\n0.0\n1.0\n")
         _run(folder, ("trim", *_AT, "-o", "{}"), "point.json")
         _run(folder, (*_SWEPT[:-1], "{}"), "points.zarr")
-        _run(folder, (*_MEMBERS[:-1], "{}"), "members.zarr")
         _run(folder, ("prove", "schedule", "--dihedral", "15:15.001", "-o", "{}"), "certificate.json")
         _run(folder, ("prove", "solution", *_AT, "-o", "{}"), "game.json")
         _run(folder, ("lpv", "--dihedral", "15:15.01", "--certificate", "{}"), "lpv.json")
@@ -188,7 +187,10 @@ def seeds() -> Mapping[str, bytes]:
         for suffix in SUFFIXES:
             _run(folder, ("solve", *_AT, "-o", "{}"), f"gain{suffix}")
             _run(folder, ("solve", "--model", str(folder / "plant.json"), "-o", "{}"), f"critic{suffix}")
-            _run(folder, ("learn", "--model", str(folder / "plant.json"), "-o", "{}"), f"history{suffix}")
+            learn = ("learn", "--model", str(folder / "plant.json"), "--set", "tick=0.5", "-o", "{}")
+            _run(folder, learn, f"history{suffix}")
+        with chdir(folder):
+            _run(folder, _MEMBERS, "members.zarr")
         return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 

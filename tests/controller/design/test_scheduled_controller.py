@@ -34,6 +34,10 @@ def test_matrices_are_linear_between_the_angles(
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
         ({"inputs": ("flaps",)}, "unknown input 'flaps'"),
+        ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping"),
+        ({"command_filter": (0.5, 2.0, 1.0)}, "command_filter must be a bandwidth and a damping"),
+        ({"command_filter": (0.5, math.inf)}, "command_filter must be a bandwidth and a damping"),
+        ({"command_filter": (0.0, 2.0)}, "command_filter must be a bandwidth and a damping"),
     ],
 )
 def test_what_no_flight_could_rely_on_is_refused(
