@@ -7,6 +7,7 @@ from hfa_model.support.door import open_door
 if TYPE_CHECKING:
     from hfa_model.aerodynamics import aircraft_loads as aircraft_loads
     from hfa_model.aircraft import Aircraft as Aircraft
+    from hfa_model.atmosphere import density as density
     from hfa_model.dynamics import rates_from_loads as rates_from_loads
     from hfa_model.parameter_samples import sample_parameters as sample_parameters
     from hfa_model.parameters import (
