@@ -26,15 +26,10 @@ import pytest
 from flight_cases import FlownCase, case_at
 from learnt_once import share_learning
 
-from controller.game.zero_sum import Game, published_game
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters, ParameterSet, default_parameters
-from hfa_model.variants import VARIANTS
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
-from verification.riccati.gare import solve_game
+from controller import Game, published_game
+from hfa_model import VARIANTS, Aircraft, Parameters, ParameterSet, default_parameters
+from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from verification import solve_game
 
 sys.dont_write_bytecode = False  # as above, for this process
 

@@ -12,7 +12,7 @@ from cli import assert_refused, hfa
 from hfa_cli.main import BAD_INPUT, COMMANDS
 from hfa_cli.options.argument_types import angle, quantity, whole
 from hfa_cli.options.ranges import Span, array_of, value_range
-from trim.sweeps.sweep_plan import Steps
+from trim import Steps
 
 DIGITS = "9" * 5000
 

@@ -11,8 +11,18 @@ import pytest
 from cli import answer, hfa
 
 from hfa_cli.main import COMMANDS, DONE, FAILED
-from hfa_model.parameters import Parameters, ParameterSet, default_parameters, load_parameters, save_parameters
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_model import (
+    INPUT_UNITS,
+    INPUTS,
+    LINEAR_STATES,
+    STATE_UNITS,
+    STATES,
+    Parameters,
+    ParameterSet,
+    default_parameters,
+    load_parameters,
+    save_parameters,
+)
 from trim.point.condition import BALANCED
 
 LINEAR_MODEL_KEYS = {

@@ -16,7 +16,7 @@ from damage import damaged
 from game_files import small
 from ways_in import CONDITION
 
-from hfa_model.parameters import default_parameters, save_parameters
+from hfa_model import default_parameters, save_parameters
 
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")

@@ -11,12 +11,10 @@ import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15, QUICK
 
-from controller.design.design_file import NAMED, load_design
-from controller.design.design_model import design_model
+from controller import design_model, load_design
+from controller.design.design_file import NAMED
 from hfa_model import Aircraft
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import find_operating_point, level_flight, linearize
 
 AT_11 = ("--dihedral", "11")
 PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"

@@ -15,10 +15,10 @@ from cli import hfa
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
+from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from hfa_model.jobs.store import open_store
 from hfa_model.reporting.data_files import save_data
 from hfa_model.reporting.text import Table
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {

@@ -10,9 +10,8 @@ import pytest
 from cli import assert_refused, hfa
 from game_files import stored
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
-from verification.riccati.gare import solve_game
+from controller import Game, basis
+from verification import solve_game
 
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 

@@ -14,15 +14,11 @@ from cli import Terminal, answer, assert_refused, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small, stored
 from scipy.io import loadmat
 
-from controller.game.zero_sum import Game, published_game
-from controller.laws.learn import LAWS
+from controller import LAWS, Game, published_game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
-from hfa_model import Aircraft, default_parameters
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from verification.riccati.gare import solve_game
+from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, Aircraft, default_parameters
+from trim import find_operating_point, level_flight, linearize
+from verification import solve_game
 
 # Solve.
 

@@ -14,8 +14,7 @@ from cli import assert_refused, hfa
 from game_files import SMALL, small, stored
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-from hfa_model.parameters import default_parameters, save_parameters
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model import LINEAR_STATES, default_parameters, save_parameters
 
 AT_15 = ("--dihedral", "15")
 GAME_COMMANDS = ("solve", "learn", "verify")

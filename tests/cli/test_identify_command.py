@@ -13,9 +13,9 @@ from cli import Result, hfa, hfa_process
 from documents import ROOT, SOURCE, blocks_of, commands_of, difference
 
 from hfa_cli.commands import identify
-from hfa_model.parameters import default_parameters, load_parameters
-from trim.identification.evidence import ALTERNATIVES, run_identification
-from trim.identification.identification_result import Identification
+from hfa_model import default_parameters, load_parameters
+from trim import Identification, run_identification
+from trim.identification.evidence import ALTERNATIVES
 
 COMMITTED = ROOT / "hfa_model"
 FILE = "parameters.toml"

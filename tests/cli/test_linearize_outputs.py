@@ -10,7 +10,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15
 
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_model import INPUTS, LINEAR_STATES
 
 CHOSEN = ("--outputs", "load_factor,dihedral", "--inputs", "elevator_center,throttle", "--states", "dihedral,alpha")
 

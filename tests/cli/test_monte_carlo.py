@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
+from hfa_model import LINEAR_STATES, default_parameters
 from hfa_model.jobs.store import open_store
-from hfa_model.parameters import default_parameters
-from hfa_model.vectors import LINEAR_STATES
 
 PARAMETERS = default_parameters().values
 

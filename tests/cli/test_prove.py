@@ -12,7 +12,8 @@ import pytest
 from cli import assert_refused, hfa
 from proof_cases import exact_table, unstable_between
 
-from hfa_model.vectors import LINEAR_STATES, UNITS
+from hfa_model import LINEAR_STATES
+from hfa_model.vectors import UNITS
 
 
 @pytest.fixture(scope="module")

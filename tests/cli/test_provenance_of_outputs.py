@@ -12,7 +12,8 @@ import pytest
 from cli import hfa
 from scipy.io import loadmat
 
-from hfa_model.parameters import NAMED, default_parameters, named_parameters, save_parameters
+from hfa_model import default_parameters, named_parameters, save_parameters
+from hfa_model.parameters import NAMED
 from hfa_model.provenance import parameter_hash
 
 

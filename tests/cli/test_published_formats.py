@@ -16,7 +16,7 @@ from import_graph import ROOT, project_sources
 from jsonschema import Draft202012Validator
 from published_formats import assert_published, complaints_about
 
-from controller.design.controller_file import save_controller
+from controller import save_controller
 from hfa_cli.formats import formats, formats_markdown
 from hfa_model import Aircraft
 from hfa_model.support.jsonable import jsonable

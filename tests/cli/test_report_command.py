@@ -14,7 +14,7 @@ from cli import Result, assert_refused, hfa
 from import_graph import ROOT
 
 from hfa_cli.main import DONE, FAILED
-from hfa_model.parameters import default_parameters
+from hfa_model import default_parameters
 from hfa_model.provenance import parameter_hash
 from verification.page.main_job import MOST_SWEPT
 from verification.page.page_html import plotly_script

@@ -11,7 +11,7 @@ import pytest
 from cli import assert_refused, hfa
 from scipy.io import savemat
 
-from controller.policy.gain_table import GainTable
+from controller import GainTable
 
 SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact")
 

@@ -9,10 +9,10 @@ import pytest
 from cli import assert_refused, hfa
 from controllers import integrating_controller
 
-from controller.design.controller_file import save_controller
-from hfa_model.aircraft import Aircraft
+from controller import save_controller
+from hfa_model import Aircraft
+from verification import reference_servo
 from verification.servo.cases import ANGLES
-from verification.servo.reference_model import reference_servo
 
 FLY = ("fly", "--dihedral", "11", "--step", "0.01", "--duration", "5")
 FLOWN = (*FLY, "--controller", "servo.npz", "--actuators", "0.5:60", "--command", "dihedral=1:1")

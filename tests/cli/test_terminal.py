@@ -9,11 +9,9 @@ from cli import Terminal, hfa
 from game_files import small
 
 from hfa_cli.main import DONE, FAILED
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.reporting.text import Table
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.trim_report import trim_report
+from trim import OperatingPoint, level_flight, trim_report
 
 TRIM = ("trim", "--dihedral", "15")
 COLOR = re.compile("\033\\[[0-9;]*m")

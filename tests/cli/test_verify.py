@@ -14,10 +14,9 @@ from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 from planted_critics import NAMED, UNNAMED
 from scipy.io import loadmat
 
-from controller.game.model_file import load_game
-from controller.game.zero_sum import Game
+from controller import Game, load_game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-from verification.riccati.gare import solve_game
+from verification import solve_game
 
 # Verify.
 

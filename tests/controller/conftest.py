@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from member_plans import a_critic, everything_plan
 
-from controller.game.zero_sum import Game
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller import Game, MonteCarlo
 from controller.policy.critic_policy import CriticPolicy
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 
 
 @pytest.fixture

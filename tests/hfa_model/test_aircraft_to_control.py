@@ -6,12 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
+from trim import OperatingPoint, find_operating_point, level_flight, linearize
 
 #: What python-control solves for, and the equations that it balances.
 HELD = [INPUTS.index("aileron_center")]

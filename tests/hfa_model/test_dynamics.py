@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
-from hfa_model.parameters import Parameters
-from hfa_model.variants import VARIANTS, Variant
-from hfa_model.vectors import Input, State
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from hfa_model.variants import Variant
+from trim import find_operating_point, level_flight, linearize
 
 DEGREES_15 = float(np.radians(15.0))
 

@@ -9,17 +9,25 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model.aerodynamics import aircraft_loads
-from hfa_model.aircraft import Aircraft
+from hfa_model import (
+    INPUT_UNITS,
+    STATE_UNITS,
+    VARIANTS,
+    Aircraft,
+    Input,
+    Parameters,
+    Published,
+    State,
+    aircraft_loads,
+    rates_from_loads,
+)
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates_from_loads
-from hfa_model.parameters import FIELDS, Field, Parameters
-from hfa_model.variants import VARIANTS, Published, Variant
-from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, RATE_UNITS, STATE_UNITS, Input, State
+from hfa_model.parameters import FIELDS, Field
+from hfa_model.variants import Variant
+from hfa_model.vectors import RATE_SCALES, RATE_UNITS
+from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors
-from trim.linear.linearize import linearize
-from trim.point.condition import BALANCED, TrimCondition, level_flight, release
-from trim.point.solve import find_operating_point
+from trim.point.condition import BALANCED
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:

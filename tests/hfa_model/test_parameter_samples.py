@@ -7,18 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model.parameter_samples import sample_parameters
-from hfa_model.parameters import Parameters, ParameterSet, load_parameters, save_parameters
-from hfa_model.support.errors import BadInputError
-from hfa_model.variants import VARIANTS
-from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.bands import Bands
-from trim.linear.entry_bands import entry_bands
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import level_conditions, solve_level_flights
+from hfa_model import (
+    LINEAR_STATES,
+    STATES,
+    VARIANTS,
+    BadInputError,
+    Parameters,
+    ParameterSet,
+    load_parameters,
+    sample_parameters,
+    save_parameters,
+)
+from trim import (
+    Bands,
+    LinearModel,
+    entry_bands,
+    find_operating_point,
+    level_conditions,
+    level_flight,
+    linearize,
+    solve_level_flights,
+)
 
 COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_model.parameters import (
-    FIELDS,
+from hfa_model import (
+    BadInputError,
     Parameters,
     ParameterSet,
     default_parameters,
@@ -18,7 +18,7 @@ from hfa_model.parameters import (
     named_parameters,
     save_parameters,
 )
-from hfa_model.support.errors import BadInputError
+from hfa_model.parameters import FIELDS
 
 
 @pytest.fixture

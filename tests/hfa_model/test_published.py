@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.published import PublishedModel, published_models
+from hfa_model import PublishedModel, published_models
 
 
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")

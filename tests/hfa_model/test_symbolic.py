@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from random_points import random_points
 
+from hfa_model import INPUTS, STATES, VARIANTS, Input, Parameters, State
 from hfa_model.dynamics import rates
-from hfa_model.parameters import Parameters
 from hfa_model.symbolic import by_name, state_rates, symbols
-from hfa_model.variants import VARIANTS, Variant
-from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_model.variants import Variant
 
 
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)

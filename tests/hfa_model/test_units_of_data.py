@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model.reporting.report import Report
+from hfa_model import Report, shown_in
 from hfa_model.reporting.text import Table
-from hfa_model.reporting.unit_system import shown_in
 from hfa_model.units_of_data import in_units_in_force
 
 FT, LBF = 0.3048, 4.4482216152605

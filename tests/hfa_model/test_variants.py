@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import Aircraft, Parameters
+from hfa_model import Aircraft, Newton, Parameters, Published, State
 from hfa_model.aerodynamics import Loads
-from hfa_model.variants import Newton, Published
-from hfa_model.vectors import Quantity, State
+from hfa_model.vectors import Quantity
 
 #: What has to change in his equations so that they follow from first principles; each is written at `accelerations`.
 REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hfa_model.vectors import DEGREE
+from hfa_model import DEGREE
 
 
 def test_half_a_turn_is_180_degrees() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from import_graph import imports_of, project_sources
 
+from verification import section5_configuration
 from verification.critic.critic_errors import ORDINARY_DEVIATIONS
-from verification.experiments.configuration import section5_configuration
 
 #: Values, bases and files: what a critic is made of.
 JUDGED = {f"controller.game.{name}" for name in ("basis", "critic_file", "history", "learning_result")}

@@ -12,15 +12,10 @@ from learning_samples import abscissa, random_start
 from reference_riccati import relative_error
 from servo_cases import model_at
 
-from controller import Design, design_model, load_design
-from controller.design.design import Actuator
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
-from controller.laws.learn import learn
+from controller import Actuator, Design, Game, basis, design_model, learn, load_design
 from controller.samples.recording import natural_spread
 from hfa_model import Aircraft
-from verification import OutputGame, solve_game
-from verification.riccati.gare import GameSolution
+from verification import GameSolution, OutputGame, solve_game
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
 DELTA = 200.0

@@ -12,10 +12,9 @@ from cli import hfa
 from game_files import stored
 from import_graph import LAYERS, ROOT
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import Game, basis
 from hfa_cli.main import DONE
-from verification.riccati.gare import solve_game
+from verification import solve_game
 
 TOURS = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## Two tours")[2].partition("\n## ")[0]
 GUST, CRITIC = re.split(r"\nA critic's weight", TOURS)

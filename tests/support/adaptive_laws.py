@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Seen
-from hfa_model.vectors import INPUTS
+from hfa_model import INPUTS
 from verification.servo.adaptive_policy import AdaptivePolicy
 from verification.servo.reference_model import ReferenceModel
 

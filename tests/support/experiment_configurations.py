@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from verification.experiments.configuration import Configuration, section5_configuration
+from verification import section5_configuration
+from verification.experiments.configuration import Configuration
 
 #: Table -> field -> value.
 Changes = Mapping[str, Mapping[str, Any]]

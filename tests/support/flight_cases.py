@@ -7,22 +7,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from controller.flight.envelope import Envelope, flight_envelope
+from controller import Envelope, FlownLaw, Game, Scenario, Signal, flight_envelope, fly, gain_law, published_game
 from controller.flight.flight_result import NonlinearFlight
-from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly
-from controller.game.zero_sum import Game, published_game
-from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.policies import Seen
-from controller.policy.signals import Signal
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import LINEAR_STATES
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
-from verification.riccati.gare import solve_game
+from hfa_model import LINEAR_STATES, Aircraft, Parameters
+from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from verification import solve_game
 
 N = len(LINEAR_STATES)
 SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.riccati.existence import minimum_delta
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta
 
 
 class Sample(NamedTuple):

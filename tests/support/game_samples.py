@@ -7,15 +7,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from controller.game.zero_sum import Game, published_game
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
-from hfa_model.published import published_models
-from hfa_model.reporting.checks import Check
-from hfa_model.variants import VARIANTS
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from controller import Game, published_game
+from hfa_model import VARIANTS, Aircraft, Check, default_parameters, published_models
+from trim import find_operating_point, level_flight, linearize
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])

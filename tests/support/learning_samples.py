@@ -8,12 +8,9 @@ from functools import cache
 import numpy as np
 from reference_riccati import Reference, reference_solution, relative_error
 
-from controller.game.basis import Basis, basis
-from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import Game, published_game
-from controller.samples.recording import random_pool
+from controller import Basis, Game, LearningResult, basis, published_game, random_pool
 from controller.samples.stack_equations import StackEquations
-from hfa_model.published import published_models
+from hfa_model import published_models
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import Game
+from controller import Game, LearningResult
 
 #: Arguments -> the result, and the tests that had it.
 _RUNS: dict[tuple[Any, ...], tuple[LearningResult, set[str]]] = {}

@@ -7,17 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.envelope import flight_envelope
-from controller.flight.scenario import Scenario
-from controller.flight.uncertain import Uncertainty
-from controller.game.zero_sum import Game
-from controller.laws.published_law import PublishedSettings, published_law
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller import (
+    Game,
+    Harmonic,
+    MonteCarlo,
+    PublishedSettings,
+    Scenario,
+    Signal,
+    Uncertainty,
+    flight_envelope,
+    gain_law,
+)
+from controller.laws.published_law import published_law
 from controller.policy.critic_policy import CriticPolicy, forcing
-from controller.policy.flown_law import gain_law
-from controller.policy.signals import Harmonic, Signal, zero
-from hfa_model.parameters import default_parameters
-from trim.point.operating_point import OperatingPoint
+from controller.policy.signals import zero
+from hfa_model import default_parameters
+from trim import OperatingPoint
 
 PARAMETERS = default_parameters().values
 EVERYTHING = Uncertainty(

@@ -8,10 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
-from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.riccati.gare import solve_game
+from controller import Game, basis
+from verification import Candidate, from_gain, from_value, from_weights, solve_game
 
 #: Radians in a degree.
 DEGREE = math.pi / 180.0

@@ -10,18 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.zero_sum import published_game
-from controller.policy.gain_table import GainTable
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
+from controller import GainTable, published_game
+from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from verification.balls.steady_flights import Family
+from trim import LinearModel, find_operating_point, level_flight, linearize
+from verification import Family, solve_game
 from verification.checker.checker import sealed
-from verification.riccati.gare import solve_game
 
 #: What the certificates of the tests bear.
 ORIGIN = Provenance("a test", "published")

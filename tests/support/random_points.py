@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_model.vectors import Input, State
+from hfa_model import Input, State
 
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)

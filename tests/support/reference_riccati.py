@@ -12,7 +12,7 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 
-from controller.game.zero_sum import Game
+from controller import Game
 
 DIGITS = 60
 #: Carried beyond the digits that are asked for.

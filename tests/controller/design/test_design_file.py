@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from controller.design.design import Actuator, Feedforward
-from controller.design.design_file import NAMED, load_design
+from controller import Actuator, load_design
+from controller.design.design import Feedforward
+from controller.design.design_file import NAMED
 from hfa_model import BadInputError
 
 DESIGNS = Path(__file__).parents[3] / "controller" / "designs"

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller import Game, published_game
-from controller.design.design import SHORT_PERIOD, Actuator, Design, Feedforward
-from controller.design.design_file import NAMED, load_design
-from controller.design.design_model import DesignModel, _full_rank, design_model
+from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
+from controller.design.design import SHORT_PERIOD, Feedforward
+from controller.design.design_file import NAMED
+from controller.design.design_model import _full_rank
 from controller.policy.servo_policy import MeasuredOutputs
-from hfa_model import Aircraft, BadInputError
+from hfa_model import LINEAR_STATES, Aircraft, BadInputError
 from hfa_model.outputs import moment_of, outputs_of
-from hfa_model.vectors import LINEAR_STATES
 from trim import find_operating_point, level_flight, linearize
 from trim.linear.output_model import output_model
 from verification import solve_game

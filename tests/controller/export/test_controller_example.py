@@ -10,20 +10,15 @@ import pytest
 from c_files import needs_gcc, ran
 from controllers import integrating_controller, small_controller
 
-from controller.design.scheduled_controller import ScheduledController
+from controller import Actuators, CommandedStates, CommandSteps, Scenario, ScheduledController, servo_law
 from controller.export.controller_example import COMMANDED, EXAMPLE, SECONDS, controller_example
 from controller.export.exported_controller import SOURCE, c_controller_texts
-from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario, loop_of
-from controller.policy.commands import CommandedStates, CommandSteps
-from controller.policy.servo_policy import servo_law
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
+from controller.flight.scenario import loop_of
+from hfa_model import STATES, Aircraft, BadInputError, Input
 from hfa_model.support.files import write_texts
-from hfa_model.vectors import STATES, Input
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 
 pytestmark = needs_gcc
 

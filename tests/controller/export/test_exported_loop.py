@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from controller.export.exported_loop import _actuator_states
-from hfa_model.vectors import INPUT_UNITS, INPUTS
+from hfa_model import INPUT_UNITS, INPUTS
 
 
 def test_actuators_have_the_units_of_their_inputs_and_their_rates_none() -> None:

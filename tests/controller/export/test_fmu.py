@@ -12,22 +12,18 @@ import numpy as np
 import pytest
 from controllers import integrating_controller
 
+from controller import Actuators, CommandedStates, CommandSteps, Scenario, Signal, servo_law
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
 from controller.export.fmu import description, variables, write_fmu
-from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario, loop_of
-from controller.policy.commands import CommandedStates, CommandSteps
+from controller.flight.scenario import loop_of
 from controller.policy.policies import GainPolicy, gain_constants
-from controller.policy.servo_policy import servo_law
-from controller.policy.signals import Signal, zero
-from hfa_model.aircraft import Aircraft
+from controller.policy.signals import zero
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input, NoSolutionError
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy

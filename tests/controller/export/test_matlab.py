@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
+from controller import published_game
 from controller.game.array_file import read_arrays
-from controller.game.zero_sum import published_game
-from verification.riccati.gare import solve_game
+from verification import solve_game
 
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")

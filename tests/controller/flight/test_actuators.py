@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.flight.actuators import ActuatorFault, Actuators
+from controller import ActuatorFault, Actuators, Scenario, Signal
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
-from controller.flight.scenario import Scenario
 from controller.policy.policies import GainPolicy, gain_constants
-from controller.policy.signals import Signal, zero
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, Input
+from controller.policy.signals import zero
+from hfa_model import INPUTS, BadInputError, Input, published_models
 
 N, M = 6, len(INPUTS)
 NO_GAIN = np.zeros((M, N))

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase
 
-from controller.flight.envelope import flight_envelope
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import STATES
+from controller import flight_envelope
+from hfa_model import STATES, BadInputError
 
 
 def test_speed_and_altitude_are_limited_about_the_trim(newton: FlownCase) -> None:

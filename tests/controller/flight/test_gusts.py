@@ -9,21 +9,31 @@ import numpy as np
 import pytest
 from random_points import random_points
 
+from controller import Dryden, OneMinusCosine
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.gusts import Gust
 from controller.flight.integrator import integrate
 from controller.flight.plants import LinearPlant
 from controller.policy.policies import GainPolicy
 from controller.policy.signals import zero
-from hfa_model import kinematics
-from hfa_model.aerodynamics import aircraft_loads
+from hfa_model import (
+    LINEAR_STATES,
+    STATES,
+    VARIANTS,
+    BadInputError,
+    Input,
+    Newton,
+    Parameters,
+    State,
+    aircraft_loads,
+    kinematics,
+    published_models,
+    rates_from_loads,
+)
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates, rates_from_loads
-from hfa_model.parameters import Parameters
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
-from hfa_model.variants import VARIANTS, Newton, Variant
-from hfa_model.vectors import LINEAR_STATES, RATE_SCALES, STATES, Input, State
+from hfa_model.dynamics import rates
+from hfa_model.variants import Variant
+from hfa_model.vectors import RATE_SCALES
 from verification.physics.lagrangian import lagrangian_rates
 
 # The model.

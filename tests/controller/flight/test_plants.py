@@ -7,8 +7,8 @@ import numpy as np
 from flight_cases import FlownCase
 
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from hfa_model.vectors import LINEAR_STATES
-from trim.linear.linearize import linearize
+from hfa_model import LINEAR_STATES
+from trim import linearize
 
 N = len(LINEAR_STATES)
 

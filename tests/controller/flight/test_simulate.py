@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 from flight_cases import SMALL, FlownCase, flown, signal
 
-from controller.flight.envelope import flight_envelope
-from controller.flight.gusts import OneMinusCosine
-from controller.flight.scenario import Scenario
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES, STATES
+from controller import OneMinusCosine, Scenario, flight_envelope
+from hfa_model import LINEAR_STATES, STATES, BadInputError
 
 N = len(LINEAR_STATES)
 

@@ -11,23 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.flight.actuators import Actuators
-from controller.flight.envelope import flight_envelope
+from controller import Actuators, Scenario, Signal, flight_envelope, fly, gain_law, published_game
 from controller.flight.flight_result import NonlinearFlight
-from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly
-from controller.game.zero_sum import published_game
-from controller.policy.flown_law import gain_law
-from controller.policy.signals import Signal
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
-from hfa_model.vectors import LINEAR_STATES, Input
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
-from trim.point.condition import CONTROL_LIMITS, level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
-from verification.riccati.gare import solve_game
+from hfa_model import LINEAR_STATES, Aircraft, Input, default_parameters
+from trim import CONTROL_LIMITS, LinearModel, OperatingPoint, find_operating_point, level_flight, linearize
+from verification import solve_game
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"
 WEIGHTS = ("the paper's weights", "R x 100")

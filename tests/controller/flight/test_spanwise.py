@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase, flown
 
+from controller import Dryden, OneMinusCosine, Scenario, side_by_side, spanwise_dryden
 from controller.flight.envelope import angles_of_attack
-from controller.flight.gusts import Dryden, OneMinusCosine
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.scenario import Scenario, loop_of
-from controller.flight.spanwise import SpanwiseGust, side_by_side, spanwise_dryden
+from controller.flight.scenario import loop_of
+from controller.flight.spanwise import SpanwiseGust
 from controller.flight.watched_loop import WatchedLoop
 from controller.monte_carlo.uncertain_plants import UncertainLinearization
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import STATES
-from trim.linear.linearize import linearize
+from hfa_model import STATES, BadInputError
+from trim import linearize
 
 GUST = OneMinusCosine(100.0, 3.0, 68.0, 0.2)
 TURBULENCE = Dryden(3.0, 500.0, 68.0, 0.01, 300, 4)

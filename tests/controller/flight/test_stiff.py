@@ -8,7 +8,7 @@ import pytest
 
 from controller.flight.integrator import integrate
 from controller.flight.stiff import integrate_stiff
-from hfa_model.support.errors import NoSolutionError
+from hfa_model import NoSolutionError
 
 
 def pendulum(fast: float) -> ca.Function:

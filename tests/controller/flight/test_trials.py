@@ -7,7 +7,7 @@ from flight_cases import FlownCase
 
 from controller.flight.plants import NonlinearPlant
 from controller.flight.trials import TrialLoop
-from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_model import LINEAR_STATES, STATES
 
 N = len(LINEAR_STATES)
 

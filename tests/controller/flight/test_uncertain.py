@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
+from controller import MonteCarlo, Uncertainty
 from controller.flight import uncertain
-from controller.flight.uncertain import Uncertainty
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model import LINEAR_STATES, BadInputError, Parameters
 
 
 def drawn(plan: MonteCarlo, members: int) -> np.ndarray:

@@ -8,14 +8,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from controller import Envelope
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.envelope import Envelope
 from controller.flight.plants import SevenStates
 from controller.flight.watched_loop import Summary, WatchedLoop
 from controller.policy.policies import GainPolicy
 from controller.policy.signals import zero
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, State
-from trim.point.operating_point import OperatingPoint
+from hfa_model import INPUTS, LINEAR_STATES, STATES, State
+from trim import OperatingPoint
 
 SPEED, ALPHA = STATES.index("speed"), STATES.index("alpha")
 

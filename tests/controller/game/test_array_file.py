@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from controller import basis
 from controller.game.array_file import PlantNames, file_scales, in_scales
-from controller.game.basis import basis
-from hfa_model.support.errors import BadInputError
+from hfa_model import BadInputError
 
 FOOT = 0.3048
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS, Basis, basis
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from controller import Basis, basis
+from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS
+from hfa_model import LINEAR_STATES, BadInputError
 
 SIZES = {"quadratic": 21, "quadratic+linear": 27, "quadratic+quartic": 27, "paper": 25}
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.game.history import History
-from hfa_model.support.errors import BadInputError
+from controller import History
+from hfa_model import BadInputError
 
 TIMES = np.array([0.0, 0.5, 1.0])
 ROWS = np.arange(9.0).reshape(3, 3)

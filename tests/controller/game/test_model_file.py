@@ -13,12 +13,9 @@ from game_files import small, stored
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
-from controller.game.critic_file import load_critic
-from controller.game.model_file import load_game, parse_diagonal, stored_game
-from controller.game.zero_sum import Game
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from controller import Game, load_critic, load_game
+from controller.game.model_file import parse_diagonal, stored_game
+from hfa_model import LINEAR_STATES, BadInputError, published_models
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
-from controller.game.zero_sum import LARGEST, Game, published_game
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
+from controller import Game, published_game
+from controller.game.zero_sum import LARGEST
+from hfa_model import BadInputError, published_models
 
 SMALL: dict[str, Any] = {
     "A": [[0.0, 1.0], [-2.0, -3.0]],

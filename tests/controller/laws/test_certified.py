@@ -18,15 +18,13 @@ from learning_samples import (
 )
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.basis import BASES, basis
-from controller.game.zero_sum import Game
-from controller.laws.certified import CertifiedSettings, certified_law
-from controller.laws.learn import learn
-from controller.laws.run import run
+from controller import CertifiedSettings, Game, Stack, basis, learn, random_pool, record, run
+from controller.game.basis import BASES
+from controller.laws.certified import certified_law
 from controller.laws.scalar_law import after, decay_rate
 from controller.samples.probing import ProbingFlight
-from controller.samples.recording import Stack, natural_spread, random_pool, record
-from hfa_model.support.errors import NoSolutionError
+from controller.samples.recording import natural_spread
+from hfa_model import NoSolutionError
 
 # The solution.
 

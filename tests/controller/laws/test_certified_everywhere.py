@@ -8,17 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import published_game
-from controller.laws.learn import learn
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
-from hfa_model.variants import VARIANTS
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from verification.critic.critic_errors import relative_error
-from verification.riccati.gare import GameSolution, solve_game
+from controller import LearningResult, learn, published_game
+from hfa_model import VARIANTS, Aircraft, default_parameters
+from trim import find_operating_point, level_flight, linearize
+from verification import GameSolution, relative_error, solve_game
 
 LIMIT = 1e-9
 DEGREES = range(21)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
-from controller.game.basis import basis
+from controller import Game, basis, learn, random_pool, record
 from controller.game.learning_result import Excitation
-from controller.game.zero_sum import Game
 from controller.laws.certify import (
     RESIDUAL_LIMIT,
     certificates,
@@ -19,8 +18,7 @@ from controller.laws.certify import (
     relative_residual,
     settled_at,
 )
-from controller.laws.learn import learn
-from controller.samples.recording import choose, random_pool, record
+from controller.samples.recording import choose
 from controller.samples.stack_equations import StackEquations
 from hfa_model.reporting.checks import checked
 

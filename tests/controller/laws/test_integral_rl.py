@@ -10,13 +10,11 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
-from controller.game.basis import basis
-from controller.laws.integral_rl import IntegralLearning, IrlSettings, integral_learning
-from controller.laws.learn import learn
-from controller.laws.run import run
+from controller import IrlSettings, basis, learn, random_pool, run
+from controller.laws.integral_rl import IntegralLearning, integral_learning
 from controller.samples.probing import ProbingFlight
-from controller.samples.recording import natural_spread, random_pool
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from controller.samples.recording import natural_spread
+from hfa_model import BadInputError, NoSolutionError
 
 
 def stable_learning(**changes: Any) -> IntegralLearning:

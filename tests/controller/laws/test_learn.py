@@ -10,14 +10,10 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import reference_solution, relative_error
 
+from controller import LAWS, CertifiedSettings, Game, LearningResult, learn, random_pool
 from controller.game.basis import BASES
-from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import Game
-from controller.laws.certified import CertifiedSettings, certified_law
-from controller.laws.learn import LAWS, learn
-from controller.samples.recording import random_pool
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from controller.laws.certified import certified_law
+from hfa_model import INPUTS, LINEAR_STATES, BadInputError
 
 #: A short run of each law.
 RUNS: dict[str, dict[str, Any]] = {

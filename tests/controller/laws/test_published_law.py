@@ -10,16 +10,15 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.basis import basis
-from controller.laws.learn import learn
+from controller import PublishedSettings, basis, learn
 from controller.laws.published_equations import (
     Sample,
     bellman,
     update_direction,
 )
-from controller.laws.published_law import PublishedSettings, published_law
+from controller.laws.published_law import published_law
+from hfa_model import BadInputError, NoSolutionError
 from hfa_model.published import published_data
-from hfa_model.support.errors import BadInputError, NoSolutionError
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

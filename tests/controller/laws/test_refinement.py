@@ -9,10 +9,9 @@ import pytest
 from learning_samples import stable_game
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.zero_sum import Game
-from controller.laws.learn import learn
+from controller import Game, learn
 from controller.laws.refinement import newton_correction, refine, riccati_residual
-from verification.riccati.existence import minimum_delta
+from verification import minimum_delta
 
 
 def one_input(seed: int, states: int) -> Game:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controller import run
 from controller.laws import run as runner
-from controller.laws.run import Memory, run
+from controller.laws.run import Memory
 
 
 class Counting:

@@ -10,30 +10,20 @@ import numpy as np
 import pytest
 from member_plans import PARAMETERS, with_scenario
 
+from controller import Actuators, MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import watched_loop
-from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.envelope import flight_envelope
-from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly
-from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo import member_flight
 from controller.monte_carlo.member_flight import fly_member
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import fly_members
 from controller.policy.critic_policy import CriticPolicy, critic_law
-from controller.policy.flown_law import gain_law
 from controller.policy.signals import zero
-from hfa_model.aircraft import Aircraft
+from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, Parameters, State
 from hfa_model.dynamics import rates
 from hfa_model.native import machine_code as generated
-from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
-from hfa_model.vectors import LINEAR_STATES, STATES, Input, State
-from trim.point.condition import CONTROL_LIMITS
+from trim import CONTROL_LIMITS
 
 ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller.flight.envelope import flight_envelope
-from controller.flight.gusts import OneMinusCosine
-from controller.flight.uncertain import Uncertainty
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller import MonteCarlo, OneMinusCosine, Uncertainty, flight_envelope, gain_law
 from controller.policy.critic_policy import critic_law
-from controller.policy.flown_law import gain_law
 from controller.policy.signals import zero
-from hfa_model.support.errors import BadInputError
+from hfa_model import BadInputError
 
 
 def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray, critic) -> None:

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, with_scenario
 
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller import MonteCarlo, gain_law, stream_monte_carlo
 from controller.monte_carlo.monte_carlo_report import Outcome
-from controller.monte_carlo.stored_members import stream_monte_carlo
-from controller.policy.flown_law import gain_law
 
 
 def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:

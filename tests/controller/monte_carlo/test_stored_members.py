@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controller import MonteCarlo, stream_monte_carlo
 from controller.monte_carlo import stored_members as monte_carlo
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from controller.monte_carlo.stored_members import MonteCarloJob, fly_members, stream_monte_carlo
+from controller.monte_carlo.stored_members import MonteCarloJob, fly_members
+from hfa_model import BadInputError
 from hfa_model.jobs.store import Store, open_store
-from hfa_model.support.errors import BadInputError
 
 
 def assert_same(first: Mapping[str, np.ndarray] | Store, second: Mapping[str, np.ndarray] | Store) -> None:

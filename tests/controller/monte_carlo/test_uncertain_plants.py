@@ -7,9 +7,9 @@ from member_plans import PARAMETERS
 
 from controller.flight.plants import LinearizedAircraft
 from controller.monte_carlo.uncertain_plants import UncertainLinearization
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.variants import variant_named
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 
 
 def test_the_linear_plant_is_the_derivative_at_the_trim_of_the_design(point: OperatingPoint) -> None:

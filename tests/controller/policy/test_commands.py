@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from controller.policy.commands import CommandedStates, CommandSteps
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES
+from controller import CommandedStates, CommandSteps
+from hfa_model import LINEAR_STATES, BadInputError
 
 TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 

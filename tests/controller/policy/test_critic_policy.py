@@ -10,19 +10,16 @@ import numpy as np
 import pytest
 from flight_cases import seen
 
+from controller import Harmonic, PublishedSettings, Signal, basis as basis_of, published_game, random_pool
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.plants import LinearPlant
-from controller.game.basis import basis as basis_of
-from controller.game.zero_sum import published_game
 from controller.laws.published_equations import Sample, bellman, normaliser, update_direction
-from controller.laws.published_law import PublishedLaw, PublishedSettings, published_law
+from controller.laws.published_law import PublishedLaw, published_law
 from controller.policy.critic_policy import CriticPolicy, forcing
-from controller.policy.signals import Harmonic, Signal, zero
-from controller.samples.recording import random_pool
+from controller.policy.signals import zero
 from controller.samples.stack_equations import GAME
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
-from verification.riccati.gare import solve_game
+from hfa_model import BadInputError, published_models
+from verification import solve_game
 
 REFERENCE = Signal(
     np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.policy.flown_law import gain_law
-from hfa_model.support.errors import BadInputError
+from controller import gain_law
+from hfa_model import BadInputError
 
 GAINS = np.random.default_rng(1).normal(size=(3, 5, 6))
 

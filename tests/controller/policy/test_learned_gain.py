@@ -9,12 +9,9 @@ import pytest
 from flight_cases import SMALL, FlownCase
 from reference_riccati import reference_solution, relative_error
 
-from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly
-from controller.game.zero_sum import Game
-from controller.laws.learn import learn
+from controller import Game, Scenario, fly, learn
 from controller.policy.learned_gain import baseline_gain, certified_gains, frozen_law, learned_value, online_law
-from hfa_model.support.errors import NoSolutionError
+from hfa_model import NoSolutionError
 
 
 def test_a_frozen_learned_gain_is_the_exact_one(newton: FlownCase) -> None:

@@ -10,16 +10,14 @@ import numpy as np
 import pytest
 from flight_cases import seen
 
-from controller.flight.envelope import flight_envelope
+from controller import Scenario, flight_envelope
 from controller.flight.flight_result import NonlinearFlight
-from controller.flight.scenario import Scenario
 from controller.policy.policies import Seen
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, NoSolutionError
+from verification import certified_schedule
 from verification.flights.schedule_result import CertifiedSchedule
-from verification.flights.scheduling import certified_schedule, change_over, fly_schedule, grid_of
+from verification.flights.scheduling import change_over, fly_schedule, grid_of
 
 N, M = len(LINEAR_STATES), len(INPUTS)
 

@@ -10,24 +10,25 @@ import pytest
 from controllers import integrating_controller, small_controller
 from scipy.integrate import solve_ivp
 
-from controller.design.scheduled_controller import ScheduledController
-from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.envelope import flight_envelope
+from controller import (
+    ActuatorFault,
+    Actuators,
+    CommandedStates,
+    CommandSteps,
+    Scenario,
+    ScheduledController,
+    flight_envelope,
+    fly,
+    servo_law,
+)
 from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly
 from controller.flight.tracking import fastest_inputs, tracked, tracking_table
-from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.policies import Seen
-from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input
+from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, Input
+from trim import OperatingPoint, find_operating_point, level_flight
 from trim.linear.output_model import output_model
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 Z = "vertical_acceleration_short_period"
 FREE = Actuators(Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5), Input(*[np.inf] * 5))

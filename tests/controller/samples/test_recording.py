@@ -6,22 +6,18 @@ import numpy as np
 import pytest
 from learning_samples import PUBLISHED, published, stable_game
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import Game, Stack, basis, random_pool, record
 from controller.samples.probing import ProbingFlight
 from controller.samples.recording import (
     RANK_TOLERANCE,
-    Stack,
     choose,
     excitation,
     natural_spread,
-    random_pool,
     rank,
-    record,
     refuse_poor,
     unit_rows,
 )
-from hfa_model.support.errors import BadInputError
+from hfa_model import BadInputError
 
 QUADRATIC = basis("quadratic", 6)
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controller import PublishedSettings
 from controller.laws import certify
-from controller.laws.published_law import PublishedSettings
 from controller.study.published_study import (
     StudyRow,
     StudyRun,
@@ -22,7 +22,7 @@ from controller.study.published_study import (
 )
 from controller.study.study_report import load_study, study_data
 from controller.study.study_rows import STUDY
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model import BadInputError, NoSolutionError
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "docs" / "results" / "published_study.json"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from controller.laws.published_law import PublishedSettings
+from controller import PublishedSettings
 from controller.study.published_study import StudyRow, StudyRun
 from controller.study.study_report import load_study, study_data
 

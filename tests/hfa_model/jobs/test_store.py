@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa_model import BadInputError
 from hfa_model.jobs import store
 from hfa_model.jobs.store import Array, Layout, checksum, described, open_store
 from hfa_model.jobs.stream import stream
-from hfa_model.support.errors import BadInputError
 
 ROWS, CHUNK = 10, 3
 

@@ -13,10 +13,10 @@ from hfa_model import BadInputError, default_parameters
 from hfa_model.jobs import store, stream
 from hfa_model.jobs.store import create_store, open_store
 from hfa_model.jobs.stream import run_and_write
+from trim import SweepPlan, stream_sweep
 from trim.sweeps import stored_sweep
 from trim.sweeps.chunk import run_chunk
-from trim.sweeps.stored_sweep import SweepJob, status_counts, stream_sweep
-from trim.sweeps.sweep_plan import SweepPlan
+from trim.sweeps.stored_sweep import SweepJob, status_counts
 
 PARAMETERS = default_parameters().values
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from hfa_model import BadInputError, NoSolutionError
 from hfa_model.jobs import workers as executors
 from hfa_model.jobs.workers import Workers
-from hfa_model.support.errors import BadInputError, NoSolutionError
 
 
 class _Scripted(Executor):

@@ -10,24 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.flight.envelope import Envelope
-from controller.flight.scenario import Scenario
-from controller.flight.uncertain import Uncertainty
-from controller.game.zero_sum import published_game
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law, published_game
 from controller.monte_carlo.stored_members import fly_members
-from controller.policy.flown_law import gain_law
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft, State, default_parameters
 from hfa_model.native.per_thread import cached_per_thread
-from hfa_model.parameters import default_parameters
-from hfa_model.vectors import State
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import SweepPlan, find_operating_point, level_flight, linearize, stream_sweep
 from trim.sweeps import stored_sweep
-from trim.sweeps.stored_sweep import run_points, stream_sweep
-from trim.sweeps.sweep_plan import SweepPlan
-from verification.riccati.gare import solve_game
+from trim.sweeps.stored_sweep import run_points
+from verification import solve_game
 
 PARAMETERS = default_parameters().values
 Rows = Mapping[str, NDArray]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from hfa_model.reporting.checks import Check, at_least, at_most, below
+from hfa_model import Check
+from hfa_model.reporting.checks import at_least, at_most, below
 
 
 def test_checks_judge_and_give_reasons() -> None:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from hfa_model import Report
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.report import Block, Picture, Report
+from hfa_model.reporting.report import Block, Picture
 from hfa_model.reporting.text import RowsMade, Style, Table, Toned
 
 

@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hfa_model import shown_in
 from hfa_model.reporting.text import shown_unit, shown_value
-from hfa_model.reporting.unit_system import (
-    english,
-    entries_in_force,
-    in_force,
-    shown_in,
-    si_factor,
-    si_unit,
-    unit_in_force,
-)
+from hfa_model.reporting.unit_system import english, entries_in_force, in_force, si_factor, si_unit, unit_in_force
 
 FOOT, POUND, GRAVITY = 0.3048, 0.45359237, 9.80665
 

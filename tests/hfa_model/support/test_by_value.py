@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import ParameterSet
-from hfa_model.published import published_models
-from trim.linear.entry_bands import entry_bands
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, find_operating_point
-from trim.sweeps.sweep import sweep
+from hfa_model import Aircraft, ParameterSet, published_models
+from trim import (
+    LinearModel,
+    OperatingPoint,
+    TrimError,
+    entry_bands,
+    find_operating_point,
+    level_flight,
+    linearize,
+    sweep,
+)
 
 
 @pytest.fixture(scope="module")

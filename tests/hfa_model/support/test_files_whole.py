@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa_model import BadInputError
 from hfa_model.support import files
-from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import save_npz
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from cli import assert_refused, hfa
 
+from hfa_model import BadInputError
 from hfa_model.support import input_files
-from hfa_model.support.errors import BadInputError
 from hfa_model.support.input_files import LARGEST_TEXT, read_json, read_toml, regular_file
 
 

@@ -7,19 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.published import published_models
-from trim.linear.compare import (
-    EntryRow,
-    entries_records,
-    entries_table,
-    matrices_beside_the_print,
-    printed_at,
-    regenerate,
-)
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from hfa_model import Aircraft, published_models
+from trim import OperatingPoint, find_operating_point, level_flight, printed_at, regenerate
+from trim.linear.compare import EntryRow, entries_records, entries_table, matrices_beside_the_print
 
 
 @pytest.mark.parametrize("degrees", [model.dihedral_deg for model in published_models()])

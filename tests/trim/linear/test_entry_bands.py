@@ -10,14 +10,9 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters, ParameterSet, save_parameters
-from hfa_model.support.errors import BadInputError
-from trim.linear.bands import Bands
-from trim.linear.entry_bands import bands_known, entry_bands
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from hfa_model import Aircraft, BadInputError, Parameters, ParameterSet, save_parameters
+from trim import Bands, entry_bands, find_operating_point, level_flight, linearize
+from trim.linear.entry_bands import bands_known
 
 CONDITION = level_flight(np.radians(10.0))
 

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.vectors import STATE_SCALES
-from trim.linear.mode_tracking import track_modes
+from trim import sweep, track_modes
 from trim.sweeps import sweep as sweeps
-from trim.sweeps.sweep import sweep
 
 STATES = ("alpha", "pitch_rate", "speed")
 #: Three shapes, far from parallel in units of `STATE_SCALES`.

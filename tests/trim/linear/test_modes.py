@@ -8,13 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_model import LINEAR_STATES, STATES, Aircraft
+from trim import find_operating_point, level_flight, linearize, modes_of
 from trim.linear.compare import eigenvalue_errors
-from trim.linear.linearize import linearize
-from trim.linear.modes import modes_of
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from hfa_model import Aircraft, BadInputError
-from trim.point.condition import level_flight
-from trim.point.condition_file import NAMED, load_condition
-from trim.point.solve import find_operating_point
-from verification.validation.outside import released_trims
+from trim import find_operating_point, level_flight, load_condition
+from trim.point.condition_file import NAMED
+from verification import released_trims
 
 
 def test_the_paper_s_condition_is_the_default() -> None:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import STATES
-from trim.point.condition import STATE_LIMITS, level_flight, release
-from trim.point.solve import TrimError, find_operating_point
+from hfa_model import STATES, Aircraft, BadInputError
+from trim import STATE_LIMITS, TrimError, find_operating_point, level_flight, release
 from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
 
 #: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.

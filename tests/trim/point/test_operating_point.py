@@ -11,11 +11,8 @@ import control
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint, load_operating_point, save_operating_point
-from trim.point.solve import find_operating_point
+from hfa_model import Aircraft, BadInputError
+from trim import OperatingPoint, find_operating_point, level_flight, load_operating_point, save_operating_point
 
 
 @pytest.fixture(scope="module")

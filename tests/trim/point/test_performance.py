@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import STATES
-from trim.point.condition import level_flight, release
-from trim.point.operating_point import OperatingPoint
-from trim.point.performance import PERFORMANCE_UNITS, Performance, performance
-from trim.point.solve import find_operating_point
+from hfa_model import STATES, Aircraft
+from trim import OperatingPoint, Performance, find_operating_point, level_flight, performance, release
+from trim.point.performance import PERFORMANCE_UNITS
 
 METRE_PER_FOOT = 0.3048
 

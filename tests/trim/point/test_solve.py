@@ -7,12 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATES
-from trim.point.condition import BALANCED, CONTROL_LIMITS, SCALES, TrimCondition, level_flight, release
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, find_operating_point
+from hfa_model import STATES, Aircraft, BadInputError, NoSolutionError
+from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
+from trim import CONTROL_LIMITS, OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
+from trim.point.condition import BALANCED, SCALES
 from trim.point.trim_problem import TrimProblem
 
 BASE = level_flight(float(np.radians(15.0)))

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.vectors import INPUT_SCALES
-from trim.point.condition import level_flight, release
-from trim.point.operating_point import OperatingPoint, load_operating_point, save_operating_point
-from trim.point.solve import find_operating_point
+from trim import OperatingPoint, find_operating_point, level_flight, load_operating_point, release, save_operating_point
 
 FREE = ("speed", "dihedral", "gamma")
 

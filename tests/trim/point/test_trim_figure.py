@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.reporting.figure import save
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
-from trim.point.trim_figure import panels_from_the_front, trim_figure
+from trim import OperatingPoint, find_operating_point, level_flight, trim_figure
+from trim.point.trim_figure import panels_from_the_front
 
 
 def test_the_wing_hangs_together_at_the_dihedral_angle(published_aircraft: Aircraft, point: OperatingPoint) -> None:

@@ -7,11 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, STATES
-from trim.point.condition import LIMITS, TrimCondition, level_flight, release
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from hfa_model import INPUTS, STATES, Aircraft
+from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release
+from trim.point.condition import LIMITS
 from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
 
 BASE = level_flight(float(np.radians(10.0)))

@@ -9,14 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report
-from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, UNITS, State
-from trim.point.condition import BALANCED, TrimCondition, level_flight, release
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from hfa_model import INPUTS, STATES, Aircraft, Report, State
+from hfa_model.vectors import RATE_SCALES, UNITS
+from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
+from trim.point.condition import BALANCED
 from trim.point.trim_margins import all_margins
-from trim.point.trim_report import trim_report
 
 BASE = level_flight(float(np.radians(10.0)))
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import INPUTS, STATES
+from hfa_model import INPUTS, STATES, Aircraft, Parameters
 from trim.point.condition import LIMITS
 from trim.sweeps.chunk import BEYOND_LIMITS, NO_TRIM, TRIMMED, run_chunk
 from trim.sweeps.stored_sweep import run_points

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from hfa_model import INPUTS, STATES, Aircraft, default_parameters
+from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, default_parameters
 from hfa_model.native.machine_code import c_compiler
-from hfa_model.variants import VARIANTS, variant_named
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import CONDITION, level_conditions, solve_level_flights
+from hfa_model.variants import variant_named
+from trim import find_operating_point, level_conditions, level_flight, linearize, solve_level_flights
+from trim.sweeps.level_flights import CONDITION
 
 
 def _conditions(count: int, seed: int) -> np.ndarray:

@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import STATES, Aircraft
 from hfa_model.variants import variant_named
-from hfa_model.vectors import STATES
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import TrimError, find_operating_point
+from trim import TrimError, find_operating_point, level_conditions, level_flight, linearize, solve_level_flights, sweep
 from trim.sweeps import level_flights
 from trim.sweeps.chunk import NO_TRIM, TRIMMED, run_chunk
-from trim.sweeps.level_flights import level_conditions, solve_level_flights
-from trim.sweeps.sweep import sweep
 
 ANGLES = np.radians([[5.0], [15.0]])
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from trim.sweeps.sweep import sweep
+from hfa_model import Aircraft, BadInputError
+from trim import sweep
 
 
 def test_the_slow_modes_have_their_own_panel_and_no_legend_covers_a_curve(published_aircraft: Aircraft) -> None:

@@ -8,10 +8,9 @@ import numpy as np
 import xarray
 import zarr
 
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import INPUTS, STATE_UNITS, STATES
-from trim.sweeps.stored_sweep import status_counts, stream_sweep
-from trim.sweeps.sweep_plan import SweepPlan
+from hfa_model import INPUTS, STATE_UNITS, STATES, Parameters
+from trim import SweepPlan, stream_sweep
+from trim.sweeps.stored_sweep import status_counts
 
 
 def test_a_store_names_its_columns(tmp_path: Path, parameters: Parameters) -> None:

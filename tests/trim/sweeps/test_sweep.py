@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from trim.point.condition import level_flight
-from trim.point.solve import TrimError, find_operating_point
+from hfa_model import Aircraft, BadInputError
+from trim import SweepPlan, TrimError, find_operating_point, level_flight, sweep
 from trim.sweeps.chunk import run_chunk
-from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_plan import SweepPlan
 
 
 def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:

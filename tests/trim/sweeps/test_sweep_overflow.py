@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters, ParameterSet, save_parameters
-from hfa_model.support.errors import BadInputError
-from trim.point.condition import level_flight, release
-from trim.point.solve import find_operating_point
+from hfa_model import Aircraft, BadInputError, Parameters, ParameterSet, save_parameters
+from trim import find_operating_point, level_flight, release, sweep
 from trim.sweeps.chunk import NO_TRIM, TRIMMED, run_chunk
-from trim.sweeps.sweep import sweep
 
 WORDS = "the equations overflow or divide by zero at this condition with these parameters"
 #: The parameter and a value at which the first guess, the rates or their Jacobian overflow.

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
-from trim.sweeps.sweep_plan import Steps, SweepPlan
+from hfa_model import BadInputError, Parameters
+from trim import Steps, SweepPlan
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_result import Sweep
+from hfa_model import Aircraft
+from trim import Sweep, sweep
 
 NUMBER = re.compile(r"(-?\d+\.\d{4})(?: ± (\d+\.\d{4})i)?")
 

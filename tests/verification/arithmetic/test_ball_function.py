@@ -12,10 +12,8 @@ import pytest
 from flint import arb, arb_series
 from proof_cases import family, model_at
 
+from hfa_model import STATES, VARIANTS, BadInputError
 from hfa_model.aircraft import compiled_dynamics
-from hfa_model.support.errors import BadInputError
-from hfa_model.variants import VARIANTS
-from hfa_model.vectors import STATES
 from verification.arithmetic import ball_function
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import PRECISION, exact, flint_or_refusal

@@ -9,8 +9,8 @@ import pytest
 from flint import arb, arb_mat
 from proof_cases import family, model_at
 
+from hfa_model import VARIANTS
 from hfa_model.aircraft import compiled_dynamics
-from hfa_model.variants import VARIANTS
 from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.balls import PRECISION
 from verification.arithmetic.taylor_model import TaylorModel

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from proof_cases import family
 
-from hfa_model.support.errors import BadInputError
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from hfa_model import BadInputError
+from trim import NamedCondition
+from trim.point.named_condition import LEVEL_FLIGHT
 
 
 def test_the_paper_s_flights_are_taken() -> None:

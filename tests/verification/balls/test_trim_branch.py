@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from proof_cases import family, model_at
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
-from hfa_model.support.errors import NoSolutionError
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from hfa_model import Aircraft, NoSolutionError, default_parameters
+from trim import find_operating_point, level_flight, linearize
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel

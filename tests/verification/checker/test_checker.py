@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, exact_table, family, forge
 
-from hfa_model.support.errors import BadInputError
-from verification.checker.checker import Rejected, check_certificate
+from hfa_model import BadInputError
+from verification import check_certificate, prove_rate, prove_schedule
+from verification.checker.checker import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.checked_report import checked_report
-from verification.proof.rate_proof import prove_rate
-from verification.proof.schedule_proof import joined, prove_schedule
+from verification.proof.schedule_proof import joined
 
 Content = dict[str, Any]
 

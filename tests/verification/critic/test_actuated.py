@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.game.zero_sum import Game
+from controller import Game
+from verification import from_gain, solve_game
 from verification.critic.actuated import actuators_in, at_once, with_speed
-from verification.critic.candidate import from_gain
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
-from verification.riccati.gare import solve_game
 
 #: A plant of four states behind an actuator of first order (state 5) and one of second (states 6 and 7).
 _A = np.array([[-0.5, 1.0, 0.2, 0.0], [-2.0, -0.8, 0.3, 0.1], [0.1, 0.0, -0.3, 1.0], [0.4, 0.2, -1.5, -0.4]])

@@ -11,12 +11,10 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15, stored
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import Game, basis
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-from hfa_model.support.errors import BadInputError
-from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.riccati.gare import solve_game
+from hfa_model import BadInputError
+from verification import Candidate, from_gain, from_value, from_weights, solve_game
 
 
 @pytest.fixture(autouse=True)

@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 from planted_critics import other_root
 
-from controller.game.basis import BASES, basis
-from controller.game.learning_result import Excitation, LearningResult
-from controller.game.zero_sum import Game, published_game
-from hfa_model import BadInputError, NoSolutionError
-from hfa_model.published import published_models
-from verification.critic.candidate import from_gain, from_value, from_weights
-from verification.critic.critic_check import check_critic
+from controller import Game, LearningResult, basis, published_game
+from controller.game.basis import BASES
+from controller.game.learning_result import Excitation
+from hfa_model import BadInputError, NoSolutionError, published_models
+from verification import check_critic, from_gain, from_value, from_weights, solve_game
 from verification.critic.run_checks import settling_time
-from verification.riccati.gare import solve_game
 
 QUADRATIC = basis("quadratic", 6)
 

@@ -10,13 +10,9 @@ import pytest
 from cli import hfa
 from game_files import stored
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import Game, basis
 from hfa_cli.main import DONE, FAILED
-from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.critic.check_result import CriticCheck
-from verification.critic.critic_check import check_critic
-from verification.riccati.gare import solve_game
+from verification import Candidate, CriticCheck, check_critic, from_gain, from_value, from_weights, solve_game
 
 QUADRATIC = basis("quadratic", 2)
 #: Units of the second state.

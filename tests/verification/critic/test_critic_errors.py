@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
-from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.critic.critic_check import LIMIT, check_critic
+from controller import Game, basis
+from verification import Candidate, check_critic, from_gain, from_value, from_weights, solve_game
+from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import (
     ORDINARY_DEVIATIONS,
     box_errors,
@@ -19,7 +18,6 @@ from verification.critic.critic_errors import (
     gain_errors,
     value_errors,
 )
-from verification.riccati.gare import solve_game
 
 GAME = game_models()["published-15"]
 EXACT = solve_game(GAME)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from controller.game.zero_sum import Game
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from controller import Game
+from hfa_model import INPUTS, LINEAR_STATES
 from verification.critic.critic_errors import ORDINARY_DEVIATIONS, ordinary_box
 from verification.riccati.units import balanced_units
 

@@ -8,15 +8,10 @@ import numpy as np
 import pytest
 from planted_critics import weights_of
 
-from controller.game.basis import basis
-from controller.game.history import History
-from controller.game.zero_sum import Game
-from controller.laws.learn import learn
-from hfa_model.support.errors import BadInputError
+from controller import Game, History, basis, learn
+from hfa_model import BadInputError
+from verification import CriticCheck, check_history, solve_game
 from verification.critic.check_figure import check_figure
-from verification.critic.check_result import CriticCheck
-from verification.critic.critic_check import check_history
-from verification.riccati.gare import solve_game
 
 TIMES = 0.25 * np.arange(41)
 

@@ -7,16 +7,12 @@ import pytest
 from game_samples import game_models
 from planted_critics import NAMED, UNNAMED, candidate_of, gain, value, weights_of
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game, published_game
-from hfa_model.aircraft import Aircraft
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
-from verification.critic.candidate import Candidate, from_gain, from_value, from_weights
-from verification.critic.critic_check import LIMIT, check_critic
+from controller import Game, basis, published_game
+from hfa_model import Aircraft
+from trim import find_operating_point, level_flight, linearize
+from verification import Candidate, check_critic, from_gain, from_value, from_weights, solve_game
+from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
-from verification.riccati.gare import solve_game
 
 #: How many of a hundred random errors may get a cause.
 FALSE_CAUSES = 1

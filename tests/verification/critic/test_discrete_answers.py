@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from controller.game.zero_sum import Game
+from controller import Game
+from verification import Candidate, GameSolution, from_gain, from_value, solve_game
 from verification.critic.actuated import with_actuators
-from verification.critic.candidate import Candidate, from_gain, from_value
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
 from verification.critic.discrete_answers import discrete_lqr
-from verification.riccati.gare import GameSolution, solve_game
 
 
 def test_dlqr_is_the_textbook_s(game: Game) -> None:

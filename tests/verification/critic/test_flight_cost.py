@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
-from controller.game.zero_sum import Game
-from verification.critic.candidate import from_value
-from verification.critic.critic_check import check_critic
+from controller import Game
+from verification import bounded_real_gain, check_critic, from_value, solve_game
 from verification.critic.flight_cost import flight_cost, loss_matrix
-from verification.riccati.gare import solve_game
-from verification.riccati.l2_gain import bounded_real_gain
 
 GAME = game_models()["published-15"]
 EXACT = solve_game(GAME)

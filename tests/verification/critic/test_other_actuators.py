@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.game.zero_sum import Game
+from controller import Game
+from verification import from_gain, from_value, solve_game
 from verification.critic.actuated import actuators_in, with_actuators
-from verification.critic.candidate import from_gain, from_value
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
-from verification.riccati.gare import solve_game
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from experiment_configurations import COARSE, changed
 
-from controller.game.basis import basis
-from hfa_model.published import published_models
-from hfa_model.vectors import LINEAR_STATES
+from controller import basis
+from hfa_model import LINEAR_STATES, published_models
+from verification import FlightPlan, make_setting, section5_configuration, simulate_plan, solve_game
 from verification.experiments.claims import (
     CONFIRMED,
     NOT_CONFIRMED,
@@ -22,13 +22,11 @@ from verification.experiments.claims import (
     Evidence,
     check_claim,
 )
-from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, FlightRecord, simulate_plan
+from verification.experiments.experiment_flights import FlightRecord
 from verification.experiments.flown_laws import EXACT, INTEGRAL, Critic
 from verification.experiments.measures import worst
 from verification.experiments.reproduction import EXPERIMENTS
-from verification.experiments.setting import Setting, make_setting
-from verification.riccati.gare import solve_game
+from verification.experiments.setting import Setting
 
 OF_THE_PRINT = [
     (section, claim) for section, one in EXPERIMENTS.items() for claim in one.claims if claim.laws == (PRINT,)

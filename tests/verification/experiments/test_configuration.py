@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from experiment_configurations import COARSE, NOTHING, Changes, changed
 
-from hfa_model.support.errors import BadInputError
-from verification.experiments.configuration import SECTIONS, SignalSettings, section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, simulate_plan
+from hfa_model import BadInputError
+from verification import FlightPlan, make_setting, section5_configuration, simulate_plan
+from verification.experiments.configuration import SECTIONS, SignalSettings
 from verification.experiments.flown_laws import EXACT
-from verification.experiments.setting import make_setting
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "experiments.md"
 SINE, COSINE = (0.11, 0.22, 0.0, 0.11, 0.0, 0.11), (0.0, 0.0, 0.22, 0.0, 0.11, 0.0)

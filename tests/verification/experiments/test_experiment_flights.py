@@ -10,11 +10,19 @@ import pytest
 from experiment_configurations import BRIEF, COARSE, NOTHING, Changes, changed
 
 from controller.policy.critic_policy import CriticPolicy
+from verification import (
+    FlightPlan,
+    make_setting,
+    paper_reference,
+    section5_configuration,
+    simulate,
+    simulate_plan,
+    solve_game,
+)
 from verification.experiments.claims import (
     Evidence,
 )
-from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, FlightRecord, simulate_plan
+from verification.experiments.experiment_flights import FlightRecord
 from verification.experiments.flown_laws import (
     CERTIFIED,
     CERTIFIED_FF,
@@ -28,10 +36,7 @@ from verification.experiments.flown_laws import (
 )
 from verification.experiments.measures import gain_error
 from verification.experiments.metrics import TRACKED
-from verification.experiments.setting import Setting, exosystem_of, feedforward, generator, make_setting
-from verification.meaning.linear_flight import simulate
-from verification.riccati.feedforward import paper_reference
-from verification.riccati.gare import solve_game
+from verification.experiments.setting import Setting, exosystem_of, feedforward, generator
 
 STILL_AIR: Changes = {"disturbance": {"sine": (NOTHING,), "cosine": (NOTHING,)}}
 

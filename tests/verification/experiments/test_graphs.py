@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from controller.game.basis import basis
+from controller import basis
 from verification.experiments.graphs import increments_panel, weights_panel
 
 

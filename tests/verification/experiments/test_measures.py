@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from controller.laws.certify import settled_at
+from verification import FlightPlan, section5_configuration
 from verification.experiments.claims import Evidence, FlightLostError
-from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, FlightRecord
+from verification.experiments.experiment_flights import FlightRecord
 from verification.experiments.flown_laws import EXACT
 from verification.experiments.measures import ratio, smallest, spread, worst
 from verification.experiments.metrics import ByName, FlightMetrics, first_at, wiggle

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.game.basis import basis
+from controller import basis
 from verification.experiments.flown_laws import Critic
 from verification.experiments.metrics import FlightMetrics, LearningMetrics, learning_metrics
 

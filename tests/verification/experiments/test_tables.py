@@ -13,11 +13,9 @@ from cli import hfa
 from experiment_configurations import changed
 
 from hfa_cli.main import DONE
-from verification.experiments.configuration import section5_configuration
-from verification.experiments.experiment_flights import FlightPlan, simulate_plan
+from verification import FlightPlan, make_setting, section5_configuration, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, REWEIGHTED
 from verification.experiments.reproduction import EXPERIMENTS
-from verification.experiments.setting import make_setting
 from verification.experiments.tables import claims_summary
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -11,17 +11,13 @@ import pytest
 from cli import hfa
 from flight_cases import SMALL, FlownCase, flown, signal
 
-from controller.flight.actuators import Actuators
+from controller import Actuators, Dryden, Harmonic, OneMinusCosine, Scenario, Signal
 from controller.flight.closed_loop import CompiledLoop
-from controller.flight.gusts import Dryden, OneMinusCosine
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.scenario import Scenario
-from controller.policy.signals import Harmonic, Signal
 from hfa_cli.main import BAD_INPUT, DONE
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES, Input
-from trim.point.condition import CONTROL_LIMITS, level_flight
-from trim.point.solve import find_operating_point
+from hfa_model import LINEAR_STATES, STATES, Input, NoSolutionError
+from hfa_model.vectors import STATE_SCALES
+from trim import CONTROL_LIMITS, find_operating_point, level_flight
 from verification.flights.agreement import (
     AT_REST,
     INTEGRATION,

@@ -8,11 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controller.flight.envelope import flight_envelope
-from controller.flight.gusts import OneMinusCosine
+from controller import OneMinusCosine, flight_envelope
 from controller.flight.plants import NonlinearPlant
-from hfa_model import Aircraft
-from hfa_model.vectors import INPUTS, STATES
+from hfa_model import INPUTS, STATES, Aircraft
 from trim import find_operating_point, level_flight
 from verification.flights import best_inputs as module
 from verification.flights.best_inputs import STEP, best_inputs

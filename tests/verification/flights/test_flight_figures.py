@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from flight_cases import case_at, flown
 
+from controller import Scenario
 from controller.flight.flight_result import NonlinearFlight
-from controller.flight.scenario import Scenario
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import INPUTS
-from verification.flights.flight_figures import flight_figure
+from hfa_model import INPUTS, Parameters
+from verification import flight_figure
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase, flown, signal
 
-from controller.flight.scenario import Scenario
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES, STATES
-from verification.flights.recoverable import _edge, recoverable_map
+from controller import Scenario
+from hfa_model import LINEAR_STATES, STATES, BadInputError
+from verification import recoverable_map
+from verification.flights.recoverable import _edge
 from verification.flights.recoverable_map import RecoverableMap
 
 N = len(LINEAR_STATES)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from controller.policy.scheduled import Schedule
+from hfa_model import BadInputError
 from hfa_model.reporting.text import Table
-from hfa_model.support.errors import BadInputError
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 from verification.flights.schedule_result import CertifiedSchedule, GridPoint
 
 

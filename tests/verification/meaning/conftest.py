@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
-from controller.game.zero_sum import Game
-from verification.riccati.gare import solve_game
+from controller import Game
+from verification import solve_game
 
 
 @pytest.fixture(params=sorted(game_models()))

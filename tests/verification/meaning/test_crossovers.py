@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
+from verification import loop_margins, solve_game
 from verification.meaning.crossovers import Loop
-from verification.meaning.margins import loop_margins
-from verification.riccati.gare import solve_game
 
 
 def loop_of(numerator: list[float], denominator: list[float]) -> Loop:

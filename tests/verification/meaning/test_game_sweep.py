@@ -11,14 +11,12 @@ import pytest
 from cli import hfa
 from scipy.io import loadmat
 
-from controller.game.zero_sum import published_game
+from controller import published_game
 from hfa_cli.main import BAD_INPUT, DONE
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import default_parameters
-from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_result import Sweep
+from hfa_model import Aircraft, default_parameters
+from trim import Sweep, sweep
+from verification import analyse_game
 from verification.meaning.game_sweep import sweep_games
-from verification.meaning.solution_report import analyse_game
 
 
 @pytest.fixture(scope="module")

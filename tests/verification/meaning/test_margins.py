@@ -11,10 +11,10 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.meaning.margins import best_scaling, disk_margin, loop_margins, scaled_norm
-from verification.riccati.gare import solve_game
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import disk_margin, loop_margins, solve_game
+from verification.meaning.margins import best_scaling, scaled_norm
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from game_samples import INITIAL, failed_names, game_models
 
-from controller.game.zero_sum import Game
+from controller import Game
+from verification import solve_game
 from verification.meaning.meaning import meaning_checks
-from verification.riccati.gare import solve_game
 
 
 def test_exact_solution_means_what_it_says(game: Game) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import OutputGame
 from verification.meaning.output_report import output_report
-from verification.riccati.output_feedback import OutputGame
 
 ONE = np.eye(1)
 

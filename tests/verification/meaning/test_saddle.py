@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from game_samples import INITIAL, failed_names, game_models
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError
+from controller import Game
+from hfa_model import BadInputError
+from verification import solve_game
 from verification.meaning.saddle import CHANGE, RATIO, saddle_checks
-from verification.riccati.gare import solve_game
 
 
 def test_each_player_loses_to_second_order(game: Game) -> None:

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from game_samples import INITIAL, failed_names
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.meaning.linear_flight import simulate
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import simulate, solve_game
 from verification.meaning.saddle import cost_checks, cost_matrix, saddle_checks, simulated_cost
-from verification.riccati.gare import solve_game
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controller.game.zero_sum import published_game
+from controller import published_game
+from hfa_model import NoSolutionError
 from hfa_model.reporting.text import four_decimals
-from hfa_model.support.errors import NoSolutionError
-from verification.meaning.solution_report import analyse_game
+from verification import analyse_game
 from verification.page import angle_result
 from verification.page.angle_result import AngleResult
 from verification.page.job_report import angle_report, point_report, verdicts

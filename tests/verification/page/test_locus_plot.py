@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from plotly.graph_objects import Figure
 
-from hfa_model.aircraft import Aircraft
-from trim.linear.modes import modes_of
-from trim.sweeps.sweep import sweep
+from hfa_model import Aircraft
+from trim import modes_of, sweep
 from verification.page.locus_plot import MARKED, locus_plot
 from verification.page.main_job import MainJob
 

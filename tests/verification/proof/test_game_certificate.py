@@ -11,16 +11,14 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, family, forge, model_at
 
-from controller.game.basis import basis
+from controller import Game, basis, published_game
 from controller.game.history import StoredCritic
-from controller.game.zero_sum import Game, published_game
-from hfa_model.support.errors import NoSolutionError
-from verification.checker.checker import Rejected, check_certificate
+from hfa_model import NoSolutionError
+from verification import check_certificate, prove_critic, prove_solution, solve_game
+from verification.checker.checker import Rejected
 from verification.proof.certificate_file import write_certificate
 from verification.proof.checked_report import checked_report
 from verification.proof.game_certificate import critic_claim, solution_claim
-from verification.proof.solution_proof import prove_critic, prove_solution
-from verification.riccati.gare import solve_game
 
 Content = dict[str, Any]
 

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, exact_gain, family, forge, model_at
 
-from hfa_model.support.errors import NoSolutionError
+from hfa_model import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
-from verification.checker.checker import Rejected, check_certificate
+from verification import check_certificate, coarsest_grid
+from verification.checker.checker import Rejected
 from verification.proof.checked_report import checked_report
-from verification.proof.lpv_grid import LpvGrid, certify, coarsest_grid
+from verification.proof.lpv_grid import LpvGrid, certify
 from verification.proof.lpv_report import c_source, lpv_report
 
 

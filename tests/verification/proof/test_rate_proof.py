@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from proof_cases import exact_table, family, model_at, unstable_between
 
+from verification import prove_rate
 from verification.balls.taylor import DihedralBox
-from verification.proof.rate_proof import _angles, prove_rate
+from verification.proof.rate_proof import _angles
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, exact_table, family, model_at, unstable_between
 
-from controller.policy.gain_table import GainTable
-from hfa_model.parameters import default_parameters
+from controller import GainTable
+from hfa_model import BadInputError, default_parameters
 from hfa_model.reporting.text import Table
-from hfa_model.support.errors import BadInputError
-from verification.checker.checker import check_certificate
+from verification import check_certificate, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import schedule_report
-from verification.proof.schedule_proof import Cover, ScheduleProof, joined, prove_schedule
+from verification.proof.schedule_proof import Cover, ScheduleProof, joined
 from verification.riccati.spectrum import spectrum
 
 

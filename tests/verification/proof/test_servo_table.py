@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, exact_gain, family, forge, model_at
 
-from controller.design.design import Actuator
-from controller.design.scheduled_controller import ScheduledController
-from controller.policy.gain_table import GainTable
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from controller import Actuator, GainTable, ScheduledController
+from hfa_model import INPUTS, LINEAR_STATES, BadInputError
+from verification import check_certificate, prove_rate, prove_schedule
 from verification.arithmetic.balls import doubles
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import TrimBranch
-from verification.checker.checker import Rejected, check_certificate
+from verification.checker.checker import Rejected
 from verification.proof.certificate_file import ScheduleCertificate
-from verification.proof.rate_proof import prove_rate
-from verification.proof.schedule_proof import joined, prove_schedule
+from verification.proof.schedule_proof import joined
 from verification.proof.scheduled_loop import closed_loop
 from verification.proof.servo_table import servo_table
 

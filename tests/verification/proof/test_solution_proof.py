@@ -7,16 +7,15 @@ import pytest
 from proof_cases import family, model_at
 from reference_riccati import reference_solution
 
-from controller.game.basis import basis
+from controller import Game, basis, published_game
 from controller.game.history import StoredCritic
-from controller.game.zero_sum import Game, published_game
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model import BadInputError, NoSolutionError
+from verification import minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic.balls import flint_or_refusal, matrix
 from verification.balls.game_balls import BallGame, enclose_solution
 from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
-from verification.proof.solution_proof import distance, prove_critic, prove_solution
-from verification.riccati.existence import DeltaMin, minimum_delta
-from verification.riccati.gare import solve_game
+from verification.proof.solution_proof import distance
+from verification.riccati.existence import DeltaMin
 
 
 def aircraft_game(degrees: float = 15.0, dynamics: str = "published") -> Game:

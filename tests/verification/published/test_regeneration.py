@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.reporting.text import Table, eigenvalue_text
-from verification.published.regeneration import _spectrum, regenerate_all
+from verification import regenerate_all
+from verification.published.regeneration import _spectrum
 
 
 def test_a_spectrum_begins_with_the_fastest_and_the_upper_half() -> None:

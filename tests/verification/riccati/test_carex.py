@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.riccati.existence import minimum_delta
-from verification.riccati.gare import solve_game
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta, solve_game
 
 #: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of 1e16.
 EXACT = 1e-14

@@ -9,8 +9,9 @@ import pytest
 from game_samples import game_models, random_game
 from scipy.linalg import schur, solve_continuous_lyapunov
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta, solve_game
 from verification.riccati.certificate import (
     Certificate,
     agreement_check,
@@ -18,8 +19,6 @@ from verification.riccati.certificate import (
     relative_residual,
     solution_checks,
 )
-from verification.riccati.existence import minimum_delta
-from verification.riccati.gare import solve_game
 from verification.riccati.gare_iteration import iterated_solution
 from verification.riccati.gare_schur import schur_solution
 

@@ -10,9 +10,9 @@ import pytest
 from cli import answer
 from game_files import checks_of, stored
 
-from controller.game.zero_sum import Game
+from controller import Game
 from hfa_cli.main import FAILED
-from verification.riccati.gare import solve_game
+from verification import solve_game
 
 STABLE: dict[str, Any] = {
     "A": np.array([[-1.0, 0.2], [0.1, -1.0]]),

@@ -11,11 +11,11 @@ import pytest
 from game_collection import STRUCTURES, Sample, collection
 from reference_riccati import reference_solution
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta, solve_game
 from verification.riccati.certificate import certified_solution
-from verification.riccati.existence import TOLERANCE, lqr_obstacle, minimum_delta
-from verification.riccati.gare import solve_game
+from verification.riccati.existence import TOLERANCE, lqr_obstacle
 
 #: A right answer may be refused where a delta this much smaller has none.
 MARGIN = 1e-3

@@ -9,10 +9,10 @@ import pytest
 from game_samples import game_models, random_game
 from reference_riccati import reference_solution
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.riccati.existence import TOLERANCE, has_value, minimum_delta
-from verification.riccati.gare import solve_game
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta, solve_game
+from verification.riccati.existence import TOLERANCE, has_value
 
 
 @pytest.fixture(params=sorted(game_models()))

@@ -10,11 +10,11 @@ import pytest
 from game_samples import INITIAL, game_models
 from scipy.integrate import quad
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError
-from verification.meaning.linear_flight import LinearFlight, simulate
-from verification.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward, paper_reference
-from verification.riccati.gare import solve_game
+from controller import Game
+from hfa_model import BadInputError
+from verification import exosystem_feedforward, paper_reference, simulate, solve_game
+from verification.meaning.linear_flight import LinearFlight
+from verification.riccati.feedforward import Exosystem, exosystem
 
 MODELS = sorted(game_models())
 ZERO = np.zeros(6)

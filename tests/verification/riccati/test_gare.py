@@ -13,13 +13,13 @@ import pytest
 from game_samples import game_models, regenerated_models
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta, solve_game
 from verification.riccati.certificate import (
     certified_solution,
 )
-from verification.riccati.existence import DeltaMin, minimum_delta
-from verification.riccati.gare import solve_game
+from verification.riccati.existence import DeltaMin
 from verification.riccati.spectrum import balanced
 from verification.riccati.units import balanced_units, in_units
 

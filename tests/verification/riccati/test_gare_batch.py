@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from controller.game.zero_sum import Game, published_game
-from hfa_model import LINEAR_STATES, STATES, BadInputError, NoSolutionError, default_parameters
-from hfa_model.variants import VARIANTS
-from trim.sweeps.level_flights import level_conditions, solve_level_flights
-from verification.riccati.gare import solve_game
-from verification.riccati.gare_batch import solve_games
+from controller import Game, published_game
+from hfa_model import LINEAR_STATES, STATES, VARIANTS, BadInputError, NoSolutionError, default_parameters
+from trim import level_conditions, solve_level_flights
+from verification import solve_game, solve_games
 
 
 def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ import pytest
 from game_samples import game_models
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.riccati.existence import minimum_delta
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import minimum_delta
 from verification.riccati.gare_iteration import iterated_solution
 
 MODELS = sorted(game_models())

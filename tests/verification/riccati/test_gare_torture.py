@@ -12,8 +12,8 @@ from game_samples import random_game
 from reference_riccati import reference_solution, relative_error
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller import Game
+from hfa_model import NoSolutionError
 from verification.riccati.certificate import certified_solution, relative_residual
 from verification.riccati.gare_iteration import iterated_solution
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from game_samples import failed_names, game_models, random_game
 
-from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
-from verification.riccati.existence import has_value, minimum_delta
-from verification.riccati.gare import solve_game
-from verification.riccati.l2_gain import SweptGain, bounded_real_gain, gain_checks, gain_is_below, swept_gain
+from controller import Game
+from hfa_model import NoSolutionError
+from verification import bounded_real_gain, minimum_delta, solve_game
+from verification.riccati.existence import has_value
+from verification.riccati.l2_gain import SweptGain, gain_checks, gain_is_below, swept_gain
 
 MODELS = sorted(game_models())
 

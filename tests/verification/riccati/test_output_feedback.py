@@ -10,20 +10,12 @@ import numpy as np
 import pytest
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game
-from controller.design.design_file import load_design
-from controller.design.design_model import design_model
+from controller import Game, design_model, load_design
 from hfa_model import Aircraft, BadInputError, NoSolutionError
 from trim import find_operating_point, level_flight, linearize
-from verification import minimum_delta, solve_game
+from verification import OutputGame, minimum_delta, minimum_output_delta, solve_game, solve_output_feedback
 from verification.riccati import output_feedback
-from verification.riccati.output_feedback import (
-    OutputGame,
-    _response_difference,
-    closed_loop,
-    minimum_output_delta,
-    solve_output_feedback,
-)
+from verification.riccati.output_feedback import _response_difference, closed_loop
 
 MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_period_integral")
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.design.design_file import load_design
-from controller.design.design_model import design_model
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import NoSolutionError
-from verification.servo.reference_model import ALPHAS, models_at, reference_model, reference_servo, refuse_zeros
+from controller import design_model, load_design
+from hfa_model import Aircraft, NoSolutionError
+from verification import reference_servo
+from verification.servo.reference_model import ALPHAS, models_at, reference_model, refuse_zeros
 
 ANGLES = np.radians([0.0, 11.0, 20.0])
 

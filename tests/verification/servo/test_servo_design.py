@@ -10,8 +10,8 @@ import pytest
 from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z, model_at
 
-from controller import ScheduledController, design_model, load_design
-from controller.design.design import Actuator, Design, Feedforward
+from controller import Actuator, Design, ScheduledController, design_model, load_design
+from controller.design.design import Feedforward
 from hfa_model import Aircraft
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import design_controller

@@ -10,22 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.design.design_file import load_design
-from controller.flight.actuators import ActuatorFault
-from controller.flight.envelope import flight_envelope
-from controller.flight.gusts import Dryden, OneMinusCosine
+from controller import ActuatorFault, CommandSteps, Dryden, OneMinusCosine, flight_envelope, load_design, servo_law
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import Tracked
-from controller.policy.commands import CommandSteps
-from controller.policy.servo_policy import ServoPolicy, servo_law
-from hfa_model.aircraft import Aircraft
+from controller.policy.servo_policy import ServoPolicy
+from hfa_model import Aircraft, BadInputError, shown_in
 from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.unit_system import shown_in
-from hfa_model.support.errors import BadInputError
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import find_operating_point, level_flight
+from verification import reference_servo
 from verification.servo import cases, servo_flights
 from verification.servo.cases import (
     ANGLES,
@@ -36,7 +30,6 @@ from verification.servo.cases import (
     scenario_of,
     simvfa_commands,
 )
-from verification.servo.reference_model import reference_servo
 from verification.servo.servo_flights import fly_case, run_case
 from verification.servo.servo_report import servo_report
 from verification.servo.servo_result import ServoFlight

@@ -9,8 +9,8 @@ from servo_cases import A_Z, measured_servo, model_at
 from controller import Design, design_model, load_design
 from controller.design.design import Feedforward
 from hfa_model import Aircraft, BadInputError, NoSolutionError
-from verification import solve_game
-from verification.riccati.output_feedback import OutputGame, closed_loop, solve_output_feedback
+from verification import OutputGame, solve_game, solve_output_feedback
+from verification.riccati.output_feedback import closed_loop
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.command_path import LinearController, measurements
 from verification.synthesis.controllers import controller_at, design_controller

@@ -9,8 +9,7 @@ import pytest
 from controllers import small_controller
 from servo_cases import model_at
 
-from controller import ScheduledController, load_design
-from controller.design.design import Actuator
+from controller import Actuator, ScheduledController, load_design
 from hfa_model import Aircraft, BadInputError
 from verification.synthesis import corners
 from verification.synthesis.controllers import design_controller

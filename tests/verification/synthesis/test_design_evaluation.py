@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from servo_cases import A_Z
 
-from controller.design.design import Actuator
+from controller import Actuator
 from controller.design.design_file import read_design
 from hfa_model import Aircraft
 from verification.synthesis.design_evaluation import LOST, PENALTY, DesignEvaluation

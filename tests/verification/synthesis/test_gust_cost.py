@@ -11,8 +11,7 @@ from servo_cases import measured_servo, model_at
 
 from controller import design_model, load_design
 from hfa_model import Aircraft
-from verification import solve_game
-from verification.riccati.output_feedback import OutputGame, solve_output_feedback
+from verification import OutputGame, solve_game, solve_output_feedback
 from verification.synthesis.gust_cost import GustCost, estimated_gust_cost, gust_cost
 
 

@@ -11,20 +11,22 @@ import pytest
 from scipy.integrate import quad
 from servo_cases import measured_servo, model_at
 
-from controller.design.design import Actuator
-from controller.design.design_model import DesignModel
-from controller.design.scheduled_controller import ScheduledController
-from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.envelope import flight_envelope
+from controller import (
+    Actuator,
+    ActuatorFault,
+    Actuators,
+    CommandSteps,
+    DesignModel,
+    OneMinusCosine,
+    Scenario,
+    ScheduledController,
+    flight_envelope,
+    servo_law,
+)
 from controller.flight.flight_result import NonlinearFlight
-from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario
 from controller.flight.simulate import fly_law
-from controller.policy.commands import CommandSteps
-from controller.policy.servo_policy import servo_law
-from hfa_model import Aircraft
-from hfa_model.vectors import STATES, Input
+from hfa_model import STATES, Aircraft, Input
 from verification.synthesis.design_evaluation import quick_controller
 from verification.synthesis.moving_air import gust_share, turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant

@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import expm
 from servo_cases import A_Z, measured_servo, model_at
 
-from controller.design.design import Actuator, Feedforward
-from controller.design.design_model import DesignModel, design_model
+from controller import Actuator, DesignModel, design_model
+from controller.design.design import Feedforward
 from hfa_model import Aircraft, BadInputError
 from verification.synthesis.regulator import command_rates, regulator
 

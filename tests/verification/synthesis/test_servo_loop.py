@@ -11,8 +11,7 @@ from servo_cases import model_at
 
 from controller import design_model, load_design
 from hfa_model import Aircraft
-from verification import solve_game
-from verification.meaning.margins import disk_margin
+from verification import disk_margin, solve_game
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 

@@ -9,12 +9,10 @@ import pytest
 
 from hfa_model import Aircraft, Parameters
 from hfa_model.reporting.text import Table
-from trim.linear.linearize import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import find_operating_point, level_flight, linearize
+from verification import released_trims, validate
 from verification.validation import comparison
-from verification.validation.comparison import validate
-from verification.validation.outside import outside_data, released_trims, third_printed_model
+from verification.validation.outside import outside_data, third_printed_model
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:

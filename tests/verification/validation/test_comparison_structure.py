@@ -6,15 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Parameters, dynamics
+from hfa_model import Aircraft, Newton, Parameters, Published, State, dynamics, published_models
 from hfa_model.aerodynamics import Loads
-from hfa_model.published import published_models
-from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import Quantity, State
-from trim.linear.compare import compare, regenerate
-from verification.validation.comparison import _model_at, validate
-from verification.validation.outside import released_trims
-from verification.validation.validation_result import Validation
+from hfa_model.variants import Variant
+from hfa_model.vectors import Quantity
+from trim import compare, regenerate
+from verification import Validation, released_trims, validate
+from verification.validation.comparison import _model_at
 
 #: Where the released simulation flies at 30 ft/s, deg.
 ANGLES = range(0, 50, 5)
