@@ -9,9 +9,8 @@ from pathlib import Path
 from benchmarks.members_case import critic_plan
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
-from controller.monte_carlo.member_flight import fly_member
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from controller.monte_carlo.stored_members import stream_monte_carlo
+from controller.monte_carlo.stored_members import fly_member, stream_monte_carlo
 
 _EFFICIENCY = 0.85
 

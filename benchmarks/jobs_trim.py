@@ -13,7 +13,7 @@ from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
 from trim.linear.linearize import linearize
-from trim.linear.mode_tracking import track_modes
+from trim.linear.modes import track_modes
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import level_conditions, solve_level_flights
@@ -140,7 +140,7 @@ def _optimizer(count: int, peer_count: int) -> Row:
     """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
     import casadi as ca
 
-    from hfa_model.symbolic import state_rates
+    from hfa_model.dynamics import state_rates
 
     parameters, variant = default_parameters().values, variant_named("published")
     opti = ca.Opti()

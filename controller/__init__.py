@@ -17,10 +17,14 @@ if TYPE_CHECKING:
     from controller.design.scheduled_controller import ScheduledController as ScheduledController
     from controller.flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
-    from controller.flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
+    from controller.flight.gusts import (
+        Dryden as Dryden,
+        OneMinusCosine as OneMinusCosine,
+        side_by_side as side_by_side,
+        spanwise_dryden as spanwise_dryden,
+    )
     from controller.flight.scenario import Scenario as Scenario
     from controller.flight.simulate import fly as fly
-    from controller.flight.spanwise import side_by_side as side_by_side, spanwise_dryden as spanwise_dryden
     from controller.flight.uncertain import Uncertainty as Uncertainty
     from controller.game.basis import Basis as Basis, basis as basis
     from controller.game.critic_file import load_critic as load_critic, load_history as load_history

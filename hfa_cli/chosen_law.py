@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 from controller.game.array_file import PlantNames
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_cli.options.law_options import game_on, seed_of
+from hfa_cli.options.law_options import check_stored, game_on, seed_of, stored_law
 from hfa_cli.options.learning_options import law_name, law_settings
-from hfa_cli.options.stored_law import check_stored, stored_law
 from hfa_cli.progress import Progress
 from trim.linear.linear_model import LinearModel
 

@@ -15,8 +15,7 @@ from typing import Any
 from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
 from hfa_model.jobs.interrupts import Terminated, ended_by_signals
-from hfa_model.support.echo import on_one_line, shortened
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_model.support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143

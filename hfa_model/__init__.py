@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft as Aircraft
     from hfa_model.atmosphere import density as density
     from hfa_model.dynamics import rates_from_loads as rates_from_loads
-    from hfa_model.parameter_samples import sample_parameters as sample_parameters
     from hfa_model.parameters import (
         Parameters as Parameters,
         ParameterSet as ParameterSet,
         default_parameters as default_parameters,
         load_parameters as load_parameters,
         named_parameters as named_parameters,
+        sample_parameters as sample_parameters,
         save_parameters as save_parameters,
     )
     from hfa_model.published import PublishedModel as PublishedModel, published_models as published_models

@@ -1,4 +1,4 @@
-"""Parameters of the aircraft: a frozen record, each value with its unit, its source and its uncertainty."""
+"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty; samples of it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table
 from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.echo import shown
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shown
 from hfa_model.support.files import write_text
-from hfa_model.support.input_files import read_toml
-from hfa_model.support.toml_file import finite_number
+from hfa_model.support.input_files import finite_number, read_toml
 from hfa_model.vectors import T
 
 
@@ -249,3 +247,31 @@ def _lowest_correlation(covariance: np.ndarray) -> float:
     with np.errstate(over="ignore"):
         correlations = covariance / deviations[:, None] / deviations
     return float(np.linalg.eigvalsh(correlations).min()) if np.isfinite(correlations).all() else -np.inf
+
+
+def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
+    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): the identified parameters varied together, the others as they are.
+
+    C: the covariance of `parameters`. The print determines products and quotients of the parameters far better than
+    the parameters, and those of logarithms are sums, which a Gaussian keeps. Drawn as p + N(0, C) the spread of an
+    entry of A comes out up to 4.8 times too large. The same seed gives the same samples.
+    BadInputError when there is no covariance, or an identified parameter is zero.
+    """
+    if not parameters.covariance.size:
+        raise BadInputError(
+            "samples need parameters with their covariance, such as the parameters.toml of `hfa identify`"
+        )
+    if count < 1 or seed < 0:
+        raise BadInputError(f"count is {count} and seed is {seed}; give at least one sample and no negative seed")
+    columns = [Parameters._fields.index(name) for name in parameters.identified]
+    table = np.tile(np.array(parameters.values, dtype=float), (count, 1))
+    center = table[0, columns]
+    if not center.all():
+        name = parameters.identified[int(np.argmin(np.abs(center)))]
+        raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
+    variances, axes = np.linalg.eigh(parameters.covariance / np.outer(center, center))
+    # The symmetric root, which does not depend on the signs and the order of the axes.
+    root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
+    deviations = np.random.default_rng(seed).standard_normal((count, len(columns))) @ root
+    table[:, columns] *= np.exp(deviations)
+    return tuple(Parameters(*row) for row in table.tolist())

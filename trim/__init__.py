@@ -11,16 +11,14 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
 
 if TYPE_CHECKING:
     from trim.identification.evidence import run_identification as run_identification
-    from trim.identification.fit_result import Fit as Fit
-    from trim.identification.identification_result import Identification as Identification
+    from trim.identification.identification_result import Fit as Fit, Identification as Identification
     from trim.identification.identify import fit as fit, identify as identify
     from trim.linear.bands import Bands as Bands
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
     from trim.linear.entry_bands import entry_bands as entry_bands
     from trim.linear.linear_model import LinearModel as LinearModel, linear_model_report as linear_model_report
     from trim.linear.linearize import linearize as linearize
-    from trim.linear.mode_tracking import track_modes as track_modes
-    from trim.linear.modes import Mode as Mode, modes_of as modes_of
+    from trim.linear.modes import Mode as Mode, modes_of as modes_of, track_modes as track_modes
     from trim.point.condition import (
         CONTROL_LIMITS as CONTROL_LIMITS,
         STATE_LIMITS as STATE_LIMITS,
@@ -28,8 +26,7 @@ if TYPE_CHECKING:
         level_flight as level_flight,
         release as release,
     )
-    from trim.point.condition_file import load_condition as load_condition
-    from trim.point.named_condition import NamedCondition as NamedCondition
+    from trim.point.named_condition import NamedCondition as NamedCondition, load_condition as load_condition
     from trim.point.operating_point import (
         OperatingPoint as OperatingPoint,
         Status as Status,

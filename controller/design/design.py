@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.outputs import OUTPUTS
-from hfa_model.support.echo import shown
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shown
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).

@@ -14,8 +14,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.echo import shown
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shown
 from hfa_model.vectors import INPUTS, STATES
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.c_code import c_function
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
 from trim.linear.linear_model import LinearModel

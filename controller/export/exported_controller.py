@@ -1,26 +1,82 @@
-"""A scheduled controller as a pair of C files: what a flight computer runs between its sensors and its servos."""
+"""A scheduled controller as a pair of C files: what a flight computer runs between its sensors and its servos.
+
+What a simulation works out, commands, measured outputs, updraft and held inputs, an exported controller is told.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from controller.design.signal_units import signal_unit
 from controller.export.c_model import c_positions, c_table, comment_lines
-from controller.export.given import GivenCommands, GivenOutputs
 from controller.policy.commands import CommandSteps
-from controller.policy.policies import Seen
+from controller.policy.policies import Memoryless, Seen, Unvaried
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
-from hfa_model.outputs import OUTPUTS
-from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.point.operating_point import OperatingPoint
+
+
+class GivenCommands(NamedTuple):
+    """r, r' and the value that r is on its way to, (k,) each, as arguments; the `commands` of a `ServoPolicy`."""
+
+    names: tuple[str, ...]
+    value: ca.SX
+    slope: ca.SX
+    goal: ca.SX
+
+    def at(self, t: Any) -> ca.SX:
+        """The value r, (k,)."""
+        return self.value
+
+    def rate(self, t: Any) -> ca.SX:
+        """Its rate, (k,)."""
+        return self.slope
+
+    def end(self, t: Any) -> ca.SX:
+        """What r is on its way to."""
+        return self.goal
+
+
+class GivenOutputs(NamedTuple):
+    """y - Y0, (k,), as an argument; the `outputs` of a `ServoPolicy`."""
+
+    values: ca.SX
+
+    def at(self, seen: Seen) -> ca.SX:
+        """y - Y0."""
+        return self.values
+
+
+class GivenInputs(Memoryless, Unvaried):
+    """u, (5,), as an argument; the policy of a loop whose inputs are held from outside."""
+
+    def __init__(self, values: ca.SX) -> None:
+        self._values = values
+
+    def control(self, *_: object) -> ca.SX:
+        """The argument u."""
+        return self._values
+
+
+class GivenUpdraft(Memoryless, Unvaried):
+    """w, ft/s, as an argument; the gust of a loop."""
+
+    def __init__(self, value: ca.SX) -> None:
+        self._value = value
+
+    def updraft(self, t: Any, memory: Any, p: Any) -> ca.SX:
+        """The argument w."""
+        return self._value
+
 
 HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
 #: rad/s and damping of the command filter where the controller knows none.
@@ -39,15 +95,6 @@ def filter_rates(controller: ScheduledController, r: ca.SX, slope: ca.SX, goal: 
     """[r'; r''] of r'' = ω² (goal - r) - 2 ζ ω r', the filter of `CommandSteps`."""
     bandwidth, damping = controller.command_filter or _FILTER
     return ca.vertcat(slope, bandwidth**2 * (goal - r) - 2 * damping * bandwidth * slope)
-
-
-def unit_of_output(name: str) -> str:
-    """Unit of a state, an output, or an actuator's position or rate."""
-    for suffix, behind in (("_position", ""), ("_rate", "/s")):
-        if name.removesuffix(suffix) in INPUTS:
-            return f"{UNITS[name.removesuffix(suffix)]}{behind}"
-    plain = name.removesuffix(SHORT_PERIOD)
-    return UNITS.get(plain) or OUTPUTS[plain].unit
 
 
 def controller_function(policy: ServoPolicy) -> ca.Function:
@@ -99,8 +146,8 @@ def c_controller_texts(
     arguments = ("dihedral", "measured", "memory", "command", "lowest", "highest")
     memory = [*made.states, *(f"{name}{signal}" for signal in COMMAND_SIGNALS[:2] for name in names)] or [_UNUSED]
     names_and_units: dict[str, tuple[Sequence[str], Sequence[str]]] = {
-        "measured": (made.measurements, [unit_of_output(name) for name in made.measurements]),
-        "command": (names, [unit_of_output(name) for name in names]) if names else ([_UNUSED], [""]),
+        "measured": (made.measurements, [signal_unit(name) for name in made.measurements]),
+        "command": (names, [signal_unit(name) for name in names]) if names else ([_UNUSED], [""]),
     }
     tables = [
         c_table(f"const char *const hfa_{kind}_{what}", [f'"{word}"' for word in words])

@@ -1,4 +1,5 @@
-"""What an FMU holds: the aircraft alone, under a gain, or under a scheduled controller behind actuators."""
+"""What an FMU holds: the aircraft alone, under a gain, or under a scheduled controller behind actuators; and an example
+for the C files of a controller, a loop of 100 Hz around it in which its aircraft is simulated."""
 
 from __future__ import annotations
 
@@ -9,20 +10,25 @@ import casadi as ca
 import numpy as np
 
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.signal_units import signal_unit
+from controller.export.c_model import c_table, comment_lines
 from controller.export.exported_controller import (
+    GivenCommands,
+    GivenInputs,
+    GivenUpdraft,
     commandable,
+    filled,
     filter_rates,
     longest_step,
     trimmed_policy,
-    unit_of_output,
 )
-from controller.export.given import GivenCommands, GivenInputs, GivenUpdraft
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
 from controller.policy.policies import GainPolicy, Policy, Seen, gain_constants
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
+from hfa_model.native.c_code import c_function
 from hfa_model.vectors import (
     INPUT_SCALES,
     INPUT_UNITS,
@@ -34,6 +40,10 @@ from hfa_model.vectors import (
     STATES,
 )
 from trim.point.operating_point import OperatingPoint
+
+EXAMPLE = "controller_100hz.c"
+#: What is commanded, in the unit of the first command, and how long it is simulated, s.
+COMMANDED, SECONDS = 0.01, 20
 
 
 class Channel(NamedTuple):
@@ -95,7 +105,7 @@ def controller_loop(
     function = ca.Function(
         "loop", [ca.vertcat(Y, r, slope), ca.vertcat(w, goal)], [ca.vertcat(rate, filtered), U], {"cse": True}
     )
-    units = [unit_of_output(name) for name in names]
+    units = [signal_unit(name) for name in names]
     states = (
         *_states(point),
         *_actuator_states(actuators),
@@ -128,10 +138,7 @@ class _Reference(NamedTuple):
     """x_d, (6,), as an argument."""
 
     values: ca.SX
-
-    @property
-    def size(self) -> int:
-        return len(LINEAR_STATES)
+    size: int = len(LINEAR_STATES)
 
     def at(self, t: object) -> ca.SX:
         return self.values
@@ -180,3 +187,30 @@ def _actuator_states(actuators: Actuators) -> list[Channel]:
         for suffix in suffixes
         for name, unit, size in zip(INPUTS, INPUT_UNITS, INPUT_SCALES, strict=True)
     ]
+
+
+def controller_example(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, actuators: Actuators, origin: str
+) -> str:
+    """The text of `EXAMPLE`; it needs `hfa_controller.h` and `.c`. BadInputError as in `held_loop`."""
+    function, states = held_loop(aircraft, point, controller, actuators)
+    names, trim = commandable(controller), np.array(point.inputs)
+    commanded = f"{COMMANDED:g} {signal_unit(names[0])} of {names[0]}" if names else "nothing"
+    return filled(
+        f"{EXAMPLE}.in",
+        origin=comment_lines(origin),
+        command=commanded,
+        commanded=COMMANDED if names else 0.0,
+        seconds=SECONDS,
+        states=len(states),
+        dihedral=STATES.index("dihedral"),
+        tables="\n".join(
+            [
+                c_table("static const char *const name", [f'"{each.name}"' for each in states]),
+                c_table("static const double begin", [each.start for each in states]),
+                c_table("static const double lowest", actuators.lowest - trim),
+                c_table("static const double highest", actuators.highest - trim),
+            ]
+        ),
+        function=c_function(function, "loop", ("y", "u"), ("rate", "dihedral", "measured")),
+    )

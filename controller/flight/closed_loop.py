@@ -17,9 +17,8 @@ import numpy as np
 
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
-from controller.flight.integrator import integrate
+from controller.flight.integrator import integrate, integrate_stiff
 from controller.flight.plants import Plant
-from controller.flight.stiff import integrate_stiff
 from controller.policy.policies import Policy, Seen
 from controller.policy.signals import TimeVector
 from hfa_model.native.bound import RowsFunction

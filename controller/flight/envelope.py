@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
-from hfa_model.native.bound import RowsFunction
-from hfa_model.native.per_thread import cached_per_thread
+from hfa_model.native.bound import RowsFunction, cached_per_thread
 from hfa_model.parameters import Parameters
 from hfa_model.reporting.text import degrees, short_number
 from hfa_model.support.errors import BadInputError

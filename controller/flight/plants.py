@@ -46,10 +46,7 @@ class Plant(Protocol):
 class SevenStates:
     """A plant with all states of the aircraft."""
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        """All seven states."""
-        return STATES
+    states = STATES
 
     def seen(self, x: ca.SX) -> ca.SX:
         """The six states of the linear model."""
@@ -63,13 +60,10 @@ class LinearPlant(Unvaried):
     It knows nothing of moving air: BadInputError when it is simulated in a gust (`LinearizedAircraft` can be).
     """
 
+    states = LINEAR_STATES
+
     A: np.ndarray
     B: np.ndarray
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The six states of the paper's linear model."""
-        return LINEAR_STATES
 
     def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + d."""

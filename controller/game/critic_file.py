@@ -16,8 +16,7 @@ from controller.game.csv_file import holds_matrices, is_number
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.reporting.unit_system import si_unit
-from hfa_model.support.echo import shortened
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened
 from hfa_model.support.input_files import LARGEST_TEXT, regular_file
 
 _TIMES = ("time", "times", "t")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.echo import shortened
+from hfa_model.support.errors import shortened
 from hfa_model.support.input_files import LARGEST_TEXT, regular_file
 
 #: Of a plant, whose matrices lie in files beside A.csv, and of a critic.

@@ -11,8 +11,7 @@ import numpy as np
 from controller.game.array_file import aircraft_scales, found_in, read_arrays
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
-from hfa_model.support.echo import shortened
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.

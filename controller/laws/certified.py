@@ -12,9 +12,16 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws import law_settings, ramp
+from controller.laws import law_settings
 from controller.laws.certify import conclude
-from controller.laws.policy_iteration import Point, iterate, stabilizing_step
+from controller.laws.policy_iteration import (
+    Point,
+    discount_at,
+    iterate,
+    lower_discount,
+    raise_disturbance,
+    stabilizing_step,
+)
 from controller.laws.refinement import refine
 from controller.laws.run import Memory, Run
 from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
@@ -79,7 +86,7 @@ class CertifiedLaw:
     A start that is not stabilizing gets the discount β = its abscissa + margin, i.e. drift F - βz.
 
     Stage 2: β is lowered to 0, then 1/δ² raised to its value along a clock that ends at T + θT, with Newton
-    steps that follow the solution (`ramp`).
+    steps that follow the solution (`policy_iteration`).
     """
 
     game: Game
@@ -171,11 +178,11 @@ class CertifiedLaw:
         clock = 1.0 if clock >= 1.0 - 1e-12 else clock
         split = 0.5 if first_discount > 0.0 else 0.0
         if here.problem.discount > 0.0:
-            lower = ramp.discount_at(min(1.0, clock / split), first_discount)
-            here = ramp.lower_discount(self.equations, here, lower, normaliser)
+            lower = discount_at(min(1.0, clock / split), first_discount)
+            here = lower_discount(self.equations, here, lower, normaliser)
         if clock > split:
             share = (clock - split) / (1.0 - split)
-            here = ramp.raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
+            here = raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
         if clock == 1.0:
             here = self._refined(iterate(self.equations, here, normaliser, to_the_floor=True)[0])
         return here

@@ -15,7 +15,6 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import law_settings
 from controller.laws.certify import conclude
-from controller.laws.proximal import proximal_step
 from controller.laws.published_equations import (
     RecordedStack,
     Sample,
@@ -23,6 +22,7 @@ from controller.laws.published_equations import (
     bellman,
     explicit_step_limit,
     normaliser,
+    proximal_step,
     theorem_gains,
     update_direction,
 )

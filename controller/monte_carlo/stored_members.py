@@ -10,13 +10,45 @@ from typing import Any
 
 import numpy as np
 
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import limited_names
-from controller.flight.watched_loop import Summary
-from controller.monte_carlo.member_flight import fly_member
+from controller.flight.integrator import COMPILE_FROM_STEPS
+from controller.flight.scenario import Scenario, loop_of
+from controller.flight.watched_loop import Summary, WatchedLoop
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.jobs.store import Array, Layout, Store, described
 from hfa_model.jobs.stream import stream
+from hfa_model.native.bound import cached_per_thread
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+
+
+@cached_per_thread(maxsize=4)
+def member_loop(plan: MonteCarlo) -> WatchedLoop:
+    """The loop of a plan, compiled at the first call in a thread."""
+    scenario = plan.scenario
+    return WatchedLoop(
+        _loop(plan, plan.member(0)),
+        plan.point,
+        plan.envelope,
+        step=scenario.step,
+        steps_per_tick=scenario.steps_per_tick,
+        stops=True,
+        compile_code=plan.members * scenario.ticks * scenario.steps_per_tick >= COMPILE_FROM_STEPS,
+    )
+
+
+def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
+    """Draw and simulate one member."""
+    scenario = plan.member(member)
+    loop = _loop(plan, scenario)
+    constants = loop.constants(plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario)))
+    start = loop.start(scenario.initial, plan.law.memory)
+    return scenario, member_loop(plan).fly(start, constants, scenario.duration)
+
+
+def _loop(plan: MonteCarlo, scenario: Scenario) -> ClosedLoop:
+    return loop_of(plan.uncertain_plant, plan.law.policy, scenario, plan.point)
+
 
 SCHEMA = "hfa.monte-carlo-store/1"
 #: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.

@@ -33,13 +33,10 @@ class UncertainPlant(Plant, Protocol):
 class UncertainAircraft(SevenStates):
     """X' = f(X0 + x, U0 + u, w; θ) + d: `NonlinearPlant` with the parameters θ as an input, p = θ (18,)."""
 
+    constants_size = len(Parameters._fields)
+
     variant: Variant
     point: OperatingPoint
-
-    @property
-    def constants_size(self) -> int:
-        """The parameters themselves."""
-        return len(Parameters._fields)
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
         """The parameters themselves."""
@@ -59,13 +56,10 @@ class UncertainLinearization(SevenStates):
     where θ is not nominal: the trim of the design is not the trim of the aircraft.
     """
 
+    constants_size = _N * _COLUMNS
+
     variant: Variant
     point: OperatingPoint
-
-    @property
-    def constants_size(self) -> int:
-        """f0 (7), A (7, 7), B (7, 5), b (7)."""
-        return _N * _COLUMNS
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
         """[f0, A, B, b] of these parameters, (98,)."""

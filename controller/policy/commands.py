@@ -102,16 +102,13 @@ class CommandSteps:
 class CommandedStates:
     """x_d(t), (6,): the commands of states of the linear model, 0 for the others; the reference of a flight."""
 
+    size = len(LINEAR_STATES)
+
     commands: CommandSteps
 
     def to_dict(self) -> dict[str, Any]:
         """The steps as data for JSON."""
         return asdict(self.commands)
-
-    @property
-    def size(self) -> int:
-        """The six states of the linear model."""
-        return len(LINEAR_STATES)
 
     def at(self, t: Quantity) -> ca.SX:
         """x_d(t)."""

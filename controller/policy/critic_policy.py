@@ -27,6 +27,8 @@ class CriticPolicy:
     F = A z. BadInputError when the stack's policies are re-evaluated: only stored ones are flown.
     """
 
+    constants_size = 1
+
     law: PublishedLaw
     forcing: Signal
 
@@ -39,11 +41,6 @@ class CriticPolicy:
     def memory_size(self) -> int:
         """M weights."""
         return self.law.basis.size
-
-    @property
-    def constants_size(self) -> int:
-        """p, one number."""
-        return 1
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-½ R⁻¹B' ∂ψ'W, (5,)."""

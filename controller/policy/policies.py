@@ -54,35 +54,34 @@ class Policy(Protocol):
 class Memoryless:
     """A policy or a gust without states of its own."""
 
-    @property
-    def memory_size(self) -> int:
-        """No states: 0."""
-        return 0
+    memory_size = 0
 
     def memory_rate(self, *_: object) -> ca.SX:
         """No states, so no rates: (0,)."""
         return ca.SX(0, 1)
 
+    def start(self) -> np.ndarray:
+        """No states, (0,)."""
+        return np.zeros(0)
+
 
 class Unvaried:
     """What is handed no constants: a policy or a gust that is the same at every tick, a plant of known numbers."""
 
-    @property
-    def constants_size(self) -> int:
-        """Nothing is handed over: 0."""
-        return 0
+    constants_size = 0
+
+    def constants(self, tick: int) -> np.ndarray:
+        """Nothing, (0,)."""
+        return np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
 class GainPolicy(Memoryless):
     """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""
 
-    feedforward: Signal
+    constants_size = _M * _N
 
-    @property
-    def constants_size(self) -> int:
-        """The entries of K."""
-        return _M * _N
+    feedforward: Signal
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-K z + v(t)."""
@@ -92,3 +91,29 @@ class GainPolicy(Memoryless):
 def gain_constants(K: np.ndarray) -> np.ndarray:
     """The p of `GainPolicy` for a gain K (5, 6)."""
     return np.asarray(K, dtype=float).ravel(order="F")
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingPolicy(Memoryless):
+    """u = -K z + F w(t), K (5, 6) and F (5, k) from p (`tracking_constants`).
+
+    generator: w (k,), the signals that the reference is made of.
+    """
+
+    generator: Signal
+
+    @property
+    def constants_size(self) -> int:
+        """The entries of K and F."""
+        return _M * (_N + self.generator.size)
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """-K z + F w(t)."""
+        feedback = ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), seen.error)
+        feedforward = ca.mtimes(ca.reshape(p[_M * _N :], _M, self.generator.size), self.generator.at(t))
+        return feedforward - feedback
+
+
+def tracking_constants(K: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """The p of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    return np.concatenate([gain_constants(K), np.asarray(F, dtype=float).ravel(order="F")])

@@ -103,14 +103,11 @@ class DihedralChange:
 class ScheduledReference:
     """x_d(t) = X0(η_d(t)) - X_base with η' = η_d'(t): the trims along the change, (6,), of the six states."""
 
+    size = _N
+
     schedule: Schedule
     change: DihedralChange
     base: OperatingPoint
-
-    @property
-    def size(self) -> int:
-        """The six states of the linear model."""
-        return _N
 
     def at(self, t: Quantity) -> ca.SX:
         """x_d(t); a CasADi column."""

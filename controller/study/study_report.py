@@ -1,18 +1,22 @@
-"""What the study of the paper's update law says, and its data read back."""
+"""What the study of the paper's update law says, its data read back, and the folder where finished rows are kept."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from controller.laws.published_law import PublishedSettings
-from controller.study.published_study import StudyRow, StudyRun
+from controller.study.published_study import PlannedRun, StudyRow, StudyRun
+from hfa_model.jobs.finished import finished, stamped
+from hfa_model.provenance import Provenance
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, range_text
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import jsonable
 
@@ -126,3 +130,37 @@ def _run(stored: Mapping[str, Any]) -> StudyRun:
         name: tuple(value) if isinstance(value, list) else value for name, value in values["settings"].items()
     }
     return StudyRun(**values | {"settings": PublishedSettings(**settings)})
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """The folder of a study; made when the first row is kept. origin: what signs each row."""
+
+    path: Path
+    origin: Provenance
+
+    def keep(self, row: StudyRow, planned: Sequence[PlannedRun]) -> None:
+        """Write a finished row, whole or not at all."""
+        self.path.mkdir(exist_ok=True)
+        signed = {"provenance": self.origin.to_dict()}
+        data = stamped(study_data((row,)) | signed, _decides(row.name, planned))
+        write_text(self._file(row.name), json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+    def known(self, name: str, planned: Sequence[PlannedRun]) -> tuple[StudyRun, ...] | None:
+        """The runs of a row that this version finished with the same settings; None when they are to be made."""
+        path = self._file(name)
+        if finished(path, _decides(name, planned)) is None:
+            return None
+        try:
+            return load_study(path)[0].runs
+        except (BadInputError, IndexError):
+            return None
+
+    def _file(self, name: str) -> Path:
+        words = "".join(letter if letter.isalnum() else " " for letter in name).split()
+        return self.path / f"{'-'.join(words)}.json"
+
+
+def _decides(name: str, planned: Sequence[PlannedRun]) -> dict[str, Any]:
+    runs = [{"dihedral_deg": run.dihedral_deg, **asdict(run.settings), **run.stack} for run in planned]
+    return {"row": name, "runs": runs}

@@ -10,11 +10,10 @@ from functools import partial
 
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.law_options import add_weights, check_learning
+from hfa_cli.options.law_options import add_stored, add_weights, check_learning
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
-from hfa_cli.options.stored_law import add_stored
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import Progress

@@ -19,12 +19,19 @@ from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.actuator_options import actuators_of, add_actuators
 from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
-from hfa_cli.options.law_options import LAWS, add_weights, game_on, law_of, seed_of
+from hfa_cli.options.law_options import LAWS, add_stored, add_weights, check_stored, game_on, law_of, seed_of
 from hfa_cli.options.parser import add_named, add_value
-from hfa_cli.options.scenario_options import TURBULENCE, add_envelope, add_times, envelope_of
+from hfa_cli.options.scenario_options import (
+    TURBULENCE,
+    add_envelope,
+    add_initial,
+    add_signal,
+    add_times,
+    envelope_of,
+    initial_of,
+    signal_of,
+)
 from hfa_cli.options.servo_options import add_controller, controlled
-from hfa_cli.options.signal_options import add_initial, add_signal, initial_of, signal_of
-from hfa_cli.options.stored_law import add_stored, check_stored
 from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell

@@ -9,8 +9,7 @@ import argparse
 from typing import Any
 
 from controller.study.published_study import published_study
-from controller.study.study_folder import StudyFolder
-from controller.study.study_report import study_report
+from controller.study.study_report import StudyFolder, study_report
 from controller.study.study_rows import STUDY
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, check_target, parsed, whole

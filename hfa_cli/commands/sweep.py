@@ -120,8 +120,7 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
 
 
 def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
-    from trim.sweeps.stored_sweep import stream_sweep
-    from trim.sweeps.stored_sweep_report import stored_sweep_report
+    from trim.sweeps.stored_sweep import stored_sweep_report, stream_sweep
     from trim.sweeps.sweep_plan import SweepPlan
 
     options.refuse(

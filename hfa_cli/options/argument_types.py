@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hfa_model.reporting.data_files import SUFFIXES
-from hfa_model.support.echo import shortened
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened
 from hfa_model.vectors import UNITS
 
 Value = TypeVar("Value")

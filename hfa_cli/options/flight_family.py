@@ -11,8 +11,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import number
 from hfa_cli.options.parser import add_value
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.echo import shortened
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:
     from verification.balls.steady_flights import Family

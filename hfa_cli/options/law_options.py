@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from controller.game.zero_sum import Game, published_game
-from hfa_cli.options import games
-from hfa_cli.options.argument_types import whole
+from hfa_cli.options import games, shared_options as options
+from hfa_cli.options.argument_types import input_file, whole
+from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.stored_law import check_stored
 from hfa_model.support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
 
+if TYPE_CHECKING:
+    from controller.game.array_file import PlantNames
+    from controller.game.zero_sum import Game
+    from controller.policy.flown_law import FlownLaw
+
 #: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
+_FILES = ("gain", "weights")
 
 
 def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
@@ -53,3 +60,50 @@ def check_learning(arguments: argparse.Namespace) -> None:
 def seed_of(arguments: argparse.Namespace) -> int:
     """The seed that the options name."""
     return 0 if arguments.seed is None else int(arguments.seed)
+
+
+def add_stored(parser: argparse.ArgumentParser) -> None:
+    """--gain and --weights."""
+    suffixes = " ".join(MATRIX_FILES)
+    about = f"use the gain K in this file instead of a law ({suffixes})"
+    add_value(parser, "--gain", input_file(*MATRIX_FILES), "FILE", about)
+    about = f"use the policy of the critic in this file: quadratic weights W, or P, or K ({suffixes})"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+
+
+def check_stored(arguments: argparse.Namespace) -> bool:
+    """Whether a file takes the place of a law; BadInputError for options that then would change nothing."""
+    given = [name for name in _FILES if getattr(arguments, name, None) is not None]
+    if not given:
+        return False
+    if len(given) == 2:
+        raise BadInputError("--gain and --weights do not go together; give one of them")
+    option = f"--{given[0]}"
+    if arguments.law != "certified" or arguments.set or getattr(arguments, "online", False):
+        raise BadInputError(f"{option} takes the place of a law; leave out --law, --set and --online")
+    of_the_game = ("delta", "Q", "R") if given[0] == "gain" else ("delta", "Q")
+    options.refuse(arguments, of_the_game, f"belongs to the game of a law; leave it out with {option}")
+    return True
+
+
+def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> FlownLaw:
+    """u = -K z of the file that the options name. game: whose B and R make K of a value; plant: of its states."""
+    from controller.game.basis import basis
+    from controller.game.critic_file import load_critic
+    from controller.policy.flown_law import gain_law
+    from verification.critic.candidate import from_gain, from_stored
+
+    path = arguments.weights if arguments.gain is None else arguments.gain
+    functions = basis("quadratic", len(game.A))
+    stored = load_critic(path, plant, functions)
+    if arguments.gain is not None and stored.K is None:
+        raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
+    if arguments.gain is None and stored.W is not None and stored.W.size != functions.size:
+        raise BadInputError(
+            f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
+        )
+    try:
+        K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    return gain_law(f"{'weights' if arguments.gain is None else 'gain'} of {path}", K)

@@ -7,8 +7,7 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
-from hfa_model.support.echo import shortened
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened
 
 
 class _Once(argparse.Action):

@@ -18,8 +18,7 @@ from hfa_model.reporting.data_files import SUFFIXES
 from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, describe, release
-from trim.point.condition_file import NAMED as NAMED_CONDITIONS, load_condition
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.named_condition import LEVEL_FLIGHT, NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
 

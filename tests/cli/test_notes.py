@@ -10,8 +10,7 @@ import pytest
 from cli import Terminal, answer, hfa
 
 from hfa_model.parameters import default_parameters
-from trim.sweeps.paper_range import plan_warnings
-from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_plan import Steps, SweepPlan, plan_warnings
 
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 SHORT = ("--law", "exact", "--duration", "0.1")

@@ -9,9 +9,8 @@ from random_points import random_points
 
 from hfa_model import kinematics
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates
+from hfa_model.dynamics import rates, state_rates, symbols
 from hfa_model.parameters import Parameters
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import VARIANTS, Newton, Variant
 from hfa_model.vectors import RATE_SCALES, STATES, Input, State
 from hfa_model.winds import DISTURBANCES, Wind, Winds, winds_named

@@ -21,7 +21,7 @@ from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.picture import draw
 from benchmarks.report import Row, Size
 from benchmarks.timing import Comparison, in_turn
-from controller.monte_carlo.member_flight import fly_member
+from controller.monte_carlo.stored_members import fly_member
 from hfa_model.aircraft import Aircraft
 from hfa_model.native import machine_code as generated
 from hfa_model.native.bound import BoundFunction

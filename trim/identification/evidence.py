@@ -12,8 +12,7 @@ from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
-from trim.identification.fit_result import IDENTIFIED, Fit
-from trim.identification.identification_result import Identification, LeftOut, Structure
+from trim.identification.identification_result import IDENTIFIED, Fit, Identification, LeftOut, Structure
 from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import EntryRow, compare, regenerate
 

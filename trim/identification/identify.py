@@ -11,14 +11,14 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
+from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
-from trim.identification.fit_result import ASSUMED, IDENTIFIED, Fit
+from trim.identification.identification_result import ASSUMED, IDENTIFIED, Fit
 
 # Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.
 _MASS, _SPAN, _CHORD = 1000.0 / 3 / 32.2, 70.0, 8.0

@@ -7,9 +7,9 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
+from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.support.errors import BadInputError
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from trim.linear.bands import Bands

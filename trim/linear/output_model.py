@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import by_name, symbols
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError
-from hfa_model.symbolic import by_name, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named

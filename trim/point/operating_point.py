@@ -13,8 +13,7 @@ import numpy as np
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, Toned, angle_text, degrees
 from hfa_model.reporting.unit_system import english, in_force, unit_in_force
-from hfa_model.support.echo import shortened, shown
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened, shown
 from hfa_model.support.files import write_text
 from hfa_model.support.input_files import read_json
 from hfa_model.support.jsonable import json_text

@@ -14,12 +14,11 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
-from hfa_model.native.bound import BoundFunction
+from hfa_model.dynamics import state_rates, symbols
+from hfa_model.native.bound import BoundFunction, cached_per_thread
 from hfa_model.native.machine_code import machine_code
-from hfa_model.native.per_thread import cached_per_thread
 from hfa_model.native.vector_code import vector_code
 from hfa_model.parameters import Parameters
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, Quantity, State
 from trim.point.condition import BALANCED, LIMITS, VARIABLES, level_flight

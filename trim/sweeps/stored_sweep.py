@@ -1,4 +1,4 @@
-"""A sweep of any size in a store: what its columns are, and how many of its points came out how."""
+"""A sweep of any size in a store: what its columns are, and what it says in short."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from hfa_model.jobs.store import Array, Layout, Store, described
 from hfa_model.jobs.stream import stream
 from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.report import Report
+from hfa_model.reporting.text import Table
 from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk
 from trim.sweeps.level_flights import COMPILE_FROM, are_level_flights
-from trim.sweeps.paper_range import plan_warnings
-from trim.sweeps.sweep_plan import SweepPlan
+from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
 
 SCHEMA = "hfa.sweep-store/1"
 #: Points of a chunk: half a second of work or more, about 90 MB of results.
@@ -30,6 +31,7 @@ SLOW_CHUNK = 1_000
 
 _N = len(STATES)
 _NAN = float("nan")
+SUMMARY_SCHEMA = "hfa.sweep-summary/1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +146,25 @@ def status_counts(store: Store, points: int) -> dict[str, int]:
     for start in range(0, points, store.chunk):
         totals += np.bincount(store.read("status", slice(start, start + store.chunk)) + 1, minlength=len(totals))
     return dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
+
+
+def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
+    """Points by status, and where they are."""
+    counts, notes = status_counts(store, plan.count), plan_warnings(plan)
+    return Report(
+        title=f"Sweep over {', '.join(plan.variables)}, {plan.dynamics} dynamics, in {path}",
+        parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
+        notes=notes,
+        data={
+            "schema": SUMMARY_SCHEMA,
+            "store": str(path),
+            "dynamics": plan.dynamics,
+            "variables": list(plan.variables),
+            "variable_units": list(plan.units),
+            "grid": plan.grid,
+            "condition": plan.condition.to_dict(),
+            "points": plan.count,
+            "counts": counts,
+            "warnings": notes,
+        },
+    )

@@ -10,8 +10,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
-from trim.linear.mode_tracking import track_modes
-from trim.linear.modes import modes_of
+from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import VARIABLES, TrimCondition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint

@@ -1,4 +1,5 @@
-"""What a large sweep visits: which variables take which values, any part of it on demand."""
+"""What a large sweep visits: which variables take which values, any part of it on demand, and what lies beyond the
+paper's range of dihedral."""
 
 from __future__ import annotations
 
@@ -13,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters
+from hfa_model.reporting.text import angle_text
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
-from trim.point.condition import VARIABLES
+from trim.point.condition import PAPER_LIMIT, PAPER_RANGE, VARIABLES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import condition_at
@@ -155,3 +157,35 @@ class SweepPlan:
         unit = qmc.LatinHypercube(d=len(self.axes), rng=np.random.default_rng(self.seed)).random(self.samples)
         bounds = np.array(list(self.axes.values()))
         return np.asarray(bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0]))
+
+
+def range_warnings(dihedral: np.ndarray) -> list[str]:
+    """What a user should know before trusting results at these angles, rad."""
+    return _warnings(_beyond(dihedral), len(dihedral))
+
+
+def plan_warnings(plan: SweepPlan) -> list[str]:
+    """The same of a sweep of any size before it runs; a grid is counted without making its points."""
+    if "dihedral" not in plan.axes:
+        return []
+    dihedral = plan.axes["dihedral"]
+    if plan.samples:
+        return range_warnings(plan.values(0, plan.count)[:, plan.variables.index("dihedral")])
+    if not isinstance(dihedral, Steps):
+        return _warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)), plan.count)
+    # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
+    first = max(math.ceil((-PAPER_LIMIT - dihedral.start) / dihedral.step), 0)
+    last = min(math.floor((PAPER_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
+    beyond = dihedral.count - max(last - first + 1, 0)
+    return _warnings(beyond * (plan.count // dihedral.count), plan.count)
+
+
+def _beyond(dihedral: np.ndarray) -> int:
+    return int(np.count_nonzero(np.abs(dihedral) > PAPER_LIMIT))
+
+
+def _warnings(beyond: int, count: int) -> list[str]:
+    if not beyond:
+        return []
+    points = f"{beyond} of {count} points {'lies' if beyond == 1 else 'lie'}" if count > 1 else "the point lies"
+    return [f"{points} beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"]

@@ -14,8 +14,8 @@ from hfa_model.support.by_value import ByValue
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, UNITS, entry_unit
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import Status
-from trim.sweeps.paper_range import range_warnings
 from trim.sweeps.root_locus import RootLocus
+from trim.sweeps.sweep_plan import range_warnings
 
 SCHEMA = "hfa.sweep/1"
 

@@ -14,8 +14,8 @@ from controller.laws.published_law import PublishedLaw, PublishedSettings, publi
 from controller.policy.critic_policy import CriticPolicy, critic_law, forcing
 from controller.policy.flown_law import FlownLaw
 from controller.policy.learned_gain import BASELINE_EFFORT, baseline_value, online_law
+from controller.policy.policies import TrackingPolicy, tracking_constants
 from controller.policy.signals import Signal, zero
-from controller.policy.tracking_policy import TrackingPolicy, tracking_constants
 from controller.samples.recording import Stack, random_pool
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.setting import PaperCase, Setting, feedforward, generator

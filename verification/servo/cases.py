@@ -22,8 +22,7 @@ from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.support.echo import shown
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shown
 from hfa_model.variants import Variant
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint

@@ -12,10 +12,10 @@ from c_files import called, compiled, footprint, needs_gcc, ran
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
 from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.c_code import c_function
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_texts
-from hfa_model.symbolic import state_rates, symbols
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES, STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import level_flight

@@ -18,7 +18,6 @@ from controller.export.exported_controller import (
     c_controller_texts,
     commandable,
     longest_step,
-    unit_of_output,
 )
 from controller.policy.commands import CommandSteps
 from controller.policy.policies import Seen
@@ -147,14 +146,6 @@ def test_the_footprint_is_static_and_the_names_are_there(folder: Path) -> None:
     assert "HFA_COMMAND_DIHEDRAL, /* rad */" in header
     assert "from * / here" in header
     assert "5 to 20 deg" in header
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("pitch_rate", "rad/s"), ("throttle_rate", "1/s"), ("elevator_outer_position", "rad"), (Z, "ft/s^2")],
-)
-def test_units(name: str, unit: str) -> None:
-    assert unit_of_output(name) == unit
 
 
 def test_a_controller_of_another_aircraft_is_refused(controller: ScheduledController, point: OperatingPoint) -> None:

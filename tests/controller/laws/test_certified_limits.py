@@ -12,7 +12,7 @@ from reference_riccati import reference_solution, relative_error
 
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
-from controller.laws import certified, policy_iteration, ramp
+from controller.laws import certified, policy_iteration
 from controller.laws.certified import CertifiedLaw, CertifiedSettings, certified_law
 from controller.laws.law_settings import MOST_SAMPLES
 from controller.laws.learn import learn
@@ -177,9 +177,9 @@ def test_a_singular_stack_stops_the_ramp() -> None:
     stack = record(game, np.array([[1.0, 0.0]] * 5))
     equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
     with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
-        ramp.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
+        policy_iteration.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
     with pytest.raises(NoSolutionError, match="lost at delta = inf"):
-        ramp.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
+        policy_iteration.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
 
 
 def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:

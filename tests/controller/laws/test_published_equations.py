@@ -8,13 +8,13 @@ from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
-from controller.laws.proximal import proximal_step
 from controller.laws.published_equations import (
     RecordedStack,
     Sample,
     bellman,
     explicit_step_limit,
     normaliser,
+    proximal_step,
     signed_powers,
     theorem_gains,
     update_direction,

@@ -18,8 +18,7 @@ from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, State
 from trim.identification.evidence import ALTERNATIVES, _left_out, save_fit
-from trim.identification.fit_result import IDENTIFIED, Fit
-from trim.identification.identification_result import Identification
+from trim.identification.identification_result import IDENTIFIED, Fit, Identification
 from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import regenerate
 

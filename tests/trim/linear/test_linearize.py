@@ -12,7 +12,7 @@ from hfa_model.parameters import Parameters
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_SCALES, STATES
-from trim.identification.fit_result import IDENTIFIED
+from trim.identification.identification_result import IDENTIFIED
 from trim.linear.compare import compare, eigenvalue_errors, regenerate
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize

@@ -16,8 +16,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import DEGREE, STATES
 from trim.linear.linearize import linearize
 from trim.point.condition import BALANCED, level_flight, release
-from trim.point.condition_file import load_condition
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition, load_condition
 from trim.point.solve import TrimError, find_operating_point
 from trim.sweeps.level_flights import are_level_flights
 from trim.sweeps.stored_sweep import stream_sweep

@@ -9,7 +9,7 @@ import pytest
 
 from hfa_model import Aircraft, BadInputError
 from trim import find_operating_point, level_flight, load_condition
-from trim.point.condition_file import NAMED
+from trim.point.named_condition import NAMED
 from verification import released_trims
 
 

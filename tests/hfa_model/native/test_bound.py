@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law, published_game
 from controller.monte_carlo.stored_members import fly_members
 from hfa_model import Aircraft, State, default_parameters
-from hfa_model.native.per_thread import cached_per_thread
+from hfa_model.native.bound import cached_per_thread
 from trim import SweepPlan, find_operating_point, level_flight, linearize, stream_sweep
 from trim.sweeps import stored_sweep
 from trim.sweeps.stored_sweep import run_points

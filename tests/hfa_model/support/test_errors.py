@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hfa_model.support.echo import on_one_line, shown
+from hfa_model.support.errors import on_one_line, shown
 
 
 def test_control_characters_are_spelled_and_lines_joined() -> None:

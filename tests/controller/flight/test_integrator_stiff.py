@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controller.flight.integrator import integrate
-from controller.flight.stiff import integrate_stiff
+from controller.flight.integrator import integrate, integrate_stiff
 from hfa_model import NoSolutionError
 
 

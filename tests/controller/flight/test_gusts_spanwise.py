@@ -11,9 +11,9 @@ from flight_cases import FlownCase, flown
 
 from controller import Dryden, OneMinusCosine, Scenario, side_by_side, spanwise_dryden
 from controller.flight.envelope import angles_of_attack
+from controller.flight.gusts import SpanwiseGust
 from controller.flight.plants import LinearizedAircraft
 from controller.flight.scenario import loop_of
-from controller.flight.spanwise import SpanwiseGust
 from controller.flight.watched_loop import WatchedLoop
 from controller.monte_carlo.uncertain_plants import UncertainLinearization
 from hfa_model import STATES, BadInputError

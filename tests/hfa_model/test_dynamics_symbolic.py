@@ -8,8 +8,7 @@ import pytest
 from random_points import random_points
 
 from hfa_model import INPUTS, STATES, VARIANTS, Input, Parameters, State
-from hfa_model.dynamics import rates
-from hfa_model.symbolic import by_name, state_rates, symbols
+from hfa_model.dynamics import by_name, rates, state_rates, symbols
 from hfa_model.variants import Variant
 
 

@@ -14,9 +14,8 @@ from controller import Actuators, MonteCarlo, OneMinusCosine, Scenario, Uncertai
 from controller.flight import watched_loop
 from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.monte_carlo import member_flight
-from controller.monte_carlo.member_flight import fly_member
-from controller.monte_carlo.stored_members import fly_members
+from controller.monte_carlo import stored_members
+from controller.monte_carlo.stored_members import fly_member, fly_members
 from controller.policy.critic_policy import CriticPolicy, critic_law
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, Parameters, State
@@ -216,7 +215,7 @@ def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: Cr
 
 def test_all_members_fly_one_compiled_function(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    monkeypatch.setattr(member_flight, "COMPILE_FROM_STEPS", 1)
+    monkeypatch.setattr(stored_members, "COMPILE_FROM_STEPS", 1)
     monkeypatch.setattr(watched_loop, "machine_code", lambda function: made.append(function) or function)
     result = fly_members(replace(plan, seed=99), 0, 4)  # no other test has this plan's loop made
     assert len(made) == 1
