@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
+from hfa_model.published import published_data, published_models
+from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.claims import Evidence
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
-from verification.experiments.metrics import FlightMetrics, LearningMetrics, over
-from verification.experiments.setting import Setting
+from verification.experiments.flown_laws import INTEGRAL
+from verification.experiments.metrics import FlightMetrics, over
+from verification.experiments.setting import CASE_I, CASE_II, Setting
 
 #: From a setting and a law to the flights that a claim looks at.
 Select = Callable[[Setting, str], tuple[FlightPlan, ...]]
@@ -18,14 +24,31 @@ Measure = Callable[[Evidence, str], float]
 Metric = Callable[[FlightMetrics], float | Mapping[str, float]]
 
 
-def of_learning(number: Callable[[LearningMetrics], float]) -> Metric:
-    """A number of the learning of a flight."""
+#: Flights of a law by the name that claims give them.
+FLIGHTS: dict[str, Select] = {
+    "both cases": lambda setting, law: (FlightPlan(CASE_I, law), FlightPlan(CASE_II, law)),
+    "5 deg": lambda setting, law: (FlightPlan(CASE_II, law),),
+    "disturbance alone": lambda setting, law: tuple(
+        FlightPlan(angle, law, commanded=False) for angle in (CASE_I, CASE_II)
+    ),
+    INTEGRAL: lambda setting, law: (FlightPlan(CASE_II, INTEGRAL),),
+    "every uncertainty": lambda setting, law: tuple(
+        FlightPlan(CASE_II, law, uncertainty=factor) for factor in setting.configuration.uncertainty.factors
+    ),
+    "noise": lambda setting, law: (FlightPlan(CASE_II, law, noise=True),),
+}
 
-    def quantity(metrics: FlightMetrics) -> float:
-        assert metrics.learning is not None
-        return number(metrics.learning)
 
-    return quantity
+def measure_of(said: str | Mapping[str, Any]) -> Measure:
+    """One of `NAMED`, or {HOW = number, of = names, in = flights, to = others}, HOW worst, smallest, spread or ratio.
+
+    number: a name of `FlightMetrics`. of: of states or inputs, all unless they are given. in, to: names of `FLIGHTS`.
+    """
+    if isinstance(said, str):
+        return NAMED[said]
+    (how,) = _TAKEN.keys() & said.keys()
+    flights = [FLIGHTS[said[key]] for key in ("in", "to") if key in said]
+    return _TAKEN[how](*flights, attrgetter(said[how]), of=said.get("of", ()))
 
 
 def worst(select: Select, quantity: Metric, *, of: Iterable[str] = ()) -> Measure:
@@ -75,24 +98,6 @@ def ratio(select: Select, other: Select, quantity: Metric, *, of: Iterable[str] 
     return measure
 
 
-def residual_growth(select: Select) -> Measure:
-    """Largest Bellman residual at the simulated error after T_w over the largest before."""
-    return lambda evidence, law: max(
-        over(after, before) for _, before, after in _flown_residuals(evidence, select, law)
-    )
-
-
-def residual_drop(select: Select) -> Measure:
-    """Largest Bellman residual at the simulated error after T_w over the one at the start."""
-    return lambda evidence, law: max(over(after, start) for start, _, after in _flown_residuals(evidence, select, law))
-
-
-def _flown_residuals(evidence: Evidence, select: Select, law: str) -> list[tuple[float, float, float]]:
-    """Largest Bellman residual at the start, before T_w and after it, of each flight."""
-    learning = [record.metrics.learning for record in _selected(evidence, select, law)]
-    return [metrics.flown_residual for metrics in learning if metrics is not None]
-
-
 def gain_error(select: Select, *, at_end_of_flight: bool = False) -> Measure:
     """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the exact solution."""
 
@@ -118,3 +123,52 @@ def _selected(evidence: Evidence, select: Select, law: str) -> list[FlightRecord
 def _numbers(record: FlightRecord, quantity: Metric, names: tuple[str, ...]) -> list[float]:
     value = quantity(record.metrics)
     return [value[name] for name in names or value] if isinstance(value, Mapping) else [float(value)]
+
+
+def _over_integral(measure: Measure) -> Measure:
+    return lambda evidence, law: measure(evidence, law) / measure(evidence, INTEGRAL)
+
+
+def _final_abscissa(evidence: Evidence, law: str) -> float:
+    """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
+    record, game = evidence.record(FlightPlan(CASE_II, law)), evidence.setting.case(CASE_II).game
+    assert record.critic is not None
+    K = game.gain(record.critic.basis.matrix(record.critic.weights[-1]))
+    return float(np.linalg.eigvals(game.A - game.B @ K).real.max())
+
+
+def _printed_coupling(evidence: Evidence, law: str) -> float:
+    """The smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
+    row = LINEAR_STATES.index("pitch_rate")
+    sizes = [[np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)] for model in published_models()]
+    return float(min(second / first for first, second in zip(*sizes, strict=True)))
+
+
+def _commanded_dihedral(evidence: Evidence, law: str) -> float:
+    return float(np.degrees(evidence.setting.configuration.reference.signal.constant[LINEAR_STATES.index("dihedral")]))
+
+
+def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
+    """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue, 1/s."""
+    eigenvalues = np.linalg.eigvals(published_models()[1].A)
+    folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
+    quoted = [_quoted(text) for text in published_data()["eigenvalues_quoted_for_5_deg"]["magnitudes"]]
+    return float(max(np.abs(folded - value).min() for value in quoted))
+
+
+def _quoted(text: str) -> complex:
+    """ "4.82 +/- 18.66i" and "7.11" as numbers."""
+    real, imaginary = re.fullmatch(r"([\d.]+)(?: \+/- ([\d.]+)i)?", text).groups()  # type: ignore[union-attr]
+    return complex(float(real), float(imaginary or 0.0))
+
+
+_TAKEN: dict[str, Callable[..., Measure]] = {"worst": worst, "smallest": smallest, "spread": spread, "ratio": ratio}
+#: What is not a number of one flight.
+NAMED: dict[str, Measure] = {
+    "gain error at T_w": gain_error(FLIGHTS["both cases"]),
+    "last gain error over that of integral RL": _over_integral(gain_error(FLIGHTS["5 deg"], at_end_of_flight=True)),
+    "abscissa with the last gain": _final_abscissa,
+    "printed pitch-rate coupling": _printed_coupling,
+    "commanded dihedral": _commanded_dihedral,
+    "quoted eigenvalues": _eigenvalue_difference,
+}

@@ -46,6 +46,18 @@ class LearningMetrics:
     flown_residual: tuple[float, float, float]
     facts: Mapping[str, Any]
 
+    @property
+    def residual_growth(self) -> float:
+        """|e| at the simulated error: its largest after T_w over its largest before."""
+        _, before, after = self.flown_residual
+        return over(after, before)
+
+    @property
+    def residual_drop(self) -> float:
+        """|e| at the simulated error: its largest after T_w over that at the start."""
+        start, _, after = self.flown_residual
+        return over(after, start)
+
 
 @dataclass(frozen=True)
 class FlightMetrics:
@@ -82,6 +94,11 @@ class FlightMetrics:
     remaining_range: ByName
     beyond_limits: ByName
     learning: LearningMetrics | None = None
+
+    @property
+    def attenuation_share(self) -> float:
+        """attenuation / δ², below 1 as the game promises."""
+        return self.attenuation / self.delta_squared
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values; `learning` is left out where nothing learns."""
@@ -130,30 +147,15 @@ def flight_metrics(
 
 def _lost(game: Game, lost_at: float, learning: LearningMetrics | None) -> FlightMetrics:
     """All numbers inf."""
-    by_state, by_tracked, by_input = (dict.fromkeys(names, np.inf) for names in (LINEAR_STATES, TRACKED, INPUTS))
-    return FlightMetrics(
-        lost_at=lost_at,
-        rms_error=by_state,
-        peak_error=by_state,
-        late_peak_error=by_state,
-        relative_error=by_tracked,
-        rise=by_tracked,
-        settling=by_tracked,
-        growth=by_tracked,
-        cost=np.inf,
-        early_cost=np.inf,
-        effort=np.inf,
-        peak_effort=np.inf,
-        attenuation=np.inf,
-        delta_squared=game.delta**2,
-        rms_input=by_input,
-        peak_input=by_input,
-        peak_rate=by_input,
-        wiggle=by_input,
-        remaining_range=by_input,
-        beyond_limits=by_input,
-        learning=learning,
+    names = {"rms_error": LINEAR_STATES, "peak_error": LINEAR_STATES, "late_peak_error": LINEAR_STATES}
+    names |= dict.fromkeys(("relative_error", "rise", "settling", "growth"), TRACKED)
+    names |= dict.fromkeys(
+        ("rms_input", "peak_input", "peak_rate", "wiggle", "remaining_range", "beyond_limits"), INPUTS
     )
+    by_name = {number: dict.fromkeys(each, np.inf) for number, each in names.items()}
+    single = dict.fromkeys(("cost", "early_cost", "effort", "peak_effort", "attenuation"), np.inf)
+    numbers: dict[str, Any] = by_name | single
+    return FlightMetrics(lost_at=lost_at, delta_squared=game.delta**2, learning=learning, **numbers)
 
 
 def learning_metrics(

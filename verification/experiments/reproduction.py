@@ -10,17 +10,14 @@ from hfa_model.jobs.workers import workers
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import jsonable
-from verification.experiments import law_comparison, noise, plant_mismatch, trim_points
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
-from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.experiment_flights import FlightRecord, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
 from verification.experiments.result_folder import finished_experiment, write_outcome
+from verification.experiments.sections import EXPERIMENTS, Experiment, Outcome
 from verification.experiments.setting import Setting
 
 SCHEMA = "hfa.claims/1"
-_PARTS = (trim_points, law_comparison, plant_mismatch, noise)
-EXPERIMENTS = {module.EXPERIMENT.section: module.EXPERIMENT for module in _PARTS}
 ALL = "all"
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
 _OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)

@@ -16,9 +16,9 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import records_text
 from hfa_model.support.temporary import temporary_folder
-from verification.experiments.experiment import Experiment, Outcome
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import PaperFigure, draw
+from verification.experiments.sections import Experiment, Outcome
 from verification.experiments.setting import Setting
 
 SCHEMA = "hfa.experiment/1"

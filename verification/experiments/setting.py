@@ -21,6 +21,8 @@ from verification.experiments.configuration import Configuration
 from verification.riccati.feedforward import Exosystem, exosystem_feedforward
 from verification.riccati.gare import GameSolution, solve_game
 
+#: The two aircraft of Section 5.1, degrees of dihedral.
+CASE_I, CASE_II = 15.0, 5.0
 #: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
 MATRICES = ("regenerated", "printed")
 _ALPHA = LINEAR_STATES.index("alpha")

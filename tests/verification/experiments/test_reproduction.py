@@ -6,8 +6,8 @@ import pytest
 
 from hfa_model.published import published_models
 from hfa_model.support.errors import BadInputError
-from verification.experiments.experiment import CASE_I, CASE_II
 from verification.experiments.reproduction import ALL, EXPERIMENTS, experiments
+from verification.experiments.setting import CASE_I, CASE_II
 
 
 def test_a_section_is_one_experiment_and_all_are_all_of_them() -> None:
