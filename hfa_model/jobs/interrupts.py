@@ -6,11 +6,12 @@ import _thread
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-#: Seconds after which a signal that Python swallowed is given again.
+#: Seconds after which a signal whose exception was dropped is given again.
 _MOMENT = 0.05
 
 
@@ -23,15 +24,27 @@ def held_back() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
-    before = {number: signal.signal(number, lambda which, _: came.append(which)) for number in _ENDING}
+    came, holding = list[signal.Signals](), True
+    before = {number: signal.getsignal(number) for number in _ENDING}
+
+    def hold(number: int, _: object) -> None:
+        if holding:
+            came.append(signal.Signals(number))
+        else:  # after the block, and before this was taken back
+            signal.signal(number, before[signal.Signals(number)])
+            signal.raise_signal(number)
+
     try:
+        for number in _ENDING:
+            signal.signal(number, hold)
         yield
     finally:
+        holding = False
         for number, handler in before.items():
-            signal.signal(number, handler)
-        for which in dict.fromkeys(came):
-            signal.raise_signal(which)
+            if signal.getsignal(number) == hold:  # else a signal came meanwhile, and its handler set another
+                signal.signal(number, handler)
+        for number in dict.fromkeys(came):
+            signal.raise_signal(number)
 
 
 @contextmanager
@@ -58,9 +71,10 @@ class Terminated(KeyboardInterrupt):
 def ended_by_signals() -> Iterator[None]:
     """In the block SIGTERM raises `Terminated`, once, so that temporary files and workers go.
 
-    An exception that ends the run may be raised where Python only prints it (in a callback of the garbage collector or
-    of an import); the signal is then given again, or the run would go on as if nobody had asked. Compiled code makes
-    another exception of it, which is taken for what it was.
+    An exception that ends the run may be raised where it is dropped: in a callback of the garbage collector or of an
+    import, which Python only prints, or in a question of CasADi's about an array, to which it is a no. The signal is
+    then given again, or the run would go on as if nobody had asked. Compiled code makes another exception of it, which
+    is taken for what it was.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -69,27 +83,31 @@ def ended_by_signals() -> Iterator[None]:
     ours = {number: handler for number, handler in defaults.items() if signal.getsignal(number) == handler}
     print_it = sys.unraisablehook
     came: list[type[KeyboardInterrupt]] = []
+    on_its_way, over = set[int](), False
 
     def end(number: int, _: object) -> None:
-        if number == signal.SIGTERM:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if number == signal.SIGTERM and number in on_its_way:
+            return
+        on_its_way.add(number)
         came.append(Terminated if number == signal.SIGTERM else KeyboardInterrupt)
+        _thread.start_new_thread(watch, (number,))  # not of `threading`: its locks may be held where the signal comes
         raise came[-1]
 
-    def again(ignored: sys.UnraisableHookArgs) -> None:
-        if not isinstance(ignored.exc_value, KeyboardInterrupt):
+    def watch(number: int) -> None:
+        time.sleep(_MOMENT)
+        while not over and _handles_an_exception(threading.main_thread()):
+            time.sleep(_MOMENT)
+        if not over:
+            on_its_way.discard(number)
+            _give(signal.Signals(number))
+
+    def only_others(ignored: sys.UnraisableHookArgs) -> None:
+        if not (came and isinstance(ignored.exc_value, KeyboardInterrupt)):
             print_it(ignored)
-            return
-        number = signal.SIGTERM if isinstance(ignored.exc_value, Terminated) else signal.SIGINT
-        if number == signal.SIGTERM:
-            signal.signal(signal.SIGTERM, end)
-        timer = threading.Timer(_MOMENT, _give, [number])
-        timer.daemon = True
-        timer.start()
 
     for number in ours:
         signal.signal(number, end)
-    sys.unraisablehook = again
+    sys.unraisablehook = only_others
     try:
         yield
     except Exception:
@@ -97,9 +115,16 @@ def ended_by_signals() -> Iterator[None]:
             raise came[-1] from None
         raise
     finally:
+        over = True
         sys.unraisablehook = print_it
         for number, handler in ours.items():
             signal.signal(number, handler)
+
+
+def _handles_an_exception(thread: threading.Thread) -> bool:
+    """Whether a thread is within an `except` or `finally` that an exception has led to."""
+    found = sys._current_exceptions().get(thread.ident or 0)
+    return found not in (None, (None, None, None))  # Python 3.11 has three for each
 
 
 def _give(number: signal.Signals) -> None:
