@@ -24,7 +24,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress, say_notes
 from hfa_model.support.errors import BadInputError
-from verification.critic.candidate import from_stored, from_weights
+from verification.critic.candidate import from_run, from_stored
 from verification.critic.check_result import CriticCheck, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
@@ -69,8 +69,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.weights is None:
         result = run_learning(arguments, named.game)
         time = result.settings.get("predefined_time")
-        learned = from_weights(named.game, result.weights[-1], result.basis)
-        check = check_critic(named.game, learned, run=result, predefined_time=time, **options_of_all)
+        check = check_critic(
+            named.game, from_run(named.game, result), run=result, predefined_time=time, **options_of_all
+        )
     else:
         check = _check_file(arguments, named, options_of_all)
     if arguments.picture is not None:

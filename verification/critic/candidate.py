@@ -9,6 +9,7 @@ import numpy as np
 from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
 from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic
+from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
@@ -69,6 +70,11 @@ def from_gain(game: Game, K: np.ndarray) -> Candidate:
         hint = ": give its transpose" if K.shape == (n, m) else ""
         raise BadInputError(f"K is {_shape(K)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}")
     return Candidate(K, None, basis("quadratic", n))
+
+
+def from_run(game: Game, run: LearningResult) -> Candidate:
+    """What a law has learned at its end."""
+    return from_weights(game, run.weights[-1], run.basis)
 
 
 def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate:

@@ -36,13 +36,13 @@ class Loop:
             return complex(np.nan), complex(np.nan)
 
     def real_responses(self) -> np.ndarray:
-        """L(jω) wherever it is real, ω >= 0: at 0, and where c (ω² I + A²)⁻¹ b = 0."""
+        """L(jω) wherever it is real, ω >= 0: at 0, and where c (A² - s²I)⁻¹ b = 0 at s = jω."""
         from scipy.linalg import eigvals
 
         n = len(self.A)
-        pencil = np.block([[-self.A @ self.A, self.b[:, None]], [self.c[None], np.zeros((1, 1))]])
+        pencil = np.block([[self.A @ self.A, self.b[:, None]], [self.c[None], np.zeros((1, 1))]])
         squares = eigvals(balanced(pencil)[0], np.diag([*np.ones(n), 0.0]))
-        candidates = [0.0, *_frequencies(np.emath.sqrt(squares[np.isfinite(squares)]) * 1j)]
+        candidates = [0.0, *_frequencies(np.emath.sqrt(squares[np.isfinite(squares)]))]
 
         def met(frequency: float) -> tuple[float, float, float]:
             response, slope = self.at(frequency)

@@ -11,7 +11,7 @@ from controller.laws.learn import learn
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import angle_text
 from trim.linear.linear_model import LinearModel
-from verification.critic.candidate import from_weights
+from verification.critic.candidate import from_run
 from verification.critic.check_figure import check_figure
 from verification.critic.check_result import CriticCheck, check_report
 from verification.critic.critic_check import check_critic
@@ -44,7 +44,7 @@ def judged_critic(model: LinearModel) -> JudgedCritic:
     """Learn with the default law and settings, then check."""
     game = published_game(model.A, model.B)
     run = learn(game)
-    candidate = from_weights(game, run.weights[-1], run.basis)
+    candidate = from_run(game, run)
     return JudgedCritic(
         model, run, check_critic(game, candidate, run=run, predefined_time=run.settings["predefined_time"])
     )

@@ -199,13 +199,13 @@ def _checks(
 
 
 def _response_difference(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> float:
-    """Largest |K1(jω) - K2(jω)| / |K1(jω)| over the controllers' own frequencies."""
+    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the controllers' own frequencies."""
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
     apart = 0.0
     for omega in grid:
         first, second = (Ck @ np.linalg.solve(1j * omega * np.eye(len(Ak)) - Ak, Bk) for Ak, Bk, Ck in (one, other))
-        apart = max(apart, float(np.linalg.norm(first - second) / np.linalg.norm(first)))
+        apart = max(apart, float(np.linalg.norm(first - second) / (np.linalg.norm(first) or 1.0)))
     return apart
 
 

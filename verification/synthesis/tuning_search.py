@@ -49,7 +49,6 @@ def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[i
             progress(min(len(seen), tuning.evaluations), tuning.evaluations)
         return known[key].cost
 
-    cost(np.log(first))
     members = max(5, min(15 * len(bounds), tuning.evaluations // 8))
     # Half of the first members lie around the start: a good start is worth more than the middle of the limits.
     chance = np.random.default_rng(tuning.seed)
@@ -61,7 +60,7 @@ def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[i
         cost,
         bounds,
         init=np.clip(members_at, lows, highs),
-        maxiter=max(0, (tuning.evaluations - 1) // members - 1),
+        maxiter=max(0, tuning.evaluations // members - 1),
         rng=chance,
         tol=0.0,
         polish=False,

@@ -49,3 +49,15 @@ def test_a_ball_that_holds_both_is_left_open() -> None:
 def test_dependent_eigenvectors_are_left_open() -> None:
     flint_or_refusal()
     assert unstable_modes(matrix(np.array([[-1.0, 1.0], [0.0, -1.0]]))) in (0, None)
+
+
+def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
+    """|E| <= N with a spectral radius of |Re λ|⁻¹ N below 1, though |Re λ|⁻¹ does not prove it."""
+    flint_or_refusal()
+    A, N = np.diag([-1.0, -1.5]), np.array([[0.0, 2.0], [0.3, 0.0]])
+    balls = matrix(A)
+    for (i, j), size in np.ndenumerate(N):
+        balls[i, j] += symmetric(exact(size))
+    assert unstable_modes(balls) == 0
+    worst = (A + N) / -np.diag(A)[:, None]
+    assert np.linalg.eigvalsh(worst + worst.T)[-1] > 0.0

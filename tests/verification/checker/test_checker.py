@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flint import ctx
 from proof_cases import ORIGIN, exact_table, family, forge
 
 from hfa_model import BadInputError
 from verification import check_certificate, prove_rate, prove_schedule
+from verification.arithmetic.balls import PRECISION
 from verification.checker.checker import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
@@ -173,7 +175,9 @@ def test_an_interrupted_proof_is_continued(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(KeyboardInterrupt):
         prove_schedule(flights, table, 14.0, 15.0, save=file.save, progress=interrupted)
     assert joined(check_certificate(path).covers["modes"]) != [(14.0, 15.0, 2)]
-    found = prove_schedule(flights, table, 14.0, 15.0, known=file.known(), save=file.save)
+    known = file.known()
+    assert ctx.prec == PRECISION  # the checker's is another
+    found = prove_schedule(flights, table, 14.0, 15.0, known=known, save=file.save)
     assert found.proved
     file.finish(found)
     assert joined(check_certificate(path).covers["modes"]) == [(14.0, 15.0, 2)]

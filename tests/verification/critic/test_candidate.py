@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import AT_15, stored
 
-from controller import Game, basis
+from controller import Game, LearningResult, basis
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_model import BadInputError
 from verification import Candidate, from_gain, from_value, from_weights, solve_game
+from verification.critic.candidate import from_run
 
 
 @pytest.fixture(autouse=True)
@@ -92,3 +94,10 @@ def test_numbers_that_are_not_real_are_refused_in_python_too(game: Game, parts: 
     for wrong in (parts[held] + 1j, [[1.0], [1.0, 2.0]], parts[held].astype(str)):
         with pytest.raises(BadInputError, match=f"{held} does not consist of rows of real numbers"):
             make(game, wrong)
+
+
+def test_of_a_run_its_end_is_judged(game: Game, parts: dict[str, Any]) -> None:
+    history = np.outer([3.0, 2.0, 1.0], parts["W"])
+    judged = from_run(game, cast(LearningResult, SimpleNamespace(weights=history, basis="quadratic")))
+    np.testing.assert_allclose(judged.P, parts["P"], rtol=1e-12)
+    np.testing.assert_allclose(judged.K, parts["K"], rtol=1e-9, atol=1e-9)

@@ -130,3 +130,11 @@ def test_the_right_critics_of_the_printed_models_pass(name: str) -> None:
     exact = solve_game(game)
     for right in (from_value(game, exact.P), from_gain(game, exact.K)):
         assert check_critic(game, right).ok
+
+
+def test_three_numbers_are_enough_to_tell_another_game_and_two_are_not() -> None:
+    A, B = np.array([[-0.2, 1.0], [-2.0, -0.3]]), np.array([[0.0], [1.0]])
+    game = Game(A, B, np.array([[1.0], [0.5]]), np.diag([2.0, 1.0]), np.eye(1), 3.0)
+    other = solve_game(game.with_delta(4.0))
+    assert "this is the solution of another game, at delta = 4" in named(game, from_value(game, other.P))
+    assert named(game, from_gain(game, other.K)) == ""

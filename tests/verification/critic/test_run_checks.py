@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from controller import Game, LearningResult, basis
 from verification.critic import run_checks as module
-from verification.critic.run_checks import run_checks, settled_at
+from verification.critic.run_checks import run_checks, settled_at, worthless_start
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0])
 
@@ -46,3 +47,14 @@ def test_the_check_says_when(monkeypatch: pytest.MonkeyPatch, settled: float, ok
     assert (check.name, check.ok) == ("settling_time", ok)
     assert check.reason == ("" if ok else said)
     assert len(run_checks(anything, run, anything, None)) == 1
+
+
+@pytest.mark.parametrize(
+    ("A", "law", "worthless"),
+    [(-1e-3, "published", False), (0.0, "published", True), (1e-3, "published", True), (0.0, "certified", False)],
+)
+def test_a_start_that_leaves_a_mode_undamped_has_no_value(A: float, law: str, worthless: bool) -> None:
+    """K = 0 at the start: the abscissa is A itself."""
+    one, run = np.eye(1), cast(LearningResult, SimpleNamespace(weights=np.array([[0.0], [1.0]]), law=law))
+    said = worthless_start(Game(A * one, one, one, one, one, 2.0), run, basis("quadratic", 1))
+    assert ("has no value to learn from" in said) == worthless

@@ -25,3 +25,10 @@ def test_it_names_what_ends_the_smallest_delta_and_the_noise() -> None:
     assert [tuple(row) for row in report.parts[0].rows] == [("alpha", "0.25", "(rad)^2 s")]  # type: ignore[union-attr]
     with pytest.raises(NoSolutionError, match=r"is below delta_min = .*, where the coupling condition fails"):
         output_report(problem(0.99 * smallest), ("alpha",), ("rad",))
+
+
+def test_where_nothing_costs_every_delta_will_do() -> None:
+    game = Game(A=-0.5 * ONE, B=2 * ONE, E=ONE, Q=0 * ONE, R=ONE, delta=9.0)
+    report = output_report(OutputGame(game, ONE, 0 * ONE, 0.25 * ONE), ("alpha",), ("rad",))
+    assert report.title == "From measured outputs alone: delta 9, smallest possible 0"
+    assert (report.data["delta_min"], report.data["delta_margin"], report.data["coupling"]) == (0.0, None, 0.0)

@@ -82,3 +82,16 @@ def test_a_thousandth_above_the_minimum_is_solved_and_a_millionth_says_why_not(g
         NoSolutionError, match=r"not certified: .* is only .* % above delta_min = .*; ask for a larger delta"
     ):
         solve_game(game.with_delta(smallest * (1.0 + 3e-6)))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+def test_an_undamped_mode_that_costs_nothing_is_named_in_any_unit_of_time(size: float) -> None:
+    """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either side."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        modes = rng.standard_normal((3, 3))
+        rows = np.linalg.inv(modes)
+        A = size * modes @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ rows
+        game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), np.outer(rows[2], rows[2]), np.eye(1), math.inf)
+        with pytest.raises(NoSolutionError, match="is not detectable: the undamped mode"):
+            solve_game(game)
