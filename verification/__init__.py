@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from verification.flights.recoverable import recoverable_map as recoverable_map
     from verification.flights.scheduling import certified_schedule as certified_schedule
     from verification.meaning.linear_flight import simulate as simulate
-    from verification.meaning.margins import disk_margin as disk_margin, loop_margins as loop_margins
+    from verification.meaning.margins import loop_margins as loop_margins
     from verification.meaning.solution_report import analyse_game as analyse_game
     from verification.physics.lagrangian import mechanical_energy as mechanical_energy
     from verification.proof.lpv_grid import coarsest_grid as coarsest_grid
@@ -47,9 +47,12 @@ if TYPE_CHECKING:
         exosystem_feedforward as exosystem_feedforward,
         paper_reference as paper_reference,
     )
+    from verification.riccati.frequency_response import (
+        bounded_real_gain as bounded_real_gain,
+        disk_margin as disk_margin,
+    )
     from verification.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
     from verification.riccati.gare_batch import solve_games as solve_games
-    from verification.riccati.l2_gain import bounded_real_gain as bounded_real_gain
     from verification.riccati.output_feedback import (
         OutputGame as OutputGame,
         minimum_output_delta as minimum_output_delta,

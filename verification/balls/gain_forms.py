@@ -12,8 +12,8 @@ from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
 from verification.balls.game_balls import lyapunov_operator, proved_modes
 from verification.balls.trim_branch import ModelForms
+from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare import solve_game
-from verification.riccati.units import balanced_units, in_units
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -21,8 +21,8 @@ from verification.arithmetic.balls import (
     symmetric_part,
 )
 from verification.balls.inertia import ProvedModes, counted
+from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare_schur import schur_solution
-from verification.riccati.units import balanced_units, in_units
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat

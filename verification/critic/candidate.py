@@ -8,10 +8,11 @@ import numpy as np
 
 from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
-from controller.game.history import LARGEST_CRITIC_ENTRY, StoredCritic
+from controller.game.history import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
+from verification.meaning.cost import is_moderate
 
 #: W and P of one file may differ by this part, which is what printing six digits leaves.
 TOGETHER = 1e-6
@@ -31,11 +32,6 @@ class Candidate:
     def finite(self) -> bool:
         """Whether K and P consist of numbers with which can be computed: P S P may not overflow."""
         return is_moderate(self.K) and (self.P is None or is_moderate(self.P))
-
-
-def is_moderate(matrix: np.ndarray) -> bool:
-    """Whether every entry is a number no larger than `LARGEST_CRITIC_ENTRY`."""
-    return bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY))
 
 
 def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quadratic") -> Candidate:

@@ -16,8 +16,8 @@ from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box
 from verification.critic.critic_history import HistoryErrors
-from verification.critic.flight_cost import FlightCost
-from verification.meaning.margins import DiskMargin
+from verification.meaning.cost import FlightCost
+from verification.riccati.frequency_response import DiskMargin
 from verification.riccati.gare import GameSolution
 
 #: Entries of P and K in a report, and in that of a critic that fails; files have all.

@@ -18,14 +18,12 @@ from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
 from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
-from verification.critic.flight_cost import SIGNLESS, flight_cost
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
-from verification.meaning.margins import disk_margin
-from verification.meaning.saddle import CHANGE, saddle_checks
+from verification.meaning.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
+from verification.riccati.balancing import balanced_units, in_units, spectrum
 from verification.riccati.certificate import INDEFINITENESS, relative_residual
+from verification.riccati.frequency_response import disk_margin
 from verification.riccati.gare import solve_game
-from verification.riccati.spectrum import spectrum
-from verification.riccati.units import balanced_units, in_units
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6

@@ -19,9 +19,9 @@ from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import Box, critic_errors
 from verification.critic.run_checks import settled_at
+from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution
-from verification.riccati.units import balanced_units, in_units
 
 #: Rows of the table in a report; files have all.
 _SHOWN = 9

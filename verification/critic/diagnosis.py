@@ -21,10 +21,9 @@ from verification.critic.other_games import (
     printed_games,
 )
 from verification.critic.repairs import REDUNDANT, Repair, repaired_gain, repaired_value, repaired_weights, rescaled
+from verification.riccati.balancing import balanced_units, in_units, spectrum
 from verification.riccati.certificate import relative_residual
 from verification.riccati.gare import GameSolution, solve_game
-from verification.riccati.spectrum import spectrum
-from verification.riccati.units import balanced_units, in_units
 
 #: A cause must explain the error down to this part of it. Noise in tens of entries cannot be explained by one number.
 EXPLAINED = 1e-3

@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from verification.critic.other_games import gain_error_of, searched, value_error_of
-from verification.riccati.units import balanced_units, in_units
+from verification.riccati.balancing import balanced_units, in_units
 
 #: s; where the search for a sample time begins.
 TIMES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)

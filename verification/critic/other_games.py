@@ -20,9 +20,9 @@ from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.critic.actuated import actuators_in, with_speed
 from verification.critic.critic_errors import input_weights
 from verification.critic.repairs import REDUNDANT
+from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare_schur import quick_solution
-from verification.riccati.units import balanced_units, in_units
 
 #: Where a search along one parameter begins: factors of its value in the game, and angles in degrees.
 FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)

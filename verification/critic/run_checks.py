@@ -10,9 +10,8 @@ from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_least, at_most
+from verification.riccati.balancing import balanced_units, in_units, spectrum
 from verification.riccati.certificate import relative_residual
-from verification.riccati.spectrum import spectrum
-from verification.riccati.units import balanced_units, in_units
 
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9

@@ -15,7 +15,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 from verification.flights.recoverable_map import Edge, RecoverableMap
-from verification.riccati.spectrum import spectrum
+from verification.riccati.balancing import spectrum
 
 #: Length of a trial in time constants of the slowest mode of the linear loop.
 TIME_CONSTANTS = 8.0

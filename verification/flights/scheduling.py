@@ -25,8 +25,8 @@ from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.solve import find_operating_point
 from verification.flights.schedule_result import CertifiedSchedule, GridPoint
+from verification.riccati.balancing import spectrum
 from verification.riccati.gare import solve_game
-from verification.riccati.spectrum import spectrum
 
 #: Flight before and after a change of dihedral, s.
 LEAD, REST = 5.0, 15.0

@@ -16,8 +16,8 @@ from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep_result import Sweep
-from verification.meaning.margins import disk_margin
 from verification.riccati.existence import minimum_delta
+from verification.riccati.frequency_response import disk_margin
 from verification.riccati.gare import solve_game
 from verification.riccati.gare_batch import solve_games
 

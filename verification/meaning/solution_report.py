@@ -14,11 +14,12 @@ from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table
 from hfa_model.reporting.unit_system import gain_unit, value_unit
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from verification.meaning.margins import DiskMargin, LoopMargin, disk_margin, loop_margins
-from verification.meaning.meaning import meaning_checks
+from verification.meaning.cost import cost_checks, saddle_checks
+from verification.meaning.margins import LoopMargin, loop_margins
+from verification.riccati.balancing import in_units, normal_form
 from verification.riccati.existence import DeltaMin, Progress, minimum_delta
+from verification.riccati.frequency_response import DiskMargin, disk_margin, gain_checks
 from verification.riccati.gare import GameSolution, solve_game
-from verification.riccati.units import in_units, normal_form
 
 SCHEMA = "hfa.game-solution/1"
 
@@ -50,6 +51,19 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
                 f"certified, but not confirmed in flight: {check.name}: {check.reason}; {smallest.advice(game.delta)}"
             )
     return AnalysedGame(solution, smallest, meaning, loop_margins(game, solution.K), disk_margin(game, solution.K))
+
+
+def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
+    """Cost of the policies equals z0'P z0, neither player gains by deviating, and the L2 gain is below delta.
+
+    P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is not limited. A game
+    of value 0 has no costs to compare, and no saddle checks.
+    """
+    return (
+        *cost_checks(game, P, initial),
+        *(saddle_checks(game, P, initial) if game.Q.any() or P.any() else ()),
+        *gain_checks(game, game.gain(P)),
+    )
 
 
 def solution_report(

@@ -11,8 +11,8 @@ import numpy as np
 from hfa_model.support.errors import NoSolutionError
 from verification.arithmetic.balls import exact
 from verification.balls.game_balls import BallGame, enclose_solution
+from verification.riccati.balancing import balanced_units
 from verification.riccati.existence import DeltaMin
-from verification.riccati.units import balanced_units
 
 if TYPE_CHECKING:
     from flint import arb

@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
+from verification.riccati.balancing import normal_form
 from verification.riccati.certificate import (
     ON_THE_AXIS,
     certified_solution,
@@ -18,8 +19,7 @@ from verification.riccati.certificate import (
     hamiltonian_checks,
     solution_checks,
 )
-from verification.riccati.l2_gain import bounded_real_gain
-from verification.riccati.units import normal_form
+from verification.riccati.frequency_response import bounded_real_gain
 
 #: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur form,
 SIGNLESS = 1e-13

@@ -17,7 +17,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
-from verification.riccati.spectrum import spectrum
+from verification.riccati.balancing import spectrum
 
 
 @dataclass(frozen=True, eq=False)

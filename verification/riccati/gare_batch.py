@@ -15,8 +15,8 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
+from verification.riccati.balancing import balanced_units
 from verification.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL, relative_residuals
-from verification.riccati.units import balanced_units
 
 _NEWTON_STEPS = 2
 

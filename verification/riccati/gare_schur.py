@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
-from verification.riccati.units import NormalForm, normal_form
+from verification.riccati.balancing import NormalForm, normal_form
 
 #: Each step gains about 16 digits less those that the condition takes; two are enough for all but marginal games.
 REFINEMENTS = 6

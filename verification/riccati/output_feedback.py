@@ -11,12 +11,11 @@ from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_most, below
 from hfa_model.reporting.text import eigenvalue_text
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from verification.riccati.balancing import normal_form, spectrum
 from verification.riccati.existence import RANK, has_value
+from verification.riccati.frequency_response import gain_is_below, square_root
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.gare_schur import quick_solution, schur_solution
-from verification.riccati.l2_gain import gain_is_below, square_root
-from verification.riccati.spectrum import spectrum
-from verification.riccati.units import normal_form
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
 DERIVATIONS_AGREE = 1e-8

@@ -10,7 +10,7 @@ import numpy as np
 from controller.design.design_model import DesignModel
 from controller.game.zero_sum import Game
 from hfa_model.reporting.text import shown_unit, shown_value
-from verification.riccati.l2_gain import square_root, swept_gain
+from verification.riccati.frequency_response import square_root, swept_gain
 
 #: rad/s; an updraft of a lower frequency is as good as steady.
 STEADY = 1e-4

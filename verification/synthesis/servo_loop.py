@@ -13,8 +13,8 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
 from trim.linear.linear_model import LinearModel
-from verification.meaning.margins import DiskMargin, disk_margin
-from verification.riccati.spectrum import spectrum
+from verification.riccati.balancing import spectrum
+from verification.riccati.frequency_response import DiskMargin, disk_margin
 
 
 @dataclass(frozen=True, eq=False)

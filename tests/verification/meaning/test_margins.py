@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import disk_margin, loop_margins, solve_game
-from verification.meaning.margins import best_scaling, scaled_norm
+from verification.riccati.frequency_response import best_scaling, scaled_norm
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

@@ -9,7 +9,7 @@ from game_samples import INITIAL, failed_names, game_models
 
 from controller import Game
 from verification import solve_game
-from verification.meaning.meaning import meaning_checks
+from verification.meaning.solution_report import meaning_checks
 
 
 def test_exact_solution_means_what_it_says(game: Game) -> None:

@@ -11,7 +11,7 @@ from game_samples import INITIAL, failed_names, game_models
 from controller import Game
 from hfa_model import BadInputError
 from verification import solve_game
-from verification.meaning.saddle import CHANGE, RATIO, saddle_checks
+from verification.meaning.cost import CHANGE, RATIO, saddle_checks
 
 
 def test_each_player_loses_to_second_order(game: Game) -> None:

@@ -9,7 +9,7 @@ from game_samples import INITIAL, failed_names
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import simulate, solve_game
-from verification.meaning.saddle import cost_checks, cost_matrix, saddle_checks, simulated_cost
+from verification.meaning.cost import cost_checks, cost_matrix, saddle_checks, simulated_cost
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:

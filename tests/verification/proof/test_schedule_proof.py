@@ -16,7 +16,7 @@ from verification import check_certificate, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import schedule_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined
-from verification.riccati.spectrum import spectrum
+from verification.riccati.balancing import spectrum
 
 
 def gain_at(table: GainTable, degrees: float) -> np.ndarray:

@@ -16,10 +16,10 @@ from verification.riccati.certificate import (
     Certificate,
     agreement_check,
     hamiltonian_checks,
+    iterated_solution,
     relative_residual,
     solution_checks,
 )
-from verification.riccati.gare_iteration import iterated_solution
 from verification.riccati.gare_schur import schur_solution
 
 MODELS = sorted(game_models())

@@ -16,12 +16,11 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import minimum_delta, solve_game
+from verification.riccati.balancing import balanced, balanced_units, in_units
 from verification.riccati.certificate import (
     certified_solution,
 )
 from verification.riccati.existence import DeltaMin
-from verification.riccati.spectrum import balanced
-from verification.riccati.units import balanced_units, in_units
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()

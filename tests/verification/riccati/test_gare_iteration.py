@@ -10,7 +10,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import minimum_delta
-from verification.riccati.gare_iteration import iterated_solution
+from verification.riccati.certificate import iterated_solution
 
 MODELS = sorted(game_models())
 I2 = np.eye(2)

@@ -14,8 +14,7 @@ from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import Game
 from hfa_model import NoSolutionError
-from verification.riccati.certificate import certified_solution, relative_residual
-from verification.riccati.gare_iteration import iterated_solution
+from verification.riccati.certificate import certified_solution, iterated_solution, relative_residual
 
 #: A right answer may be refused only when a delta this much smaller has none: closer, double precision ends.
 MARGIN = 1e-3

@@ -11,7 +11,7 @@ import pytest
 from game_samples import game_models
 
 from verification import loop_margins, solve_game
-from verification.meaning.crossovers import Loop
+from verification.meaning.margins import Loop
 
 
 def loop_of(numerator: list[float], denominator: list[float]) -> Loop:

@@ -12,7 +12,7 @@ from game_samples import game_models
 
 from controller import Game
 from verification import bounded_real_gain, check_critic, from_value, solve_game
-from verification.critic.flight_cost import flight_cost, loss_matrix
+from verification.meaning.cost import flight_cost, loss_matrix
 
 GAME = game_models()["published-15"]
 EXACT = solve_game(GAME)

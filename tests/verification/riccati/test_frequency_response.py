@@ -13,7 +13,7 @@ from controller import Game
 from hfa_model import NoSolutionError
 from verification import bounded_real_gain, minimum_delta, solve_game
 from verification.riccati.existence import has_value
-from verification.riccati.l2_gain import SweptGain, gain_checks, gain_is_below, swept_gain
+from verification.riccati.frequency_response import SweptGain, gain_checks, gain_is_below, swept_gain
 
 MODELS = sorted(game_models())
 
@@ -84,7 +84,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     game, P = first
-    monkeypatch.setattr("verification.riccati.l2_gain.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
+    monkeypatch.setattr("verification.riccati.frequency_response.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
     assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 
 
