@@ -12,7 +12,7 @@ from benchmarks.timing import in_turn
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.linear.modes import track_modes
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point

@@ -16,7 +16,7 @@ from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.gare import solve_game

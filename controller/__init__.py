@@ -10,11 +10,14 @@ except ModuleNotFoundError:  # hfa_model is some other file or folder
     raise ImportError(f"{path or 'a folder'} hides the package 'hfa_model' of hfa-toolchain: rename it") from None
 
 if TYPE_CHECKING:
-    from controller.design.controller_file import load_controller as load_controller, save_controller as save_controller
     from controller.design.design import Actuator as Actuator, Design as Design
     from controller.design.design_file import load_design as load_design
     from controller.design.design_model import DesignModel as DesignModel, design_model as design_model
-    from controller.design.scheduled_controller import ScheduledController as ScheduledController
+    from controller.design.scheduled_controller import (
+        ScheduledController as ScheduledController,
+        load_controller as load_controller,
+        save_controller as save_controller,
+    )
     from controller.flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
     from controller.flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
     from controller.flight.gusts import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,8 @@ from hfa_model.reporting.text import Style
 from hfa_model.units_of_data import in_units_in_force
 
 if TYPE_CHECKING:
-    from controller.flight.flight_result import NonlinearFlight
+    from matplotlib.figure import Figure
+
     from trim.point.operating_point import OperatingPoint
 
 
@@ -68,10 +69,9 @@ def tell(
     say_notes(notes)
 
 
-def draw_flight(result: NonlinearFlight, report: Report, picture: Path | None) -> None:
-    """The picture of a flight, if one was asked for."""
+def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:
+    """Draw the figure into the file, if one was asked for."""
     if picture is not None:
         from hfa_model.reporting.figure import save
-        from verification.flights.flight_figures import flight_figure
 
-        save(flight_figure(result, report.title), picture, provenance().text())
+        save(figure(), picture, provenance().text())

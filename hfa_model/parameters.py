@@ -16,8 +16,7 @@ from hfa_model.reporting.text import Table
 from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError, shown
-from hfa_model.support.files import write_text
-from hfa_model.support.input_files import finite_number, read_toml
+from hfa_model.support.files import finite_number, read_toml, write_text
 from hfa_model.vectors import T
 
 

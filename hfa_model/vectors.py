@@ -51,6 +51,9 @@ INPUTS: tuple[str, ...] = Input._fields
 #: The six states of the paper's linear model: the altitude deviation is not controlled (Section 2.2).
 LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
 
+#: Where they stand among all states.
+LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
+
 STATE_UNITS = State("ft/s", "rad", "ft", "rad", "rad/s", "rad", "rad/s")
 INPUT_UNITS = Input("1", "rad", "rad", "rad", "rad")
 #: Units of dX/dt, for residuals of the equations of motion.

@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from trim.linear.bands import Bands as Bands
     from trim.linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
     from trim.linear.entry_bands import entry_bands as entry_bands
-    from trim.linear.linear_model import LinearModel as LinearModel, linear_model_report as linear_model_report
-    from trim.linear.linearize import linearize as linearize
+    from trim.linear.linear_model import (
+        LinearModel as LinearModel,
+        linear_model_report as linear_model_report,
+        linearize as linearize,
+    )
     from trim.linear.modes import Mode as Mode, modes_of as modes_of, track_modes as track_modes
     from trim.point.condition import (
         CONTROL_LIMITS as CONTROL_LIMITS,

@@ -1,19 +1,35 @@
-"""The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight."""
+"""The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight.
+
+Names of states and signals say their unit.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from hfa_model.outputs import OUTPUTS
+from hfa_model.outputs import OUTPUTS, unit_of
 from hfa_model.support.errors import BadInputError, shown
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
 
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
 SHORT_PERIOD = "_short_period"
 #: Where the disturbance of the game enters.
 DISTURBANCES = ("states", "updraft", "commands")
+#: How names end -> what the unit of the rest is multiplied with.
+_ENDS = {
+    "_command_end": "",
+    "_command_rate": "/s",
+    "_command": "",
+    "_feedforward": "",
+    "_estimate": "",
+    "_measured": "",
+    "_integral": " s",
+    "_position": "",
+}
+_INPUT_RATES = {f"{name}_rate": f"{unit}/s" for name, unit in INPUT_UNITS._asdict().items()}
 
 
 @dataclass(frozen=True)
@@ -154,3 +170,18 @@ class Design:
     def states(self) -> tuple[str, ...]:
         """Those of the plant, sensors with a lag, integrals."""
         return (*self.plant_states, *self.lagged_states, *self.integral_states)
+
+
+def signal_unit(name: str) -> str:
+    """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says none."""
+    rest = name.removeprefix("model_").removesuffix(SHORT_PERIOD)
+    known = _INPUT_RATES | INPUT_UNITS._asdict()
+    if rest in known:
+        return known[rest]
+    if rest in STATES or rest in OUTPUTS:
+        return unit_of(rest)
+    for end, times in _ENDS.items():
+        if rest.endswith(end):
+            unit = signal_unit(rest.removesuffix(end))
+            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
+    return ""

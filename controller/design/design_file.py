@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.design.design import Actuator, Design, Feedforward
 from hfa_model.support.errors import BadInputError, shortened, shown
-from hfa_model.support.input_files import names_of, read_named, table_of
+from hfa_model.support.files import names_of, read_named, table_of
 from hfa_model.vectors import INPUTS
 
 #: Designs that come with the package: name -> file.

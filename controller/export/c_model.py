@@ -15,7 +15,7 @@ from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.c_code import c_function
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import BALANCED, LIMITS
 from trim.point.operating_point import BALANCE
@@ -60,7 +60,7 @@ class CModel:
             c_table("const double hfa_A", self.model.A),
             c_table("const double hfa_B", self.model.B),
             c_table("const double hfa_K", gain),
-            c_table("const int hfa_linear_state", [STATES.index(name) for name in LINEAR_STATES]),
+            c_table("const int hfa_linear_state", LINEAR_ROWS),
             c_table("static const double start", START),
             c_table("static const double scale", scales),
             c_table("static const double lowest", limits[0]),

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.design.design import signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.design.signal_units import signal_unit
 from controller.export.c_model import c_positions, c_table, comment_lines
 from controller.policy.commands import CommandSteps
 from controller.policy.policies import Memoryless, Seen, Unvaried

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
-from controller.design.signal_units import signal_unit
 from controller.export.c_model import c_table, comment_lines
 from controller.export.exported_controller import (
     GivenCommands,

@@ -17,12 +17,11 @@ from controller.policy.servo_policy import ServoPolicy
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Part, Report, Reported
 from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 FLIGHT_SCHEMA = "hfa.flight/1"
-_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,7 +143,7 @@ def _states(result: NonlinearFlight) -> Table:
     rows = []
     for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True)):
         cells = [name, shown_unit(unit), short_number(largest[index], unit), short_number(final[index], unit)]
-        cells += [short_number(result.rms_errors[_ROWS.index(index)], unit) if index in _ROWS else ""]
+        cells += [short_number(result.rms_errors[LINEAR_ROWS.index(index)], unit) if index in LINEAR_ROWS else ""]
         cells += [result.envelope.limits_text(index)]
         cells += [] if differences is None else [short_number(differences[index], unit)]
         rows.append(tuple(cells))

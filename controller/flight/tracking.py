@@ -12,9 +12,7 @@ from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.outputs import unit_of
 from hfa_model.reporting.text import Table, short_number, shown_unit
-from hfa_model.vectors import LINEAR_STATES, STATES
-
-_ROWS = [STATES.index(name) for name in LINEAR_STATES]
+from hfa_model.vectors import LINEAR_ROWS
 
 
 class Tracked(NamedTuple):
@@ -46,7 +44,7 @@ class Tracked(NamedTuple):
 def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
     air = np.broadcast_to(flight.updrafts.reshape(len(flight.times), -1), (len(flight.times), outputs.F.shape[1]))
-    z = flight.states[:, _ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
+    z = flight.states[:, LINEAR_ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
 
 

@@ -16,7 +16,7 @@ from controller.flight.watched_loop import WatchedLoop
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import zero
 from hfa_model.native.bound import BoundFunction
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_SCALES, STATES
 from trim.point.operating_point import OperatingPoint
 
 #: Step of the trials, s: the fastest closed loop of the paper's weights (45 rad/s) is followed to 1e-5 of itself.
@@ -27,7 +27,6 @@ _LOST_WIDTHS, _LOST_SPEED = 100.0, 0.1
 _CHUNK_SECONDS = 1.0
 #: A flight has come to rest on its target when each state is this close to it, as a fraction of its scale.
 CLOSE = 0.01
-_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 
 
@@ -70,7 +69,7 @@ class Trials:
 
     def returned(self, commands: np.ndarray) -> np.ndarray:
         """Which flights ended at rest within `CLOSE` of the command, wherever they went in between."""
-        error = np.abs(self.final[:, _ROWS] - commands) / np.array(STATE_SCALES)[_ROWS]
+        error = np.abs(self.final[:, LINEAR_ROWS] - commands) / np.array(STATE_SCALES)[LINEAR_ROWS]
         with np.errstate(invalid="ignore"):
             return np.asarray(self.settled & (error <= CLOSE).all(axis=1))
 
@@ -144,6 +143,6 @@ class TrialLoop:
         t, y, constants = self._rate.inputs
         t[:], y[:], constants[:] = 0.0, x, p
         self._rate()
-        rates = np.abs(self._rate.results[0][_ROWS]) / np.array(STATE_SCALES)[_ROWS]
+        rates = np.abs(self._rate.results[0][LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
         with np.errstate(invalid="ignore"):
             return bool((rates <= CLOSE).all())

@@ -17,7 +17,7 @@ from controller.game.csv_file import read_csv
 from controller.game.mat_file import read_mat
 from hfa_model.reporting.unit_system import si_factor, si_unit
 from hfa_model.support.errors import BadInputError, shortened
-from hfa_model.support.input_files import LARGEST, read_json, regular_file
+from hfa_model.support.files import LARGEST, read_json, regular_file
 from hfa_model.vectors import LINEAR_STATES, UNITS
 
 

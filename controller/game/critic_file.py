@@ -16,8 +16,8 @@ from controller.game.csv_file import holds_matrices, is_number
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.reporting.unit_system import si_unit
-from hfa_model.support.errors import BadInputError, shortened
-from hfa_model.support.input_files import LARGEST_TEXT, regular_file
+from hfa_model.support.errors import BadInputError, said_of, shortened
+from hfa_model.support.files import LARGEST_TEXT, regular_file
 
 _TIMES = ("time", "times", "t")
 _ALSO = {"weights": "W", "gains": "K"}
@@ -58,15 +58,12 @@ def _history(
     path: str | Path, game: Game, functions: str | None, plant: PlantNames
 ) -> tuple[History | None, dict[str, Any]]:
     """`load_history`, and what the file holds."""
-    try:
+    with said_of(path):
         if Path(path).suffix.lower() == ".csv" and not _is_critic(path):
             name = functions or "quadratic"
             return _of_table(*_read_csv(path), _shapes(game, name), name, plant), {}
         stored = read_arrays(path)
         return _of_arrays(stored, game, functions, plant), stored
-    except BadInputError as error:
-        text = str(error)
-        raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
 def load_critic(path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None) -> StoredCritic:
@@ -81,10 +78,8 @@ def _once(path: str | Path, stored: dict[str, Any], plant: PlantNames, functions
     if not any(key in stored for key in StoredCritic._fields):
         raise BadInputError(f"{path}: there is no W, P or K; a weights file holds one of them{found_in(stored)}")
     parts = {key: _part(path, key, stored[key]) for key in StoredCritic._fields if key in stored}
-    try:
+    with said_of(path):
         scales = file_scales(stored, plant)
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
     if np.any(scales != 1.0):
         parts = in_scales(parts, scales, functions)
     return StoredCritic(**{key: parts.get(key) for key in StoredCritic._fields})

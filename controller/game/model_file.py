@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.array_file import aircraft_scales, found_in, read_arrays
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
-from hfa_model.support.errors import BadInputError, shortened
+from hfa_model.support.errors import BadInputError, said_of, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.
@@ -92,11 +92,8 @@ def stored_game(
         if key not in given:
             given[key] = np.diag(diagonal / scales**2 if key == "Q" else np.array(diagonal, dtype=float))
     given["delta"] = _scalar(path, "delta", given.get("delta", settings["delta"]))
-    try:
-        game = Game(**given)
-        return StoredGame(game, notes, names, _provenance(stored))
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
+    with said_of(path):
+        return StoredGame(Game(**given), notes, names, _provenance(stored))
 
 
 def _plant_in(stored: dict[str, Any]) -> tuple[dict[str, Any], str]:

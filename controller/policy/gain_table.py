@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, said_of
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 
 _STATES = len(LINEAR_STATES)
@@ -85,7 +85,7 @@ def load_gains(path: Path) -> GainTable:
     A file whose `state_units` are SI is converted. BadInputError, one line that names the file.
     """
     stored = read_arrays(path)
-    try:
+    with said_of(path):
         parts = {name: real_array(name, stored[name]) for name in "KMNX" if name in stored}
         if "K" not in parts or parts["K"].ndim != 3:
             K = load_critic(path, _PLANT).K if "K" in stored else None
@@ -101,9 +101,6 @@ def load_gains(path: Path) -> GainTable:
         if (first, last) == (len(INPUTS), degrees.size) and (first, second) != (degrees.size, len(INPUTS)):
             parts = {name: np.moveaxis(each, -1, 0) for name, each in parts.items()}
         return _in_feet(GainTable(degrees, **parts), stored.get("state_units", ()))
-    except BadInputError as error:
-        text = str(error)
-        raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
 def _in_feet(table: GainTable, units: object) -> GainTable:

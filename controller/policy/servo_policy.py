@@ -12,9 +12,9 @@ import numpy as np
 from controller.design.design import SHORT_PERIOD
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.policy.commands import CommandSteps
-from controller.policy.dihedral_table import DihedralTable
 from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen, Unvaried
+from controller.policy.scheduled import DihedralTable
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity

@@ -16,8 +16,7 @@ from hfa_model.provenance import Provenance
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, range_text
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
-from hfa_model.support.input_files import read_json
+from hfa_model.support.files import read_json, write_text
 from hfa_model.support.jsonable import jsonable
 
 SCHEMA = "hfa.published-study/2"

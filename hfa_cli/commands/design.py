@@ -13,15 +13,15 @@ import argparse
 from dataclasses import replace
 from functools import partial
 
-from controller.design.controller_file import SUFFIXES, load_controller, save_controller
 from controller.design.design_file import NAMED, load_design
+from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.origin import provenance
-from hfa_cli.output import show
+from hfa_cli.output import draw, show
 from hfa_cli.progress import Progress
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
@@ -88,7 +88,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     """Tune; exit 1 when no evaluation kept the constraints."""
-    from hfa_model.reporting.figure import save
     from verification.synthesis.tuning_figure import tuning_figure
     from verification.synthesis.tuning_report import tuning_report
     from verification.synthesis.tuning_search import tune
@@ -102,7 +101,6 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     report = tuning_report(arguments.tune, found)
     entries = arguments.tune.entries_at(found.best)
     save_design(target, entries | {"description": f"found by a search from {arguments.tune.name}"})
-    if arguments.picture is not None:
-        save(tuning_figure(arguments.tune, found.seen), arguments.picture, provenance().text())
+    draw(arguments.picture, lambda: tuning_figure(arguments.tune, found.seen))
     show(report, arguments, target=None)
     return 0 if report.data["ok"] else 1

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.formats import write_formats
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.actuator_options import actuators_of, add_actuators
 from hfa_cli.options.argument_types import check_folder, input_file, output_file, parsed, whole
 from hfa_cli.options.law_options import LAWS, check_learning
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
+from hfa_cli.options.scenario_options import actuators_of, add_actuators
 from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
@@ -31,7 +31,7 @@ from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, write_texts
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
@@ -122,7 +122,7 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
 
 def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
-    from controller.design.controller_file import load_controller
+    from controller.design.scheduled_controller import load_controller
     from controller.export.c_model import CModel, c_model_texts
     from controller.export.exported_controller import c_controller_texts
     from controller.export.exported_loop import EXAMPLE, controller_example, controller_loop

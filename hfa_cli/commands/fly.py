@@ -14,11 +14,11 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.law_options import add_stored, add_weights, check_learning
 from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
 from hfa_cli.options.servo_options import add_controller, controlled
-from hfa_cli.output import draw_flight, tell
+from hfa_cli.output import draw, tell
 from hfa_cli.progress import Progress
 from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import BadInputError
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_model.reporting.checks import Check
@@ -55,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left or a check failed."""
     from controller.flight.simulate import fly
+    from verification.flights.flight_figures import flight_figure
 
     _refuse_moved(arguments)
     check_learning(arguments)
@@ -72,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         checks = agreement_checks(aircraft, law, result)
     report = result.report(law, checks)
-    draw_flight(result, report, arguments.picture)
+    draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [point], arguments, arguments.output, result.history())
     return 0 if result.departure is None and all(check.ok for check in checks) else 1
 

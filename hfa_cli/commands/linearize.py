@@ -16,8 +16,7 @@ from hfa_model.winds import DISTURBANCES
 from trim.linear.bands import trust_in
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands
-from trim.linear.linear_model import linear_model_report
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linear_model_report, linearize
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,10 +14,9 @@ from hfa_cli.options.law_options import add_stored, add_weights, check_learning
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
-from hfa_cli.origin import provenance
-from hfa_cli.output import tell
+from hfa_cli.output import draw, tell
 from hfa_cli.progress import Progress
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 
 _MOST_POINTS = 1000
 #: Option -> the quantity that it is about, its unit on the command line, and the range unless given.
@@ -46,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly and report."""
     from hfa_model.aircraft import Aircraft
     from hfa_model.variants import VARIANTS
+    from verification.flights.flight_figures import map_figure
     from verification.flights.recoverable import recoverable_map
     from verification.flights.recoverable_map import map_report
 
@@ -69,10 +69,6 @@ def run(arguments: argparse.Namespace) -> int:
         )
         found.append(result)
     report = map_report(tuple(found), law.name)
-    if arguments.picture is not None:
-        from hfa_model.reporting.figure import save
-        from verification.flights.flight_figures import map_figure
-
-        save(map_figure(tuple(found), report.title), arguments.picture, provenance().text())
+    draw(arguments.picture, lambda: map_figure(tuple(found), report.title))
     tell(report, [each.point for each in found], arguments, arguments.output)
     return 0

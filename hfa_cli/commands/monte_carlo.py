@@ -17,12 +17,13 @@ from controller.policy.critic_policy import CriticPolicy
 from controller.policy.signals import Signal
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.actuator_options import actuators_of, add_actuators
 from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
 from hfa_cli.options.law_options import LAWS, add_stored, add_weights, check_stored, game_on, law_of, seed_of
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.scenario_options import (
     TURBULENCE,
+    actuators_of,
+    add_actuators,
     add_envelope,
     add_initial,
     add_signal,
@@ -38,8 +39,7 @@ from hfa_cli.output import tell
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.temporary import temporary_folder
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
     from controller.flight.uncertain import Uncertainty

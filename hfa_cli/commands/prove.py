@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.design.controller_file import load_controller
 from controller.design.design_file import load_design
+from controller.design.scheduled_controller import load_controller
 from controller.policy.gain_table import GainTable, load_gains
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, number, parsed
@@ -28,7 +28,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, said_of
 
 if TYPE_CHECKING:
     from verification.balls.steady_flights import Family
@@ -165,10 +165,8 @@ def _critic(arguments: argparse.Namespace) -> int:
     named, family, degrees = _game(arguments)
     functions = basis(arguments.basis or "quadratic", len(named.game.A))
     stored = load_critic(arguments.file, named.plant, functions)
-    try:
+    with said_of(arguments.file):
         proof = prove_critic(named.game, stored, functions, family, degrees)
-    except BadInputError as error:
-        raise BadInputError(f"{arguments.file}: {error}") from error
     if target is not None:
         write_certificate(target, provenance(), "game", *critic_claim(proof, family, degrees))
     show(critic_proof_report(proof, str(arguments.file), named.origin), arguments, target=None)

@@ -10,8 +10,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options.argument_types import check_folder, parsed, whole
-from hfa_cli.options.parser import add_value
-from hfa_cli.options.removed_options import add_removed
+from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
 from hfa_cli.origin import provenance
 from hfa_cli.progress import Progress
@@ -32,7 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="keep experiments that are finished")
     about = "processes that share the flights; default: one a core for long flights, else 1"
     add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", about)
-    add_removed(parser, "--reading", "the configuration is that of verification/experiments/section5.toml")
+    add_refused(
+        parser, "--reading", "is no longer there: the configuration is that of verification/experiments/section5.toml"
+    )
     parser.add_argument("--json", action="store_true", help="print the claims as JSON instead of text")
     parser.set_defaults(parameters=None, dynamics=DEFAULT_DYNAMICS)
 

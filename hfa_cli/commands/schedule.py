@@ -15,7 +15,7 @@ from hfa_cli.options.law_options import add_weights, check_learning, seed_of
 from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
-from hfa_cli.output import draw_flight, tell
+from hfa_cli.output import draw, tell
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
 from trim.point.condition import level_flight
@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left."""
     from controller.policy.gain_table import load_gains
+    from verification.flights.flight_figures import flight_figure
     from verification.flights.schedule_result import schedule_report
     from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
 
@@ -70,6 +71,6 @@ def run(arguments: argparse.Namespace) -> int:
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("simulate"))
     report = schedule_report(result, certified, change, arguments.law if gains is None else f"gain of {arguments.gain}")
-    draw_flight(result, report, arguments.picture)
+    draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
     return 0 if result.departure is None else 1

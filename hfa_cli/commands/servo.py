@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly, keep, report."""
-    from controller.design.controller_file import load_controller
+    from controller.design.scheduled_controller import load_controller
     from verification.servo.cases import CASES, DURATION
     from verification.servo.servo_flights import run_case
     from verification.servo.servo_report import servo_report

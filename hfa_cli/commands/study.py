@@ -13,8 +13,7 @@ from controller.study.study_report import StudyFolder, study_report
 from controller.study.study_rows import STUDY
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_folder, check_target, parsed, whole
-from hfa_cli.options.parser import add_value
-from hfa_cli.options.removed_options import add_removed
+from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
@@ -34,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="do not run again the rows that are finished in --folder")
     about = "processes that share the runs; default: one a core for many runs, else 1"
     add_value(parser, "--workers", whole(1, options.MOST_WORKERS), "N", about)
-    add_removed(parser, "--save", "keep the finished rows with --folder FOLDER")
+    add_refused(parser, "--save", "is no longer there: keep the finished rows with --folder FOLDER")
     options.add_output(parser)
 
 

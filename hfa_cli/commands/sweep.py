@@ -23,9 +23,8 @@ from hfa_cli.options.games import add_weights, weights_of
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_cli.origin import provenance
-from hfa_cli.output import show
+from hfa_cli.output import draw, show
 from hfa_cli.progress import Progress, say_notes
-from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import shown_unit
 from hfa_model.support.errors import BadInputError
@@ -92,8 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
             notes.append(f"at the first point without a trim {advice}")
     if arguments.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {arguments.picture} is not written")
-    elif arguments.picture is not None:
-        save(result.root_locus.figure(), arguments.picture, provenance().text())
+    else:
+        draw(arguments.picture, result.root_locus.figure)
     games = None
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games

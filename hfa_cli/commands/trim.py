@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.origin import provenance
-from hfa_cli.output import show
+from hfa_cli.output import draw, show
+from trim.point.trim_figure import trim_figure
 from trim.point.trim_report import trim_report
 
 
@@ -22,11 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report."""
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    if arguments.picture is not None:
-        from hfa_model.reporting.figure import save
-        from trim.point.trim_figure import trim_figure
-
-        save(trim_figure(aircraft, point), arguments.picture, provenance().text())
+    draw(arguments.picture, lambda: trim_figure(aircraft, point))
     report = trim_report(aircraft, options.condition_of(arguments), point)
     show(report, arguments, target=arguments.output)
     return 0

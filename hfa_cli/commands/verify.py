@@ -7,24 +7,22 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 from typing import Any
 
 from controller.game.basis import basis
 from controller.game.critic_file import critic_in
 from controller.game.history import History
-from controller.game.learning_result import LearningResult
 from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, positive
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.options.learning_options import add_learning
 from hfa_cli.options.parser import add_value
-from hfa_cli.origin import provenance
-from hfa_cli.output import show
+from hfa_cli.output import draw, show
 from hfa_cli.progress import Progress, say_notes
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
+from verification.critic.check_figure import check_figure
 from verification.critic.check_result import CriticCheck, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
@@ -74,8 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     else:
         check = _check_file(arguments, named, options_of_all)
-    if arguments.picture is not None:
-        _draw(check, named, result, time, arguments.picture)
+    draw(arguments.picture, lambda: check_figure(check, *named.names, run=result, predefined_time=time))
     limit_cost = arguments.limit_cost
     report = check_report(check, *named.names, limit_cost=limit_cost).with_data(**named.labels())
     show(report, arguments, target=arguments.output)
@@ -90,19 +87,8 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
     found = critic_in(path, game, arguments.basis, named.plant)
     if not isinstance(found, History) and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
-    try:
+    with said_of(path):
         if isinstance(found, History):
             told = Progress("compare")
             return check_history(game, found, predefined_time=time, progress=told, **options_of_all)
         return check_critic(game, from_stored(game, found, functions), **options_of_all)
-    except BadInputError as error:
-        text = str(error)
-        raise BadInputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
-
-
-def _draw(check: CriticCheck, named: NamedGame, result: LearningResult | None, time: float | None, path: Path) -> None:
-    from hfa_model.reporting.figure import save
-    from verification.critic.check_figure import check_figure
-
-    figure = check_figure(check, *named.names, run=result, predefined_time=time)
-    save(figure, path, provenance().text())

@@ -18,8 +18,8 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
 from hfa_model.reporting.text import numbered
-from hfa_model.support.errors import BadInputError
-from trim.linear.linearize import linearize
+from hfa_model.support.errors import BadInputError, said_of
+from trim.linear.linear_model import linearize
 
 #: Formats of files with matrices.
 MATRIX_FILES = (".json", ".npz", ".mat", ".csv")
@@ -110,10 +110,8 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:
     """The game of a design model, with the weights that the options change."""
-    try:
+    with said_of(f"design {built.design.name}"):
         game = replace(built.game(), **changes)
-    except BadInputError as error:
-        raise BadInputError(f"design {built.design.name}: {error}") from error
     names = built.states, built.inputs, built.state_units, built.input_units
     where = f"design {built.design.name} of {origin}"
     return NamedGame(game, *names, where, tuple(built.model.point.warnings), built)

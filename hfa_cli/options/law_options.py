@@ -11,7 +11,7 @@ from hfa_cli.options.argument_types import input_file, whole
 from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, said_of
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -102,8 +102,6 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
         raise BadInputError(
             f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
         )
-    try:
+    with said_of(path):
         K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
     return gain_law(f"{'weights' if arguments.gain is None else 'gain'} of {path}", K)

@@ -8,8 +8,7 @@ from typing import Any
 
 from controller.laws.learn import LAWS
 from hfa_cli.options.argument_types import number, whole
-from hfa_cli.options.parser import add_named, add_value
-from hfa_cli.options.removed_options import add_removed
+from hfa_cli.options.parser import add_named, add_refused, add_value
 from hfa_model.support.errors import BadInputError
 
 DEFAULT_LAW = "certified"
@@ -21,7 +20,11 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     add_settings(parser)
     for option in ("--save", "--resume"):
-        add_removed(parser, option, "a run takes about a second; run it again, the same seed gives the same bits")
+        add_refused(
+            parser,
+            option,
+            "is no longer there: a run takes about a second; run it again, the same seed gives the same bits",
+        )
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:

@@ -110,6 +110,16 @@ def add_named(
     parser.add_argument(option, action=_Named, value=kind, alone=alone, metavar=form, help=about)
 
 
+def add_refused(parser: argparse.ArgumentParser, option: str, refusal: str) -> None:
+    """An option that is not in the help; with or without a word, it is answered with `refusal`."""
+
+    class Refuse(argparse.Action):
+        def __call__(self, *_: Any, **__: Any) -> NoReturn:
+            raise BadInputError(f"{option} {refusal}")
+
+    parser.add_argument(option, nargs="?", action=Refuse, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+
+
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Says that an option or a command does not exist, with the one that was probably meant."""
     import difflib

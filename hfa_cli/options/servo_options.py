@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
-#: Of the command filter when the controller knows none: rad/s, and damping.
-_FILTER = (0.5, 2.0)
 _STEPS = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
 
@@ -43,7 +41,7 @@ def controlled(
 
     BadInputError where it does not fit the other options.
     """
-    from controller.design.controller_file import load_controller
+    from controller.design.scheduled_controller import load_controller
     from controller.policy.commands import CommandedStates
     from controller.policy.servo_policy import servo_law
 
@@ -73,7 +71,7 @@ def commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]
     for column, steps in enumerate(given.values()):
         for time, value in steps:
             values[times.index(time) :, column] = value
-    return CommandSteps(tuple(given), np.array(times), values, *(command_filter or _FILTER))
+    return CommandSteps(tuple(given), np.array(times), values, *command_filter)
 
 
 def _steps(name: str, text: str) -> list[tuple[float, float]]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 from contextlib import AbstractContextManager
-from typing import Any, NoReturn
 
 from hfa_cli.options.argument_types import one_of
-from hfa_cli.options.parser import add_value
+from hfa_cli.options.parser import add_refused, add_value
 from hfa_model.reporting.unit_system import SYSTEMS, shown_in
 from hfa_model.support.errors import BadInputError
 
@@ -28,12 +27,7 @@ def add_units(parser: argparse.ArgumentParser, command: str) -> None:
         about = "units of what is printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
         add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
         return
-
-    class Refuse(argparse.Action):
-        def __call__(self, *_: Any, **__: Any) -> NoReturn:
-            raise BadInputError(f"--units does not go with `hfa {command}`: {IN_FEET[command]}; leave it out")
-
-    parser.add_argument("--units", nargs="?", action=Refuse, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    add_refused(parser, "--units", f"does not go with `hfa {command}`: {IN_FEET[command]}; leave it out")
 
 
 def units_of(arguments: argparse.Namespace) -> AbstractContextManager[None]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hfa_model.support.input_files import read_json
+from hfa_model.support.files import read_json
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
 

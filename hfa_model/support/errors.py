@@ -6,6 +6,9 @@ would obey.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 _LONGEST = 60
@@ -18,6 +21,16 @@ class BadInputError(ValueError):
 
 class NoSolutionError(RuntimeError):
     """What was asked for is well posed but has no solution, or none that could be certified (exit code 1)."""
+
+
+@contextmanager
+def said_of(what: str | Path) -> Iterator[None]:
+    """A BadInputError of the block begins with the file, or the thing, that it is about."""
+    try:
+        yield
+    except BadInputError as error:
+        text = str(error)
+        raise BadInputError(text if text.startswith(str(what)) else f"{what}: {text}") from error
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

@@ -1,17 +1,29 @@
-"""Files that appear whole or not at all."""
+"""Files that we write appear whole or not at all; those that users bring are regular ones of a bounded size whose text
+parses, or one line says why not.
+"""
 
 from __future__ import annotations
 
+import errno
+import json
+import math
 import os
+import stat
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.resources import files
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-import numpy as np
-
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, shortened, shown
 from hfa_model.support.temporary import temporary_file
+
+#: Bytes of a file, and of what it unpacks to.
+LARGEST = 2**30
+#: Bytes of a text file: parsed, it takes ten times the memory.
+LARGEST_TEXT = 2**28
+_LONGEST_REASON = 200
 
 
 @contextmanager
@@ -61,10 +73,86 @@ def _remove_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def save_npz(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays to a .npz file through a temporary file beside it and a rename.
+def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
+    """The path of a file that can be read to its end: a FIFO or a device would keep us waiting.
 
-    Raises BadInputError when the folder does not exist or cannot be written.
+    OSError as from opening it, also where it is no regular file or has more than `largest` bytes.
     """
-    with written_whole(path) as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
+    try:
+        found = os.stat(path)
+    except ValueError as error:  # a name with a zero byte
+        raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from error
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    if found.st_size > largest:
+        raise OSError(errno.EFBIG, f"larger than {largest >> 20} MiB", str(path))
+    return Path(path)
+
+
+def read_json(path: str | Path) -> Any:
+    """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no JSON."""
+    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise BadInputError(f"{path}: is not JSON ({_reason(error)})") from error
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no TOML."""
+    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    try:
+        return tomllib.loads(text.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadInputError(f"{path}: is not a TOML file ({_reason(error)})") from error
+
+
+def _reason(error: Exception) -> str:
+    return shortened(str(error), _LONGEST_REASON)
+
+
+def read_named(what: str, name: str, packaged: Mapping[str, str], folder: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    """The entries of a file of the package `folder`, by its name in `packaged` (name -> file), or of the user's file.
+
+    what: what the file describes, for messages. keys: the entries it may have. BadInputError where there is no such
+    name and file, and for any other entry.
+    """
+    try:
+        data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)
+    except OSError as error:
+        raise BadInputError(
+            f"{name}: no {what} of that name and no readable file; the names are {', '.join(packaged)}"
+        ) from error
+    unknown = sorted(set(data) - set(keys))
+    if unknown:
+        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a {what} has {', '.join(keys)}")
+    return data
+
+
+def table_of(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """The table [key]; empty where there is none. where: the file, for the message of BadInputError."""
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
+    return table
+
+
+def names_of(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """The list of names under a key."""
+    value = data.get(key, list(default))
+    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a list of names in quotes")
+    return tuple(value)
+
+
+def finite_number(where: str, entry: str, value: Any) -> float:
+    """A value as a float. BadInputError where it is no number, or no finite one."""
+    try:
+        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float)) else float(value)
+    except OverflowError:  # TOML's integers have no limit, Python's floats do
+        number = math.inf
+    if not math.isfinite(number):
+        raise BadInputError(f"{where}: {entry} is {shown(value)}; give a finite number")
+    return number

@@ -27,7 +27,7 @@ from hfa_model.native import machine_code as generated
 from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 

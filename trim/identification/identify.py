@@ -17,7 +17,7 @@ from hfa_model.parameters import Parameters, ParameterSet
 from hfa_model.published import PublishedModel, published_data, published_models
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.variants import Published, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input, Quantity, State
 from trim.identification.identification_result import ASSUMED, IDENTIFIED, Fit
 
 # Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.
@@ -131,15 +131,14 @@ class _Condition:
     def __init__(self, model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> None:
         (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
         f = state_rates(x, u, p, variant)
-        rows = [STATES.index(name) for name in LINEAR_STATES]
-        A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
+        A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
         # The rows θ' = q and η' = η' are the same for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
         entries = ca.vertcat(
             *((A[i, j] - model.A[i, j]) / model.half_unit_A[i, j] for i in moved for j in range(A.shape[1])),
             *((B[i, j] - model.B[i, j]) / model.half_unit_B[i, j] for i in moved for j in range(B.shape[1])),
         )
-        balance = ca.vertcat(*(f[rows[i]] for i in moved))
+        balance = ca.vertcat(*(f[LINEAR_ROWS[i]] for i in moved))
         point = ca.vertcat(*_printed_state(model), *_as_input(ca.vertsplit(inputs)))
         entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
         with_jacobian = balance, ca.jacobian(balance, inputs)

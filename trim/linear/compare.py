@@ -14,8 +14,7 @@ from hfa_model.published import PublishedModel, published_models
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import TONES, Table, Toned, four_decimals
 from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

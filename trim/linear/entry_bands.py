@@ -11,7 +11,7 @@ from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from trim.linear.bands import Bands
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
@@ -80,8 +80,7 @@ def _derivatives(variant: Variant) -> ca.Function:
     """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
     x, u, p = symbols()
     f = state_rates(x, u, p, variant)
-    rows = [STATES.index(name) for name in LINEAR_STATES]
-    A, B = ca.jacobian(f, x)[rows, rows], ca.jacobian(f, u)[rows, :]
+    A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
     entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
     jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (point, p)]
     return ca.Function("entry_derivatives", [x, u, p], [ca.densify(jacobian) for jacobian in jacobians])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.support.errors import BadInputError, shown
-from hfa_model.support.input_files import finite_number, names_of, read_named, table_of
+from hfa_model.support.files import finite_number, names_of, read_named, table_of
 from hfa_model.vectors import UNITS
 from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
 

@@ -14,8 +14,7 @@ from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, Toned, angle_text, degrees
 from hfa_model.reporting.unit_system import english, in_force, unit_in_force
 from hfa_model.support.errors import BadInputError, shortened, shown
-from hfa_model.support.files import write_text
-from hfa_model.support.input_files import read_json
+from hfa_model.support.files import read_json, write_text
 from hfa_model.support.jsonable import json_text
 from hfa_model.vectors import (
     INPUT_UNITS,

@@ -13,7 +13,7 @@ from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.condition import LIMITS, VARIABLES, TrimCondition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint, Status

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_model.aircraft import compiled_dynamics
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, STATES
 from trim.point.solve import find_operating_point
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import as_read, exact, flint_or_refusal, symmetric
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from verification.arithmetic.taylor_model import TaylorModel
 
-_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 _COLUMNS = range(len(INPUTS))
 #: Least half width of a box of unknowns: what is known exactly still needs an interior.
 _TINY = 1e-30
@@ -106,11 +105,11 @@ class TrimBranch:
             _form(box, at_middle, wide, range(len(wide)), [0], [each.unknowns for each in errors]),
             [series[ORDER] * box.radius**ORDER for series in at_middle],
             _form(box, u, wide_u, _COLUMNS, [0]),
-            _form(box, A, wide_A, _ROWS, _ROWS, [each.A for each in errors]),
-            _form(box, B, wide_B, _ROWS, _COLUMNS, [each.B for each in errors]),
+            _form(box, A, wide_A, LINEAR_ROWS, LINEAR_ROWS, [each.A for each in errors]),
+            _form(box, B, wide_B, LINEAR_ROWS, _COLUMNS, [each.B for each in errors]),
             (
-                _matrix(wide_A, ORDER, _ROWS, _ROWS) * box.radius**ORDER,
-                _matrix(wide_B, ORDER, _ROWS, _COLUMNS) * box.radius**ORDER,
+                _matrix(wide_A, ORDER, LINEAR_ROWS, LINEAR_ROWS) * box.radius**ORDER,
+                _matrix(wide_B, ORDER, LINEAR_ROWS, _COLUMNS) * box.radius**ORDER,
             ),
         )
 
@@ -118,7 +117,11 @@ class TrimBranch:
         """A (6, 6), B (6, 5) and the inputs (5, 1) at one dihedral, degrees, in balls."""
         point = [[value] for value in self.trim_at(degrees)]
         u, A, B = self._model(self._known, radians(exact(degrees)), point, 1)
-        return _matrix(A, 0, _ROWS, _ROWS), _matrix(B, 0, _ROWS, _COLUMNS), _matrix(u, 0, _COLUMNS, [0])
+        return (
+            _matrix(A, 0, LINEAR_ROWS, LINEAR_ROWS),
+            _matrix(B, 0, LINEAR_ROWS, _COLUMNS),
+            _matrix(u, 0, _COLUMNS, [0]),
+        )
 
     def trim_at(self, degrees: float) -> list[arb]:
         """The unknowns at one dihedral, degrees, in balls: Newton's method on midpoints, then Krawczyk."""
@@ -181,7 +184,7 @@ class TrimBranch:
         for (k, width), slope in zip(self._uncertain, slopes, strict=True):
             series = [[value, rise] for value, rise in zip(found, slope.entries(), strict=True)]
             _, A, B = self._model(self._moved(k, width), radians(box.degrees), series, 2)
-            yield Errors(_matrix(A, 1, _ROWS, _ROWS), _matrix(B, 1, _ROWS, _COLUMNS), slope)
+            yield Errors(_matrix(A, 1, LINEAR_ROWS, LINEAR_ROWS), _matrix(B, 1, LINEAR_ROWS, _COLUMNS), slope)
 
     def _moved(self, k: int, width: arb) -> TrimEquations:
         """The parameter k as a series in its half widths."""

@@ -21,7 +21,7 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.input_files import read_json
+from hfa_model.support.files import read_json
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, STATES
 from verification.arithmetic.ball_function import BallFunction

@@ -12,7 +12,7 @@ from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 from verification.flights.recoverable_map import Edge, RecoverableMap
 from verification.riccati.balancing import spectrum
@@ -85,8 +85,7 @@ def recoverable_map(
 
 
 def _trial_time(model: LinearizedAircraft, gain: np.ndarray) -> float:
-    rows = [STATES.index(name) for name in LINEAR_STATES]
-    abscissa = spectrum(model.A[np.ix_(rows, rows)] - model.B[rows] @ gain).abscissa
+    abscissa = spectrum(model.A[np.ix_(LINEAR_ROWS, LINEAR_ROWS)] - model.B[LINEAR_ROWS] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
     return TIME_CONSTANTS / -abscissa

@@ -20,8 +20,7 @@ from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.solve import find_operating_point
 from verification.flights.schedule_result import CertifiedSchedule, GridPoint

@@ -10,8 +10,7 @@ from hfa_model.published import PublishedModel
 from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import NoSolutionError
 from trim.linear.compare import printed_at
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint

@@ -10,7 +10,7 @@ import numpy as np
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, Toned
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.input_files import read_json
+from hfa_model.support.files import read_json
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.reproduction import SCHEMA
 from verification.experiments.tables import counts_text, short_table

@@ -24,7 +24,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError, shown
 from hfa_model.variants import Variant
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
 from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2

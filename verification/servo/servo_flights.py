@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
-from controller.design.signal_units import signal_unit
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from controller.design.signal_units import signal_unit
+from controller.design.design import signal_unit
 from hfa_model.reporting.report import Block, Report
 from hfa_model.reporting.text import Table, shown_unit
 from hfa_model.reporting.unit_system import in_force

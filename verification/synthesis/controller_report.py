@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
-from controller.design.signal_units import signal_unit
 from hfa_model.reporting.checks import verdict_text
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, in_degrees

@@ -17,8 +17,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.existence import minimum_delta

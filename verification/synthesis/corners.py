@@ -15,8 +15,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.checks import Check, below, checks_block
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant

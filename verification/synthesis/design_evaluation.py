@@ -12,8 +12,7 @@ from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import NoSolutionError
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.gare_schur import quick_solution

@@ -12,8 +12,7 @@ import numpy as np
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
 from hfa_model.support.errors import BadInputError, shown
-from hfa_model.support.files import write_text
-from hfa_model.support.input_files import finite_number, names_of, read_toml, table_of
+from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
 from hfa_model.variants import variant_named
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
 

@@ -16,8 +16,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.jobs.finished import stamp
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
-from hfa_model.support.input_files import regular_file
+from hfa_model.support.files import regular_file, write_text
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 

@@ -10,8 +10,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.checks import Check, at_most
 from hfa_model.vectors import INPUTS
 from trim.linear.compare import eigenvalue_errors
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight, release
 from trim.point.solve import find_operating_point
 from verification.validation.outside import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from controller.design.signal_units import signal_unit
+from controller.design.design import signal_unit
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from hfa_model.native.c_code import c_function
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_texts
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES, STATES
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

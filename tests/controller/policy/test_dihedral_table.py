@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from controller.policy.dihedral_table import DihedralTable, interpolated
+from controller.policy.scheduled import DihedralTable, interpolated
 
 
 def test_it_is_linear_between_the_angles_and_constant_beyond() -> None:

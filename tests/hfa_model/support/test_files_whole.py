@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from hfa_model import BadInputError
-from hfa_model.support import files
-from hfa_model.support.files import save_npz
+from hfa_model.support.files import written_whole
+
+
+def save(path: Path, x: np.ndarray) -> None:
+    with written_whole(path) as stream:
+        np.savez(stream, x=x)
 
 
 def stored(path: Path) -> list[float]:
@@ -20,15 +24,15 @@ def stored(path: Path) -> list[float]:
 
 def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "kept.npz"
-    save_npz(path, {"x": np.arange(4.0)})
+    save(path, np.arange(4.0))
 
     def broken(stream: Any, **arrays: Any) -> None:
         stream.write(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.np, "savez", broken)
+    monkeypatch.setattr(np, "savez", broken)
     with pytest.raises(KeyboardInterrupt):
-        save_npz(path, {"x": np.zeros(4)})
+        save(path, np.zeros(4))
     monkeypatch.undo()
     assert stored(path) == [0.0, 1.0, 2.0, 3.0]
     assert [entry.name for entry in tmp_path.iterdir()] == ["kept.npz"]
@@ -36,4 +40,4 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="choose a folder that exists"):
-        save_npz(tmp_path / "no" / "state.npz", {"x": np.zeros(1)})
+        save(tmp_path / "no" / "state.npz", np.zeros(1))

@@ -9,8 +9,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_model import BadInputError
-from hfa_model.support import input_files
-from hfa_model.support.input_files import LARGEST_TEXT, read_json, read_toml, regular_file
+from hfa_model.support.files import LARGEST, LARGEST_TEXT, read_json, read_toml, regular_file
 
 
 @pytest.mark.parametrize("read", [read_json, read_toml])
@@ -72,7 +71,7 @@ def test_text_that_no_parser_survives_is_one_line(tmp_path: Path, content: bytes
 
 
 def test_names_that_no_file_has() -> None:
-    assert input_files.LARGEST >= LARGEST_TEXT
+    assert LARGEST >= LARGEST_TEXT
     with pytest.raises(FileNotFoundError):
         regular_file("a\0b")
     with pytest.raises(IsADirectoryError):

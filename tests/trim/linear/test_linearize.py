@@ -14,8 +14,7 @@ from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_SCALES, STATES
 from trim.identification.identification_result import IDENTIFIED
 from trim.linear.compare import compare, eigenvalue_errors, regenerate
-from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 

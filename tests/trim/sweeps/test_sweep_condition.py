@@ -14,7 +14,7 @@ import zarr
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import DEGREE, STATES
-from trim.linear.linearize import linearize
+from trim.linear.linear_model import linearize
 from trim.point.condition import BALANCED, level_flight, release
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition, load_condition
 from trim.point.solve import TrimError, find_operating_point
