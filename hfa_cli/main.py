@@ -93,7 +93,7 @@ def _run(words: list[str]) -> int:
     except SystemExit:
         return DONE  # how argparse leaves after --help and --version
     _check_memory()
-    from hfa_cli.options.unit_options import units_of
+    from hfa_cli.options.shared_options import units_of
 
     with contextlib.ExitStack() as around:
         around.enter_context(run_of(words, arguments))
@@ -143,7 +143,7 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
 
 def filled(command: Parser, name: str) -> Any:
     """Give a parser the options of a command; its module."""
-    from hfa_cli.options.unit_options import add_units
+    from hfa_cli.options.shared_options import add_units
 
     module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
     command.description = (module.__doc__ or "").strip()

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import refuse_unknown
 from hfa_model.vectors import Quantity, State
 
 
@@ -97,6 +97,5 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 def variant_named(name: str) -> Variant:
     """Look a variant up; BadInputError names the choices."""
-    if name not in VARIANTS:
-        raise BadInputError(f"unknown dynamics {name!r}; choose one of {', '.join(VARIANTS)}")
+    refuse_unknown("unknown dynamics", name, VARIANTS)
     return VARIANTS[name]

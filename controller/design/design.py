@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.support.errors import BadInputError, shown
+from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
 
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
@@ -50,9 +50,7 @@ class Actuator:
         if self.order not in (1, 2):
             raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
         for name in ("bandwidth", "damping", "effectiveness"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise BadInputError(f"the {name} of an actuator is {value}; it must be a positive number")
+            refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -75,9 +73,7 @@ class Feedforward:
     def __post_init__(self) -> None:
         """Refuse a filter that never arrives."""
         for name in ("bandwidth", "damping"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise BadInputError(f"the {name} of a feedforward is {value}; it must be a positive number")
+            refuse_unless_positive(f"the {name} of a feedforward", getattr(self, name))
         for name, most in (("share", math.inf), ("lag", math.inf), ("known", 1.0)):
             value = getattr(self, name)
             if not (math.isfinite(value) and 0.0 <= value <= most):
@@ -125,10 +121,7 @@ class Design:
             ("lag of a sensor", tuple(self.sensor_lags), tuple(self.sensors)),
         ):
             for name in names:
-                if name not in choices:
-                    raise BadInputError(
-                        f"design {self.name}: unknown {what} {shown(name)}; choose from {', '.join(choices)}"
-                    )
+                refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
                 if names.count(name) > 1:
                     raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
         for what, numbers in (
@@ -137,10 +130,7 @@ class Design:
             ("intensity of disturbance", self.disturbances),
         ):
             for name, value in numbers.items():
-                if not (math.isfinite(value) and value > 0.0):
-                    raise BadInputError(
-                        f"design {self.name}: the {what} {name} is {value:g}; it must be a positive number"
-                    )
+                refuse_unless_positive(f"design {self.name}: the {what} {name}", value)
                 if numbers is self.sensor_lags and name.endswith("_integral"):
                     raise BadInputError(
                         f"design {self.name}: {name} is made by the controller and has no lag; leave it out"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import INPUTS, Input
 
 #: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators alone.
@@ -32,14 +32,12 @@ class ActuatorFault:
     def __post_init__(self) -> None:
         """Refuse what cannot be flown."""
         for name in ("effectiveness", "bandwidth", "damping"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise BadInputError(f"the {name} after a fault is {value:g}; it must be a positive number")
+            if (value := getattr(self, name)) is not None:
+                refuse_unless_positive(f"the {name} after a fault", value)
         if not (math.isfinite(self.begin) and self.begin >= 0.0):
             raise BadInputError(f"a fault begins at {self.begin:g} s; give a time from 0 on")
         for name in self.inputs:
-            if name not in INPUTS:
-                raise BadInputError(f"a fault has no input {name!r}; choose from {', '.join(INPUTS)}")
+            refuse_unknown("a fault has no input", name, INPUTS)
 
 
 @dataclass(frozen=True)
@@ -67,16 +65,14 @@ class Actuators:
         for name, lag, lowest, highest, rate in zip(
             INPUTS, self.lag, self.lowest, self.highest, self.rate, strict=True
         ):
-            if not (np.isfinite(lag) and lag > 0.0):
-                raise BadInputError(f"the lag of {name} is {lag} s; it must be a positive number")
+            refuse_unless_positive(f"the lag of {name}", lag, " s")
             if not rate > 0.0:
                 raise BadInputError(f"the rate limit of {name} is {rate}; it must be positive (inf for none)")
             if not lowest < highest:
                 raise BadInputError(f"the positions of {name} go from {lowest} to {highest}; give the lower one first")
         if self.order not in (1, 2):
             raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
-        if not (math.isfinite(self.damping) and self.damping > 0.0):
-            raise BadInputError(f"the damping of the actuators is {self.damping}; it must be a positive number")
+        refuse_unless_positive("the damping of the actuators", self.damping)
 
     def refuse_step(self, step: float) -> None:
         """BadInputError, naming the actuator, when a lag is too short for the step of the integration, s."""

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Memoryless, Unvaried
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import Quantity
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
@@ -69,7 +69,8 @@ class OneMinusCosine(Memoryless, Unvaried):
 
     def __post_init__(self) -> None:
         """Refuse what is no gust."""
-        _check_positive(length=self.length, speed=self.speed)
+        for name in ("length", "speed"):
+            refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         _check_finite(peak=self.peak, begin=self.begin)
 
     def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
@@ -108,9 +109,8 @@ class Dryden:
         """Refuse what is no turbulence."""
         if not (np.isfinite(self.fade) and self.fade >= 0.0):
             raise BadInputError(f"the turbulence fades in over {self.fade} s; the time must not be negative")
-        _check_positive(
-            intensity=self.intensity, scale=self.scale, speed=self.speed, interval=self.interval, ticks=self.ticks
-        )
+        for name in ("intensity", "scale", "speed", "interval", "ticks"):
+            refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         low, high = (ticks * self.interval * self.speed for ticks in (SHORTEST, LONGEST))
         if not low <= self.scale <= high:
             raise BadInputError(
@@ -166,12 +166,6 @@ class Dryden:
         rng = np.random.default_rng(self.seed)
         start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
-
-
-def _check_positive(**values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise BadInputError(f"the gust's {name} is {value}; it must be a positive number")
 
 
 def _check_finite(**values: float) -> None:
@@ -246,8 +240,7 @@ def spanwise_dryden(turbulence: Dryden, distance: float) -> SpanwiseGust:
     panels.
     Source: Batchelor, The Theory of Homogeneous Turbulence, Section 3.4. BadInputError when d is not positive.
     """
-    if not (math.isfinite(distance) and distance > 0.0):
-        raise BadInputError(f"the panels are {distance} ft apart; the distance must be a positive number")
+    refuse_unless_positive("the distance of the panels", distance, " ft")
 
     def correlation(r: float) -> float:
         return (1 - r / (2 * turbulence.scale)) * math.exp(-r / turbulence.scale)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -19,7 +18,7 @@ from controller.policy.policies import Policy
 from controller.policy.signals import Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 
@@ -59,10 +58,8 @@ class Scenario:
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
-            if name not in Parameters._fields:
-                raise BadInputError(f"unknown parameter {name!r}; choose from {', '.join(Parameters._fields)}")
-            if not (np.isfinite(factor) and factor > 0.0):
-                raise BadInputError(f"the error of {name} is a factor of {factor}; it must be a positive number")
+            refuse_unknown("unknown parameter", name, Parameters._fields)
+            refuse_unless_positive(f"the factor on {name}", factor)
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError("the scenario has a gust and turbulence to be drawn; give one of them")
 
@@ -134,8 +131,7 @@ def _check_times(duration: float, step: float, tick: float) -> None:
     tick whole steps."""
     times = {"duration": duration, "step": step, "tick": tick}
     for name, value in times.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise BadInputError(f"{name} is {value} s; it must be a positive number")
+        refuse_unless_positive(name, value, " s")
     for long, short in (("duration", "tick"), ("tick", "step")):
         count = times[long] / times[short]
         if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
-from controller.flight.closed_loop import CompiledLoop
+from controller.flight.closed_loop import CompiledLoop, Flight
 from controller.flight.envelope import Envelope
 from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
@@ -37,16 +38,8 @@ def fly(
     result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
     model = LinearizedAircraft.at(aircraft, point)
-    predicted = CompiledLoop(loop_of(model, law.policy, scenario, point)).fly(
-        scenario.initial,
-        law.constants,
-        step=scenario.step,
-        steps_per_tick=scenario.steps_per_tick,
-        ticks=ticks,
-        memory=law.memory,
-        stiff=_stiff(law, scenario),
-    )
-    return replace(result, predicted=predicted)
+    predicted = CompiledLoop(loop_of(model, law.policy, scenario, point))
+    return replace(result, predicted=_flown(predicted, law, scenario, ticks))
 
 
 def fly_law(
@@ -73,22 +66,21 @@ def fly_law(
     def left(times: np.ndarray, y: np.ndarray, p: np.ndarray) -> bool:
         return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.updrafts(times, y, p)).all())
 
-    flight = compiled.fly(
-        scenario.initial,
-        law.constants,
-        step=scenario.step,
-        steps_per_tick=scenario.steps_per_tick,
-        ticks=scenario.ticks,
-        memory=law.memory,
-        stiff=_stiff(law, scenario),
-        progress=progress,
-        stop=left,
-    )
+    flight = _flown(compiled, law, scenario, scenario.ticks, progress=progress, stop=left)
     updrafts = flight.updrafts if scenario.moving_air else None
     departure = envelope.departure(flight.times, flight.states + offsets, updrafts)
     return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
 
 
-def _stiff(law: FlownLaw, scenario: Scenario) -> bool:
-    """Whether the law has modes that Runge-Kutta 4 cannot follow with the step of the scenario."""
-    return law.fastest * scenario.step > LONGEST_STEP
+def _flown(compiled: CompiledLoop, law: FlownLaw, scenario: Scenario, ticks: int, **options: Any) -> Flight:
+    """So many ticks of the scenario; stiff where the law has modes that Runge-Kutta 4 cannot follow with its step."""
+    return compiled.fly(
+        scenario.initial,
+        law.constants,
+        step=scenario.step,
+        steps_per_tick=scenario.steps_per_tick,
+        ticks=ticks,
+        memory=law.memory,
+        stiff=law.fastest * scenario.step > LONGEST_STEP,
+        **options,
+    )

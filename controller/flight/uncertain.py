@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.flight.gusts import Dryden
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import LINEAR_STATES
 
 _ERRORS, _NOISE, _AIR = range(3)
@@ -39,8 +39,7 @@ class Uncertainty:
             ("noise of state", self.noise, LINEAR_STATES),
         ):
             for name, value in given.items():
-                if name not in names:
-                    raise BadInputError(f"unknown {what} {name!r}; choose from {', '.join(names)}")
+                refuse_unknown(f"unknown {what}", name, names)
                 if not (np.isfinite(value) and value >= 0.0):
                     raise BadInputError(f"the standard deviation of {name} is {value}; it must not be negative")
         for value in self.turbulence or ():

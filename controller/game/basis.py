@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import LINEAR_STATES
 
 #: The channels whose fourth power completes the paper's M = 25. The paper prints M and not its basis, so this
@@ -110,8 +110,7 @@ def basis(name: str, states: int) -> Basis:
 
     Raises BadInputError for an unknown name, and for "paper" on another number of channels.
     """
-    if name not in BASES:
-        raise BadInputError(f"unknown basis '{name}'; choose one of: {', '.join(BASES)}")
+    refuse_unknown("unknown basis", name, BASES)
     if states < 1:
         raise BadInputError(f"a basis needs at least 1 state, not {states}")
     exponents = np.vstack([_quadratic(states), BASES[name](states)])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import Basis
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 
 #: Weights beyond this overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60
@@ -57,8 +57,7 @@ def _is_number(value: object) -> bool:
 
 def one_of(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Raise BadInputError unless the setting is one of the choices."""
-    if value not in choices:
-        raise BadInputError(f"{name} is '{value}'; choose one of: {', '.join(choices)}")
+    refuse_unknown(f"{name} is", value, choices)
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:

@@ -13,7 +13,7 @@ from controller.laws.integral_rl import IrlSettings, integral_learning
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import Progress, run
 from controller.samples.recording import Stack
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,10 @@ def learn(
     BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError
     when the law cannot reach its end: no game value at this delta, (A, B) not stabilizable, overflow.
     """
-    if law not in LAWS:
-        raise BadInputError(f"unknown law '{law}'; choose one of: {', '.join(LAWS)}")
+    refuse_unknown("unknown law", law, LAWS)
     known = [field.name for field in fields(LAWS[law].settings)]  # type: ignore[arg-type]
     for name in options:
-        if name not in known:
-            raise BadInputError(f"law '{law}' has no setting '{name}'; choose from: {', '.join(known)}")
+        refuse_unknown(f"law '{law}' has no setting", name, known)
     if not game.Q.any():
         raise BadInputError("Q is zero: every law measures its residual against z'Qz; give some state a cost")
     if not isinstance(pool, Stack | None):

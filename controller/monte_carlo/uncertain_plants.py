@@ -12,7 +12,7 @@ import numpy as np
 from controller.flight.plants import Equations, NonlinearPlant, Plant, SevenStates, spread
 from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, STATES, Input, State
 from trim.point.operating_point import OperatingPoint
@@ -84,8 +84,7 @@ PLANTS: dict[str, type[UncertainAircraft] | type[UncertainLinearization]] = {
 
 def uncertain_plant(kind: str, variant: Variant, point: OperatingPoint) -> UncertainPlant:
     """The plant of one of `PLANTS`. Raises BadInputError for another name."""
-    if kind not in PLANTS:
-        raise BadInputError(f"unknown plant {kind!r}; choose from {', '.join(PLANTS)}")
+    refuse_unknown("unknown plant", kind, PLANTS)
     return PLANTS[kind](variant, point)
 
 

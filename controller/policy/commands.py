@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, Quantity
 
 
@@ -42,9 +42,7 @@ class CommandSteps:
         if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
             raise BadInputError("the times of the commands must increase, from 0 on")
         for name in ("bandwidth", "damping"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise BadInputError(f"the {name} of the command filter is {value:g}; it must be a positive number")
+            refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 
     def at(self, t: Quantity) -> ca.SX:
         """r(t), (k,), at a CasADi expression."""

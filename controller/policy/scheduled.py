@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Memoryless, Seen, Unvaried
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, Quantity
 from trim.point.operating_point import OperatingPoint
 
@@ -110,8 +110,7 @@ class DihedralChange:
 
     def __post_init__(self) -> None:
         """A change takes time."""
-        if not (np.isfinite(self.duration) and self.duration > 0.0):
-            raise BadInputError(f"the change of dihedral takes {self.duration} s; give a positive number")
+        refuse_unless_positive("the time of the change of dihedral", self.duration, " s")
 
     def at(self, t: Quantity) -> ca.SX:
         """η_d(t)."""

@@ -18,7 +18,7 @@ from controller.samples.recording import random_pool
 from controller.study.study_rows import STUDY, StudyCase
 from hfa_model.jobs.workers import workers
 from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.errors import NoSolutionError, refuse_unknown
 
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
@@ -127,8 +127,7 @@ def published_study(
     """
     names = tuple(STUDY) if rows is None else rows
     for name in names:
-        if name not in STUDY:
-            raise BadInputError(f"unknown row '{name}'; choose from: {', '.join(STUDY)}")
+        refuse_unknown("unknown row", name, STUDY)
     references = references_of_models()
     planned = {name: planned_runs(name, references) for name in names}
     before = {name: known(name, planned[name]) for name in names}

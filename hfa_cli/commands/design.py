@@ -19,7 +19,6 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
-from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import Progress
@@ -55,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.synthesis.controllers import design_controller
     from verification.synthesis.corners import check_corners
 
-    refuse_files(arguments, ("output",), "a controller and a design are in ft, slug, lbf")
+    options.refuse_files(arguments, ("output",), "a controller and a design are in ft, slug, lbf")
     aircraft = options.aircraft_of(arguments)
     given = [name for name in ("file", "design", "tune") if getattr(arguments, name) is not None]
     if len(given) != 1:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.law_options import add_stored, add_weights, check_learning
+from hfa_cli.options.law_options import add_controller, add_stored, add_weights, check_learning, controlled
 from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
-from hfa_cli.options.servo_options import add_controller, controlled
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import Progress
 from hfa_model.reporting.text import in_degrees

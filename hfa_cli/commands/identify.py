@@ -8,7 +8,6 @@ from pathlib import Path
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import parsed, whole
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
 from hfa_model.support.errors import BadInputError
@@ -30,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Identify, report, and write the parameters where asked."""
     target = arguments.output
     named = ("output",) * (target is not None and target.suffix.lower() == PARAMETERS)
-    refuse_files(arguments, ("write", *named), "a parameters file is in ft, slug, lbf")
+    options.refuse_files(arguments, ("write", *named), "a parameters file is in ft, slug, lbf")
     result = run_identification(arguments.seed, Progress("identify"))
     if arguments.write is not None:
         save_fit(result.fit, arguments.write / "parameters.toml")

@@ -18,7 +18,17 @@ from controller.policy.signals import Signal
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
-from hfa_cli.options.law_options import LAWS, add_stored, add_weights, check_stored, game_on, law_of, seed_of
+from hfa_cli.options.law_options import (
+    LAWS,
+    add_controller,
+    add_stored,
+    add_weights,
+    check_stored,
+    controlled,
+    game_on,
+    law_of,
+    seed_of,
+)
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.scenario_options import (
     TURBULENCE,
@@ -32,8 +42,6 @@ from hfa_cli.options.scenario_options import (
     initial_of,
     signal_of,
 )
-from hfa_cli.options.servo_options import add_controller, controlled
-from hfa_cli.options.unit_options import refuse_files
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import Progress
@@ -91,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     from controller.monte_carlo.monte_carlo_report import Outcome
     from controller.monte_carlo.stored_members import stream_monte_carlo
 
-    refuse_files(arguments, ("output",), "a store is in ft")
+    options.refuse_files(arguments, ("output",), "a store is in ft")
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")

@@ -14,7 +14,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import Progress
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import refuse_unknown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.servo.servo_flights import run_case
     from verification.servo.servo_report import servo_report
 
-    if arguments.case not in (*CASES, "all"):
-        raise BadInputError(f"there is no case {arguments.case!r}; choose from {', '.join((*CASES, 'all'))}")
+    refuse_unknown("there is no case", arguments.case, (*CASES, "all"))
     duration = DURATION if arguments.duration is None else arguments.duration
     aircraft = options.aircraft_of(arguments)
     controllers = {path: load_controller(path) for path in arguments.controller or ()}

@@ -9,7 +9,7 @@ from typing import Any
 from controller.laws.learn import LAWS
 from hfa_cli.options.argument_types import number, whole
 from hfa_cli.options.parser import add_named, add_refused, add_value
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 
 DEFAULT_LAW = "certified"
 
@@ -36,13 +36,11 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
     law = law_name(arguments)
-    if law not in LAWS:
-        raise BadInputError(f"unknown law {law!r}; choose one of: {', '.join(LAWS)}")
+    refuse_unknown("unknown law", law, LAWS)
     kinds = {field.name: str(field.type) for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
     result = {}
     for name, text in (arguments.set or {}).items():
-        if name not in kinds:
-            raise BadInputError(f"law {law!r} has no setting {name!r}; choose from: {', '.join(kinds)}")
+        refuse_unknown(f"law {law!r} has no setting", name, kinds)
         try:
             result[name] = _converted(text, kinds[name])
         except argparse.ArgumentTypeError as error:

@@ -7,15 +7,17 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from hfa_cli.options.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
-from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.parser import add_named, add_refused, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_model.reporting.data_files import SUFFIXES
 from hfa_model.reporting.report import Report
+from hfa_model.reporting.unit_system import SYSTEMS, shown_in
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, describe, release
 from trim.point.named_condition import LEVEL_FLIGHT, NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
@@ -34,6 +36,15 @@ FORMATS: dict[str, Callable[[Report], str]] = {
     "markdown": lambda report: report.without_pictures().markdown(),
     "latex": lambda report: report.without_pictures().latex(),
     "html": Report.html,
+}
+#: Command -> why what it says and writes stays in ft, slug, lbf.
+IN_FEET = {
+    "regenerate": "it compares digits that were printed in ft",
+    "prove": "what is proved, and its certificate, is about numbers in ft",
+    "lpv": "what is proved, and the C function, is about numbers in ft",
+    "export": "the C, FMU and MATLAB files are in ft, slug, lbf, and say so",
+    "study": "the paper's law runs on the printed matrices, which are in ft",
+    "reproduce": "the paper's figures and claims are in ft",
 }
 
 
@@ -213,3 +224,26 @@ def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft, condition: Tr
 def _parameters(text: str) -> ParameterSet:
     """A named set, or a file's."""
     return named_parameters(text) if text in NAMED else load_parameters(Path(text))
+
+
+def add_units(parser: argparse.ArgumentParser, command: str) -> None:
+    """--units: of what is printed, drawn and written; what is typed stays in feet. Refused by a command `IN_FEET`."""
+    if command not in IN_FEET:
+        about = "units of what is printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
+        add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
+        return
+    add_refused(parser, "--units", f"does not go with `hfa {command}`: {IN_FEET[command]}; leave it out")
+
+
+def units_of(arguments: argparse.Namespace) -> AbstractContextManager[None]:
+    """What is said inside is said in the units that --units names."""
+    return shown_in(getattr(arguments, "units", None) or SYSTEMS[0])
+
+
+def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:
+    """BadInputError when one of these options writes what is in feet whatever --units says."""
+    for name in names:
+        if arguments.units == "si" and getattr(arguments, name) is not None:
+            raise BadInputError(
+                f"--units si does not go with --{name} {getattr(arguments, name)}: {reason}; leave one out"
+            )

@@ -6,7 +6,8 @@ would obey.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,19 @@ def said_of(what: str | Path) -> Iterator[None]:
     except BadInputError as error:
         text = str(error)
         raise BadInputError(text if text.startswith(str(what)) else f"{what}: {text}") from error
+
+
+def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
+    """BadInputError unless the name is one of the known: what it was taken for, the name, the choices."""
+    choices = tuple(known)
+    if name not in choices:
+        raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices)}")
+
+
+def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
+    """BadInputError unless the value is finite and above 0."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise BadInputError(f"{what} is {value}{unit}; it must be a positive number")
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

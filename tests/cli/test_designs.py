@@ -121,7 +121,7 @@ def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
     ("sensors", "changed", "code", "named"),
     [
         ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; choose from speed"),
-        ("[sensors]\nspeed = 0", {}, 2, "the noise of sensor speed is 0; it must be a positive number"),
+        ("[sensors]\nspeed = 0", {}, 2, "the noise of sensor speed is 0.0; it must be a positive number"),
         ("[sensors]\nspeed = 'x'", {}, 2, "the noise of speed is 'x'; give a number that is not negative"),
         ("[sensors]\npitch_rate = 1", {}, 1, "the sensors do not see the mode with eigenvalue 0.0000"),
         (SENSORS, {"delta = inf": 'disturbance = "updraft"'}, 2, "sensor load_factor sees the updraft itself"),

@@ -155,7 +155,7 @@ def test_options_that_have_become_commands_name_the_line_to_type(words: str, lin
         ("--noise alpha=1:2", "--noise alpha is '1:2'"),
         ("--disturbance alpha=x", "alpha is 'x'"),
         ("--error span=0.9", "unknown parameter 'span'"),
-        ("--error lift_slope=-1", "lift_slope is a factor of -1"),
+        ("--error lift_slope=-1", "the factor on lift_slope is -1"),
         ("--gust 400", "--gust is '400'"),
         ("--gust 0:10", "length is 0"),
         ("--outer-gust 5", "--outer-gust belongs to --gust"),

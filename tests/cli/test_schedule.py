@@ -113,7 +113,7 @@ def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
     ("words", "named"),
     [
         ("--to 15", "two different ones"),
-        ("--to 20 --over 0", "takes 0"),
+        ("--to 20 --over 0", "time of the change of dihedral is 0.0 s"),
         ("--to 20 --points 1", "--points is 1"),
         ("--to 16 --over 5 --duration 1", "ends at 10 s"),
         ("--to 20 --speed 70", "--speed"),

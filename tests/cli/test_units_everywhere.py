@@ -13,7 +13,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 
 from hfa_cli.main import COMMANDS
-from hfa_cli.options.unit_options import IN_FEET
+from hfa_cli.options.shared_options import IN_FEET
 from hfa_model import units_of_data
 
 FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364

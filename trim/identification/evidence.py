@@ -75,7 +75,7 @@ def _structures(best: Fit, seed: int, done: Callable[[int], None]) -> tuple[Stru
     rows = [Structure("published", best.sum_of_squares, best.largest)]
     for index, (description, variant) in enumerate(ALTERNATIVES):
         # From the published optimum and from rough guesses: the alternative gets its best chance.
-        near = np.log(_identified(best) / _identified_rough())
+        near = np.log([abs(getattr(best.parameters.values, name) / ROUGH[name]) for name in IDENTIFIED])
         tries = [
             fit(published_models(), variant, noise=noise) for noise in (near, None, rng.normal(size=near.size) / 3)
         ]
@@ -106,11 +106,3 @@ def _left_out(done: Callable[[int], None]) -> tuple[LeftOut, ...]:
 def _row_error(entries: list[EntryRow], factor: float) -> float:
     size = max(abs(entry.printed) for entry in entries)
     return max(abs(factor * entry.computed - entry.printed) for entry in entries) / size
-
-
-def _identified(fitted: Fit) -> np.ndarray:
-    return np.abs([getattr(fitted.parameters.values, name) for name in IDENTIFIED])
-
-
-def _identified_rough() -> np.ndarray:
-    return np.abs([ROUGH[name] for name in IDENTIFIED])

@@ -44,27 +44,28 @@ _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
 _TRIM_STEPS = 30
 #: A structure that can reach the print does so in a few hundred steps; one that cannot would creep for ever.
 _MAX_EVALUATIONS = 500
-_START_SPREAD = 0.3
+#: Seeded rough guesses, and the standard deviation of their logarithms.
+STARTS, _START_SPREAD = 8, 0.3
 #: Trust in the rough guess where one printed angle alone leaves a combination open (standard deviation of the log).
 _PRIOR_SPREAD = 0.3
 
 
-def identify(seed: int = 0, starts: int = 8) -> tuple[Fit, list[float]]:
-    """The published structure fitted to both printed pairs from `starts` seeded rough guesses.
+def identify(seed: int = 0) -> tuple[Fit, list[float]]:
+    """The published structure fitted to both printed pairs from `STARTS` seeded rough guesses.
 
     Returns the best fit and the sum of squares that each start reached. NoSolutionError when fewer than half
     of the starts agree on the best.
     """
     rng = np.random.default_rng(seed)
     fits = []
-    for index in range(starts):
+    for index in range(STARTS):
         noise = rng.normal(size=len(IDENTIFIED)) * _START_SPREAD * (index > 0)
         fits.append(fit(published_models(), Published(), noise=noise))
     sums = [one.sum_of_squares for one in fits]
     best = fits[int(np.argmin(sums))]
     agreeing = sum(value < best.sum_of_squares * (1 + 1e-6) + 1e-9 for value in sums)
-    if 2 * agreeing < starts:
-        raise NoSolutionError(f"only {agreeing} of {starts} starts of the identification agree; try another --seed")
+    if 2 * agreeing < STARTS:
+        raise NoSolutionError(f"only {agreeing} of {STARTS} starts of the identification agree; try another --seed")
     return best, sums
 
 

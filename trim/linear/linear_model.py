@@ -12,7 +12,7 @@ from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
 from hfa_model.reporting.unit_system import unit_in_force
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
@@ -243,8 +243,7 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
     """Where the names stand among the known ones; None names all."""
     chosen = known if names is None else names
     for name in chosen:
-        if name not in known:
-            raise BadInputError(f"the model has no {what} {name!r}; choose from {', '.join(known)}")
+        refuse_unknown(f"the model has no {what}", name, known)
         if chosen.count(name) > 1:
             raise BadInputError(f"{what} {name} is named twice; name it once")
     return [known.index(name) for name in chosen]

@@ -12,7 +12,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import by_name, symbols
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
 from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
@@ -69,8 +69,7 @@ def output_model(
         ("disturbance", disturbances, tuple(DISTURBANCES)),
     ):
         for name in chosen:
-            if name not in known:
-                raise BadInputError(f"unknown {what} {name!r}; choose from {', '.join(known)}")
+            refuse_unknown(f"unknown {what}", name, known)
             if chosen.count(name) > 1:
                 raise BadInputError(f"{what} {name} is named twice; name it once")
     found = _derivatives(aircraft.variant, names, disturbances, ground_drag)(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
 from hfa_model.published import published_data
 from hfa_model.reporting.text import shown_unit, shown_value
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
@@ -68,8 +68,7 @@ class TrimCondition:
         """Name what is wrong before anything is solved."""
         for names, known in (((*self.imposed, *self.free), VARIABLES), (self.limits, (*VARIABLES, "pitch"))):
             for name in names:
-                if name not in known:
-                    raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(known)}")
+                refuse_unknown("unknown trim variable", name, known)
         for name in VARIABLES:
             times = (name in self.imposed) + self.free.count(name)
             if times != 1:
@@ -80,8 +79,7 @@ class TrimCondition:
         if not self.rates:
             raise BadInputError("no rate is imposed; name at least one of " + ", ".join(STATES))
         for name in self.rates:
-            if name not in STATES:
-                raise BadInputError(f"unknown rate {name!r}; choose from {', '.join(STATES)}")
+            refuse_unknown("unknown rate", name, STATES)
         rates = {f"the rate of {name}": value for name, value in self.rates.items()}
         for name, value in (*self.imposed.items(), *rates.items()):
             if not math.isfinite(value):
@@ -175,8 +173,7 @@ def release(
     """
     hold = dict(hold or {})
     for name in (*free, *hold):
-        if name not in VARIABLES:
-            raise BadInputError(f"unknown trim variable {name!r}; choose from {', '.join(VARIABLES)}")
+        refuse_unknown("unknown trim variable", name, VARIABLES)
     both = sorted(set(free) & set(hold))
     if both:
         raise BadInputError(f"{both[0]} is both set free and held; name it once")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import VARIABLES, TrimCondition
@@ -81,8 +81,7 @@ def sweep(
 def _axes(grid: Mapping[str, Sequence[float] | np.ndarray], condition: NamedCondition) -> dict[str, np.ndarray]:
     """The values of each variable, checked."""
     for name in grid:
-        if name not in VARIABLES:
-            raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(VARIABLES)}")
+        refuse_unknown("cannot sweep", name, VARIABLES)
     axes = {name: np.asarray(values, dtype=float) for name, values in grid.items()}
     total = math.prod(axis.size for axis in axes.values()) if axes else 0
     if not 0 < total <= MOST_POINTS:

@@ -15,7 +15,7 @@ import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.reporting.text import angle_text
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE, VARIABLES
@@ -68,8 +68,7 @@ class SweepPlan:
             raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
         ends_of = {}
         for name, values in self.axes.items():
-            if name not in PLANNED:
-                raise BadInputError(f"cannot sweep {name!r}; choose from {', '.join(PLANNED)}")
+            refuse_unknown("cannot sweep", name, PLANNED)
             ends = ends_of[name] = (
                 values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
             )

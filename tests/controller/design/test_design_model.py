@@ -195,7 +195,7 @@ def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: in
         ({"state_weights": {"sped": 1.0}}, "unknown weight of a state 'sped'"),
         ({"input_weights": {}}, "input aileron_outer has no weight"),
         ({"disturbances": {"wind": 1.0}}, "unknown disturbance 'wind'; choose from states, updraft, commands"),
-        ({"disturbances": {"updraft": 0.0}}, "the intensity of disturbance updraft is 0; it must be a positive"),
+        ({"disturbances": {"updraft": 0.0}}, "the intensity of disturbance updraft is 0.0; it must be a positive"),
         ({"sensor_lags": {"speed": 0.1}}, "unknown lag of a sensor 'speed'"),
         (
             {"sensors": {"dihedral_integral": 1.0}, "sensor_lags": {"dihedral_integral": 1.0}},

@@ -86,10 +86,10 @@ def test_a_time_that_never_comes_is_null() -> None:
 
 def test_unknown_laws_and_settings_name_the_choices() -> None:
     game = stable_game()
-    with pytest.raises(BadInputError, match="unknown law 'magic'; choose one of: certified, published, irl"):
+    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified, published, irl"):
         learn(game, "magic")
     with pytest.raises(
-        BadInputError, match=r"law 'certified' has no setting 'gamma'; choose from: predefined_time, tick"
+        BadInputError, match=r"law 'certified' has no setting 'gamma'; choose from predefined_time, tick"
     ):
         learn(game, gamma=0.01)
 

@@ -141,7 +141,7 @@ def test_history_is_thinned_evenly() -> None:
         ({"step": 20.0}, "must not exceed the predefined time"),
         ({"step": -1.0}, "step is -1.0"),
         ({"gamma": 0.0}, "gamma is 0.0"),
-        ({"normalisation": "none"}, "normalisation is 'none'; choose one of: root, squared"),
+        ({"normalisation": "none"}, "normalisation is 'none'; choose from root, squared"),
         ({"stack_policies": "live"}, "stack_policies is 'live'"),
         ({"integrator": "rk4"}, "integrator is 'rk4'"),
         ({"coordinates": "polar"}, "coordinates is 'polar'"),

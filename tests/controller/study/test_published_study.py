@@ -203,7 +203,7 @@ def test_study_refuses_a_reference_without_certificate(monkeypatch: pytest.Monke
 
 
 def test_study_rows_say_what_they_hold() -> None:
-    with pytest.raises(BadInputError, match="unknown row 'nothing'; choose from: theorem gains, explicit"):
+    with pytest.raises(BadInputError, match="unknown row 'nothing'; choose from theorem gains, explicit"):
         published_study(("nothing",))
     empty = StudyRow("x", "why", (StudyRun(15.0, PublishedSettings(), 1e-9, 1.0, 2.0, 1e-5, overflow="lost"),))
     assert np.isnan(empty.span("P_error")[0])
