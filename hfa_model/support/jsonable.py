@@ -12,15 +12,16 @@ import numpy as np
 
 def jsonable(value: Any) -> Any:
     """Mappings, lists, tuples, arrays, texts and numbers for `json`; a number that is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, float):  # most values are, and the other questions take longer
+        return finite_or_none(value)
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, np.generic):
-        return jsonable(value.item())
-    return finite_or_none(value) if isinstance(value, float) else value
+        values = value.tolist()
+        return values if value.dtype == float and np.isfinite(value).all() else jsonable(values)
+    return jsonable(value.item()) if isinstance(value, np.generic) else value
 
 
 def finite_or_none(value: float) -> float | None:
