@@ -47,6 +47,13 @@ class Basis:
         return np.triu_indices(self.states)
 
     @cached_property
+    def _weight_of_entry(self) -> np.ndarray:
+        """Which quadratic weight P_ij comes from, (n, n)."""
+        places = np.zeros((self.states, self.states), dtype=int)
+        places[self._upper] = places.T[self._upper] = np.arange(self.quadratic_size)
+        return places
+
+    @cached_property
     def _entry_of_weight(self) -> np.ndarray:
         """P_ij of each quadratic weight: W on the diagonal, W/2 beside it."""
         row, column = self._upper
@@ -77,9 +84,7 @@ class Basis:
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
         """P of the quadratic part z'Pz of W'ψ(z): P_ii = W, P_ij = W/2; (n, n) symmetric."""
-        P = np.zeros((self.states, self.states))
-        row, column = self._upper
-        P[row, column] = P[column, row] = self._entry_of_weight * weights[: self.quadratic_size]
+        P: np.ndarray = (self._entry_of_weight * weights[: self.quadratic_size])[self._weight_of_entry]
         return P
 
     def weights(self, P: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ class StackEquations:
         """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
         inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
         pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
-        return pushed, (inputs * inputs).sum(axis=1) - problem.share * (gusts * gusts).sum(axis=1)
+        return pushed, _squares(inputs) - problem.share * _squares(gusts)
 
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
@@ -156,11 +156,15 @@ class StackEquations:
 
     def scaled(self, weights: np.ndarray) -> np.ndarray:
         """Weights of the model's coordinates z -> weights of y = z / scales."""
-        return weights * self.basis.scaling(self.scales)
+        return weights * self._scaling
 
     def unscaled(self, weights: np.ndarray) -> np.ndarray:
         """Weights of y = z / scales -> weights of the model's coordinates z."""
-        return weights / self.basis.scaling(self.scales)
+        return weights / self._scaling
+
+    @cached_property
+    def _scaling(self) -> np.ndarray:
+        return self.basis.scaling(self.scales)
 
     def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
         """What all laws report of |e| at the game itself.
@@ -188,6 +192,11 @@ class StackEquations:
         return change.sum(axis=1) + cost - policy_cost, np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
 
 
+def _squares(rows: np.ndarray) -> np.ndarray:
+    """|row|² of each row."""
+    return np.asarray(np.einsum("ji,ji->j", rows, rows))
+
+
 def control_root(game: Game) -> np.ndarray:
     """G with G G' = B R⁻¹B', (n, m)."""
     root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
@@ -197,9 +206,16 @@ def control_root(game: Game) -> np.ndarray:
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
     """N with σ̄ N = ē in the least-squares sense, (M,): W - N is the full policy-iteration step.
 
-    σ̄ = σ/n, ē = e/n. Solved by QR without dropping singular values: near the edge of stability σ̄ is nearly
+    σ̄ = σ/n, ē = e/n. Solved by QR of (σ̄, ē) without dropping singular values: near the edge of stability σ̄ is nearly
     singular, and the direction that a pseudo-inverse with a tolerance would drop is the one that matters.
     Raises numpy.linalg.LinAlgError when σ̄ is singular.
     """
-    orthogonal, triangular = np.linalg.qr(found.regressors / normaliser[:, None])
-    return np.linalg.solve(triangular, orthogonal.T @ (found.residuals / normaliser))
+    from scipy.linalg.lapack import dtrtrs
+
+    size = found.regressors.shape[1]
+    both = np.column_stack([found.regressors, found.residuals]) / normaliser[:, None]
+    factored = np.linalg.qr(both, mode="raw")[0].T  # R on and above its diagonal, and Q'ē in its last column
+    step, failed = dtrtrs(factored[:size, :size], factored[:size, size])
+    if failed:
+        raise np.linalg.LinAlgError("the regressors are singular")
+    return np.asarray(step)
