@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import runpy
+import weakref
 from pathlib import Path
 
+import documents
 import numpy as np
 import pytest
 from cli import hfa
@@ -145,6 +147,20 @@ def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint:
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
+
+
+def test_what_a_document_holds_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    held: list[weakref.ref] = []
+    monkeypatch.setattr(documents, "held", held, raising=False)
+    lines = (
+        "import documents, weakref",
+        "class A: pass",
+        "a = A()",
+        "def f(): a",
+        "documents.held += [weakref.ref(a)]",
+    )
+    assert complaints("\n".join(["```python", *lines, "```", ""])) == []
+    assert [each() for each in held] == [None]
 
 
 def test_dots_stand_for_any_lines_and_for_nothing_else() -> None:

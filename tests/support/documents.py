@@ -102,6 +102,7 @@ def complaints(document: str, *, elsewhere: Container[str] = (), name: str = "do
                     found.append(f"{name}, line {command.line}: $ {command.text}\n{wrong}")
     if printed:
         found.append(f"{name}: what the last python block prints is not shown")
+    namespace.clear()  # functions hold it: a file left open in it would warn in whichever test runs later
     return found
 
 
