@@ -24,6 +24,7 @@ _ENDS = {
     "_command_rate": "/s",
     "_command": "",
     "_feedforward": "",
+    "_feedforward_lag": "",
     "_estimate": "",
     "_measured": "",
     "_integral": " s",
@@ -56,7 +57,8 @@ class Actuator:
 @dataclass(frozen=True)
 class Feedforward:
     """u_ff = share Γ w, the inputs that make the aircraft follow the command filter w of
-    r'' = ω² r_end - 2 ζ ω r' - ω² r exactly, when its actuators are `actuator`, through u' = (u_ff - u) / lag.
+    r'' = ω² r_end - 2 ζ ω r' - ω² r exactly, when its actuators are `actuator`, through two lags,
+    (1 + lag d/dt)² u = u_ff: no surface sets out with a jump of its rate.
 
     bandwidth ω: rad/s, damping ζ: 1, of the filter. share: 1, 0 for none. lag: s, 0 for none. known: from 0 to 1, the
     share of r that the estimator takes for what it is, a command; the rest it takes for a disturbance, to be worked

@@ -3,6 +3,8 @@
 With --tune a search over named weights of a design writes a better one; what it has evaluated is kept beside it in
 OUTPUT.record, so that a search that was interrupted goes on when it is started again.
 
+With --toward the designs between the one of that file and another are flown in place of a search.
+
 With --corners the loop is closed with actuators of effectiveness 0.2 to 1 and bandwidth 0.5 to 2 rad/s; exit 1 when
 one of the loops is unstable.
 """
@@ -12,8 +14,9 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
-from controller.design.design_file import NAMED, load_design
+from controller.design.design_file import NAMED, design_of, load_design, read_design
 from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
@@ -40,11 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--feedback", one_of("state", "output"), "KIND", "state or output; default: by the sensors")
     about = "search better weights, as this file says; write the design with -o (.toml)"
     add_value(parser, "--tune", parsed(load_tuning), "FILE", about)
+    about = "with --tune: no search, but the designs on the line to this one"
+    add_value(parser, "--toward", parsed(_named_entries), "NAME", about)
     options.add_aircraft(parser)
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
     about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
-    options.add_picture(parser, "the trade-off of a search with --tune")
+    options.add_picture(parser, "the trade-off of a search or of a line, with --tune")
     options.add_form(parser)
 
 
@@ -60,8 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
     if len(given) != 1:
         raise BadInputError("name what to do: one of --design NAME, --tune FILE, or the file of a controller")
     if arguments.tune is not None:
-        return _search(arguments, aircraft)
-    options.refuse(arguments, ("picture",), "belongs to --tune")
+        options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
+        return (_line if arguments.toward else _search)(arguments, aircraft)
+    options.refuse(arguments, ("picture", "toward"), "belongs to --tune")
     if arguments.output is not None and arguments.output.suffix.lower() not in SUFFIXES:
         raise BadInputError(f"{arguments.output}: a controller is written as {' or '.join(SUFFIXES)}")
     if arguments.file is not None:
@@ -91,7 +97,6 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     from verification.synthesis.tuning_report import tuning_report
     from verification.synthesis.tuning_search import tune
 
-    options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
     target = arguments.output
     if target is None or target.suffix.lower() != ".toml":
         raise BadInputError("--tune writes a design; name it with -o FILE.toml")
@@ -103,3 +108,22 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     draw(arguments.picture, lambda: tuning_figure(arguments.tune, found.seen))
     show(report, arguments, target=None)
     return 0 if report.data["ok"] else 1
+
+
+def _line(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
+    """Fly the designs between two."""
+    from verification.synthesis.design_line import design_line
+
+    options.refuse(arguments, ("output",), "belongs to a search; leave it out with --toward, or print --json")
+    name, entries = arguments.toward
+    found = design_line(aircraft, arguments.tune, name, entries, Progress("line"))
+    draw(arguments.picture, found.figure)
+    show(found.report(), arguments, target=None)
+    return 0
+
+
+def _named_entries(name: str) -> tuple[str, dict[str, Any]]:
+    """A design by its name, and its entries, read and refused as a design."""
+    entries = read_design(name)
+    design_of(name, entries)
+    return name, entries

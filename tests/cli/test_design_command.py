@@ -61,9 +61,22 @@ def test_a_search_writes_a_design_and_goes_on_where_it_ended() -> None:
     assert_refused(hfa(*words), 2, "best.toml.record: this is the record of another search; remove it")
 
 
+def test_the_designs_toward_another_are_flown_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    write_tuning(Path())
+    monkeypatch.setattr("verification.synthesis.design_line.SHARES", (0.0, 1.0))
+    found = answer("design", "--tune", "tune.toml", "--toward", "servo", "--picture", "line.png")
+    assert found["toward"] == "servo"
+    assert [point["share"] for point in found["points"]] == [0.0, 1.0]
+    assert Path("line.png").read_bytes().startswith(b"\x89PNG")
+    assert not Path("best.toml.record").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "code", "named"),
     [
+        ("--design servo --toward servo", 2, "--toward belongs to --tune"),
+        ("--tune tune.toml --toward none.toml", 2, "none.toml"),
+        ("--tune tune.toml --toward servo -o best.toml", 2, "--output belongs to a search; leave it out with --toward"),
         ("", 2, "name what to do: one of --design NAME, --tune FILE, or the file of a controller"),
         ("small.npz --design simvfa-1", 2, "name what to do: one of --design NAME, --tune FILE, or the file"),
         ("small.npz --dihedral 3", 2, "--dihedral belongs to --design; leave it out with a file"),

@@ -44,7 +44,7 @@ def commands_of(design: Design) -> tuple[str, ...]:
 def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearController) -> LinearController:
     """e' = y - r for the integrals, which are the last states of `found`; with a feedforward what it adds.
 
-    u_ff' = (share Γ w - u_ff) / lag, and the integrals of the estimator are told known r. found.B, found.D: of the
+    (1 + lag d/dt)² u_ff = share Γ w, and the integrals of the estimator are told known r. found.B, found.D: of the
     measurements; the result's of [measurements; commands].
     """
     design, q, m = built.design, len(built.design.integrals), len(built.inputs)
@@ -75,12 +75,13 @@ def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearControlle
     u = np.hstack([np.zeros((m, p)), shaping.share * exact.inputs])
     if shaping.lag == 0.0:
         return replace(found, B=B, D=D + u)
-    lag = np.eye(m) / shaping.lag
+    once, nothing = np.eye(m) / shaping.lag, np.zeros((m, m))
+    lags = np.block([[-once, nothing], [once, -once]])
     return replace(
         found,
-        A=np.block([[-lag, np.zeros((m, n))], [np.zeros((n, m)), found.A]]),
-        B=np.vstack([lag @ u, B]),
-        C=np.hstack([np.eye(m), found.C]),
+        A=np.block([[lags, np.zeros((2 * m, n))], [np.zeros((n, 2 * m)), found.A]]),
+        B=np.vstack([once @ u, np.zeros((m, p + told.shape[1])), B]),
+        C=np.hstack([nothing, np.eye(m), found.C]),
         D=D,
-        W=np.vstack([np.zeros((m, m)), found.W]),
+        W=np.vstack([nothing, nothing, found.W]),
     )

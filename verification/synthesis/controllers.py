@@ -169,7 +169,7 @@ def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, 
 def _states(design: Design, feedback: str) -> tuple[str, ...]:
     lagged = bool(design.feedforward and design.feedforward.share and design.feedforward.lag)
     return (
-        *(f"{name}_feedforward" for name in design.inputs if lagged),
+        *(f"{name}_{stage}" for stage in ("feedforward_lag", "feedforward") for name in design.inputs if lagged),
         *(f"{name}_estimate" for name in design.states if feedback == "output"),
         *design.integral_states,
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from verification.riccati.gare_schur import quick_solution
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import controller_at, controller_table
 from verification.synthesis.corners import corner_loops
-from verification.synthesis.moving_air import gust_share, turbulence_rms
+from verification.synthesis.moving_air import gust_held, gust_share, turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 from verification.synthesis.tuning import Evaluation, Tuning
 
@@ -39,9 +41,21 @@ class DesignEvaluation:
             self._in_gusts.append((flown, _model(flown, gust.dihedral), gust))
 
     def at(self, values: np.ndarray) -> Evaluation:
+        """Of values of the variables."""
+        return self.of(self._tuning.entries_at(values))
+
+    def held(self, entries: Mapping[str, Any]) -> tuple[float, ...]:
+        """Of the entries of a design file, the largest peak stood in each gust of the search, ft/s, as `gust_held`."""
+        design = design_of(self._tuning.name, entries)
+        return tuple(
+            gust_held(flown, model, quick_controller(flown, model, design), gust)
+            for flown, model, gust in self._in_gusts
+        )
+
+    def of(self, entries: Mapping[str, Any]) -> Evaluation:
         """The cost; `LOST` and more for a design that has no controller or no stable loop."""
         tuning = self._tuning
-        design = design_of(tuning.name, tuning.entries_at(values))
+        design = design_of(tuning.name, entries)
         try:
             tables = {angle: quick_controller(self._aircraft, model, design) for angle, model in self._models.items()}
             in_gusts = [quick_controller(flown, model, design) for flown, model, _ in self._in_gusts]

@@ -27,6 +27,8 @@ from verification.synthesis.tuning import InGust
 
 #: s: step of a flight in a gust, how often the envelope is looked at, and how long it lasts.
 STEP, TICK, SECONDS = 0.01, 0.2, 30.0
+#: ft/s: the largest peak that is tried, and how closely the one is found that ends a flight.
+LARGEST, APART = 60.0, 0.5
 
 
 def turbulence_rms(plant: DesignModel, loop: ServoLoop, intensity: float, scale: float) -> dict[str, float]:
@@ -73,6 +75,27 @@ def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledCont
     states[:, STATES.index("alpha")] = angles_of_attack(states, flown.flight.updrafts)
     moved, lowest, highest = states - X0, np.array(envelope.lowest) - X0, np.array(envelope.highest) - X0
     return float(np.where(moved > 0.0, moved / highest, moved / lowest).max())
+
+
+def gust_held(aircraft: Aircraft, model: LinearModel, controller: ScheduledController, gust: InGust) -> float:
+    """Largest peak, ft/s, > 0, that is stood in the direction of `gust`, its smaller ones too, to within `APART`.
+
+    `LARGEST` when nothing up to it ends the flight. Peaks are tried in steps of ten times `APART`, then halved.
+    """
+
+    def stood(peak: float) -> bool:
+        signed = gust._replace(peak=math.copysign(peak, gust.peak))
+        return gust_share(aircraft, model, controller, signed) <= 1.0
+
+    low, high = 0.0, 10.0 * APART
+    while stood(high):
+        if high >= LARGEST:
+            return LARGEST
+        low, high = high, min(high + 10.0 * APART, LARGEST)
+    while high - low > APART:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if stood(middle) else (low, middle)
+    return low
 
 
 def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> Actuators:

@@ -19,6 +19,7 @@ from controller.design.design import signal_unit
         ("elevator_outer_position", "rad"),
         ("aileron_outer_position_estimate", "rad"),
         ("aileron_outer_feedforward", "rad"),
+        ("aileron_outer_feedforward_lag", "rad"),
         ("vertical_acceleration_short_period", "ft/s^2"),
         ("vertical_acceleration_short_period_integral_estimate", "ft/s^2 s"),
         ("vertical_acceleration_short_period_command_rate", "(ft/s^2)/s"),

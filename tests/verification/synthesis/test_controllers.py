@@ -56,7 +56,7 @@ def test_output_feedback_has_the_poles_of_the_central_controller(published_aircr
     exact = solve_output_feedback(problem)
     loop, found = whole(published_aircraft, design, "output")
     poles = np.linalg.eigvals(closed_loop(problem, (exact.Ak, exact.Bk, exact.Ck))[0])
-    same_poles(loop, np.concatenate([poles, [-2.0, -2.0]]))  # and the two lags of the feedforward
+    same_poles(loop, np.concatenate([poles, [-2.0] * 4]))  # and two lags of each input of the feedforward
     assert found.delta_min < delta
 
 

@@ -27,8 +27,9 @@ from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
 from hfa_model import STATES, Aircraft, Input
+from verification.synthesis import moving_air
 from verification.synthesis.design_evaluation import quick_controller
-from verification.synthesis.moving_air import gust_share, turbulence_rms
+from verification.synthesis.moving_air import APART, LARGEST, gust_held, gust_share, turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 from verification.synthesis.tuning import InGust
 
@@ -107,3 +108,15 @@ def test_an_aircraft_that_leaves_its_envelope_has_more_than_all_of_it() -> None:
     departure = flown(-25.0).departure
     assert departure is not None
     assert in_gust(-25.0) == pytest.approx(2.0 - departure.time / 30.0, abs=2e-3)
+
+
+def test_the_gust_that_is_just_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A little more than what is held ends the flight; what is never ended counts as the largest that is tried."""
+    asked = InGust(0.0, Actuator(effectiveness=0.8), LENGTH, 1.0)
+    peak = gust_held(Aircraft(), model_at(11.0), _table(), asked)
+    assert 0.0 < peak < LARGEST
+    assert in_gust(peak) <= 1.0 < in_gust(peak + APART)
+    down = gust_held(Aircraft(), model_at(11.0), _table(), asked._replace(peak=-1.0))
+    assert in_gust(-down) <= 1.0 < in_gust(-down - APART)
+    monkeypatch.setattr(moving_air, "LARGEST", peak - APART)
+    assert gust_held(Aircraft(), model_at(11.0), _table(), asked) == peak - APART
