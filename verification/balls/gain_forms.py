@@ -10,7 +10,8 @@ import numpy as np
 from controller.game.zero_sum import Game, published_game
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
-from verification.balls.game_balls import lyapunov_operator, proved_modes
+from verification.balls.game_balls import lyapunov_operator
+from verification.balls.inertia import counted
 from verification.balls.trim_branch import ModelForms
 from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare import solve_game
@@ -71,7 +72,7 @@ def gain_form(forms: ModelForms) -> GainForm:
     )
     reach = exact(_REACH * float(norm(step.entries()).upper()))
     rest = slope * reach + bend * reach**2
-    modes = proved_modes(loop[0])
+    modes = counted(loop[0])
     if (
         modes is None
         or modes.unstable

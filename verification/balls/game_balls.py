@@ -20,7 +20,7 @@ from verification.arithmetic.balls import (
     symmetric,
     symmetric_part,
 )
-from verification.balls.inertia import ProvedModes, counted
+from verification.balls.inertia import counted
 from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare_schur import schur_solution
 
@@ -145,14 +145,9 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     )
 
 
-def proved_modes(A: arb_mat) -> ProvedModes | None:
-    """How many eigenvalues have a positive real part; None when one may lie on the axis."""
-    return counted(A)
-
-
 def unstable_modes(A: arb_mat) -> int | None:
     """Eigenvalues with a positive real part of every matrix in the balls; None when one may lie on the axis."""
-    found = proved_modes(A)
+    found = counted(A)
     return None if found is None else found.unstable
 
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
+from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact, interval
 
 if TYPE_CHECKING:
     from flint import arb, arb_series
 
     from verification.arithmetic.taylor_model import TaylorModel
+
+Proved = TypeVar("Proved")
 
 #: Times a remainder.
 _ROOM = 6
@@ -48,6 +54,29 @@ class DihedralBox:
         """The box in two, at the double nearest to its middle."""
         cut = float(self.middle)
         return DihedralBox(self.low, cut), DihedralBox(cut, self.high)
+
+
+def bisected(
+    boxes: list[DihedralBox], prove: Callable[[DihedralBox], Proved | None], narrowest: float, start: float = -math.inf
+) -> Iterator[tuple[DihedralBox, Proved | None]]:
+    """Each box with what `prove` returns, or its halves where that is None or it is `Undecided`.
+
+    A box no wider than `narrowest`, degrees, is not halved but comes with None. Boxes up to `start` are passed over,
+    and bisected as if none of them had been proved as a whole: what is continued there has the same boxes.
+    """
+    waiting = boxes[::-1]
+    while waiting:
+        box = waiting.pop()
+        if box.high <= start:
+            continue
+        wide, proved = box.high - box.low > narrowest, None
+        if not (wide and box.low < start):
+            with suppress(Undecided):
+                proved = prove(box)
+        if proved is None and wide:
+            waiting += box.halves()[::-1]
+        else:
+            yield box, proved
 
 
 def radians(degrees: arb) -> arb:

@@ -13,6 +13,7 @@ from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_least, at_most, below
+from hfa_model.support.telling import Progress
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
@@ -86,7 +87,7 @@ def check_history(
     limit: float = LIMIT,
     box: Box | None = None,
     predefined_time: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
 ) -> CriticCheck:
     """`check_critic` of the last row of a history, and the errors of every row; somebody's own W(t), P(t) or K(t).

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from hfa_model.reporting.checks import Check, at_most
 from hfa_model.reporting.report import Block
 from hfa_model.reporting.text import Table
 from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.telling import Progress, told
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import Box, critic_errors
 from verification.critic.run_checks import settled_at
@@ -108,7 +108,7 @@ def history_errors(
     history: History,
     limit: float,
     predefined_time: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     box: Box | None = None,
 ) -> HistoryErrors:
     """Every row of a history held against the exact solution, as the verdict holds one critic.
@@ -118,13 +118,11 @@ def history_errors(
     functions, units = basis(history.basis, len(game.A)), balanced_units(game)
     balanced, squared = in_units(game, units), np.outer(units, units)
     rows = []
-    for index in range(len(history.times)):
+    for index in told(range(len(history.times)), progress):
         candidate = from_stored(game, history.row(index), functions)
         errors = {check.name: check.value for check in critic_errors(game, candidate, exact, limit, box)}
         residual = math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
         rows.append((errors.get("P_rel_error", math.nan), errors["K_rel_error"], residual, max(errors.values())))
-        if progress is not None:
-            progress(index + 1, len(history.times))
     P_errors, K_errors, residuals, largest = np.array(rows).T
     return HistoryErrors(history.times, P_errors, K_errors, residuals, largest, limit, predefined_time)
 

@@ -18,7 +18,7 @@ from hfa_model.vectors import LINEAR_STATES
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
 from verification.experiments.configuration import Configuration
-from verification.riccati.feedforward import Exosystem, exosystem_feedforward
+from verification.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward
 from verification.riccati.gare import GameSolution, solve_game
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
@@ -108,15 +108,7 @@ def generator(reference: Signal) -> Signal:
 
 def exosystem_of(reference: Signal) -> Exosystem:
     """x_d = C w, w' = Ω w, with the w of `generator`."""
-    size = 2 + 2 * len(reference.harmonics)
-    omega = np.zeros((size, size))
-    omega[1, 0] = 1.0
-    columns = [reference.constant, reference.slope]
-    for i, harmonic in enumerate(reference.harmonics):
-        sine, cosine = 2 + 2 * i, 3 + 2 * i
-        omega[sine, cosine], omega[cosine, sine] = harmonic.frequency, -harmonic.frequency
-        columns += [harmonic.sine, harmonic.cosine]
-    return Exosystem(omega, np.column_stack(columns), generator(reference).at(0.0))
+    return exosystem(reference.constant, reference.slope, *reference.harmonics)
 
 
 def feedforward(case: PaperCase, reference: Signal) -> np.ndarray:

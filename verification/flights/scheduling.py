@@ -20,6 +20,7 @@ from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.telling import Progress, told
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.solve import find_operating_point
@@ -53,7 +54,7 @@ def certified_schedule(
     settings: Mapping[str, Any] | None = None,
     gains: GainTable | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> CertifiedSchedule:
     """Trim, linearize and solve or learn at every dihedral, rad; every gain must be certified.
 
@@ -62,15 +63,13 @@ def certified_schedule(
     Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
     """
     grid = []
-    for index, dihedral in enumerate(dihedrals.tolist()):
+    for dihedral in told(dihedrals.tolist(), progress):
         model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
         if gains is None:
             grid.append(_certified(model, law, seed, game or {}, settings or {}))
         else:
             gain = gains.at(dihedral)
             grid.append(GridPoint(model.point, gain, spectrum(model.A - model.B @ gain).abscissa))
-        if progress is not None:
-            progress(index + 1, len(dihedrals))
     schedule = Schedule.of(tuple(row.point for row in grid), tuple(row.gain for row in grid))
     return CertifiedSchedule(schedule, tuple(grid), _between(aircraft, schedule, condition))
 
@@ -111,7 +110,7 @@ def fly_schedule(
     envelope: Envelope,
     *,
     frozen: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> NonlinearFlight:
     """The nonlinear aircraft along the trims of a change of dihedral; the scenario's own reference is replaced.
 

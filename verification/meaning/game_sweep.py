@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +13,7 @@ from hfa_model.reporting.text import Table, shown_unit, shown_value
 from hfa_model.reporting.unit_system import gain_unit
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import INPUTS, UNITS
 from trim.sweeps.sweep_result import Sweep
 from verification.riccati.existence import minimum_delta
@@ -51,7 +51,7 @@ class GameSweep:
         }
 
 
-def sweep_games(found: Sweep, progress: Callable[[int, int], None] | None = None, **changes: Any) -> GameSweep:
+def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) -> GameSweep:
     """The paper's game, with `changes` of its Q, R or delta, at every trimmed point of a sweep of six states.
 
     The gains come from all games at once (`gare_batch`); what that does not certify is solved alone, which says why
@@ -65,7 +65,7 @@ def sweep_games(found: Sweep, progress: Callable[[int, int], None] | None = None
     reasons = list(found.reasons)
     if games:
         K[trimmed] = solve_games(found.A[trimmed], found.B[trimmed], games[len(games) // 2]).K
-    for done, (i, game) in enumerate(zip(trimmed, games, strict=True)):
+    for i, game in told(list(zip(trimmed, games, strict=True)), progress):
         try:
             delta_min[i] = minimum_delta(game).value
             if np.isnan(K[i]).any():
@@ -73,8 +73,6 @@ def sweep_games(found: Sweep, progress: Callable[[int, int], None] | None = None
             disk[i], gain[i], phase[i], _ = disk_margin(game, K[i])
         except NoSolutionError as error:
             reasons[i] = str(error)
-        if progress is not None:
-            progress(done + 1, len(games))
     delta = games[0].delta if games else float(changes.get("delta", np.nan))
     return GameSweep(delta, K, delta_min, disk, gain, phase, tuple(reasons))
 

@@ -14,10 +14,11 @@ from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table
 from hfa_model.reporting.unit_system import gain_unit, value_unit
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.telling import Progress
 from verification.meaning.cost import cost_checks, saddle_checks
 from verification.meaning.margins import LoopMargin, loop_margins
 from verification.riccati.balancing import in_units, normal_form
-from verification.riccati.existence import DeltaMin, Progress, minimum_delta
+from verification.riccati.existence import DeltaMin, minimum_delta
 from verification.riccati.frequency_response import DiskMargin, disk_margin, gain_checks
 from verification.riccati.gare import GameSolution, solve_game
 

@@ -10,7 +10,8 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
 from verification.arithmetic.balls import doubles, map_entries, matrix, norm, symmetric
-from verification.balls.game_balls import BallGame, enclose_solution, proved_modes
+from verification.balls.game_balls import BallGame, enclose_solution
+from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
 from verification.balls.trim_branch import TrimBranch
 from verification.proof.certificate_file import flights_claim
@@ -111,7 +112,7 @@ class _About:
 
 
 def _modes(A: arb_mat) -> dict[str, Any]:
-    found = proved_modes(A)
+    found = counted(A)
     if found is None:
         raise NoSolutionError("a mode may lie on the axis; there is nothing to certify")
     return {"unstable": found.unstable, "rate": 0.0, "H": found.H, "turn": found.turn}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,12 @@ from controller.game.zero_sum import published_game
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import INPUT_SCALES
-from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import doubles
 from verification.balls.gain_forms import GainForm, gain_form
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox
+from verification.balls.taylor import DihedralBox, bisected
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated
@@ -68,7 +69,7 @@ class _Cell:
 
 
 def coarsest_grid(
-    family: Family, low: float, high: float, tolerance: float, *, progress: Callable[[int, int], None] | None = None
+    family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
 ) -> LpvGrid:
     """As few nodes as the bound allows: from `low` on, every step is the longest whose bound stays below the tolerance.
 
@@ -80,10 +81,8 @@ def coarsest_grid(
     cells: list[_Cell] = []
     count = max(1, round((high - low) / _CELL))
     edges = np.linspace(low, high, count + 1).tolist()
-    for index in range(count):
-        cells += _cells(branch, DihedralBox(edges[index], edges[index + 1]), _LOOSE * tolerance)
-        if progress is not None:
-            progress(index + 1, count)
+    for box in told([DihedralBox(*ends) for ends in pairwise(edges)], progress):
+        cells += _cells(branch, box, _LOOSE * tolerance)
     nodes, errors, first = [low], [], 0
     while first < len(cells):
         last, error = first, _bound(cells[first : first + 1])
@@ -102,7 +101,7 @@ def coarsest_grid(
     ends = {cell.low: _gain_at(cell, -1.0) for cell in cells} | {cells[-1].high: _gain_at(cells[-1], 1.0)}
     K = np.array([ends[node] for node in nodes])
     points = [branch.model_at(node) for node in nodes]
-    A, B, inputs = (np.array([_doubles(point[part]) for point in points]) for part in range(3))
+    A, B, inputs = (np.array([doubles(point[part]) for point in points]) for part in range(3))
     return LpvGrid(np.array(nodes), A, B, inputs[..., 0], K, bounds, tuple(cell.entry for cell in cells))
 
 
@@ -124,15 +123,18 @@ def certify(grid: LpvGrid, family: Family, path: Path, origin: Provenance) -> No
 
 def _cells(branch: TrimBranch, box: DihedralBox, loose: float) -> list[_Cell]:
     """The bounds of a box, or of its parts when it is too wide for them, or for a check of K within `loose`."""
-    try:
-        found, why = _cell(branch.forms(box), branch), None
-    except Undecided as error:
-        found, why = None, error
-    if found is not None and (found.gain.loose <= loose * found.size["K"] or box.high - box.low <= _NARROWEST):
-        return [found]
-    if box.high - box.low <= _NARROWEST:
-        raise NoSolutionError(f"the models from {box.low:g} to {box.high:g} deg could not be enclosed") from why
-    return [cell for half in box.halves() for cell in _cells(branch, half, loose)]
+
+    def bounded(part: DihedralBox) -> _Cell | None:
+        found = _cell(branch.forms(part), branch)
+        sharp = found.gain.loose <= loose * found.size["K"] or part.high - part.low <= _NARROWEST
+        return found if sharp else None
+
+    cells = []
+    for part, cell in bisected([box], bounded, _NARROWEST):
+        if cell is None:
+            raise NoSolutionError(f"the models from {part.low:g} to {part.high:g} deg could not be enclosed")
+        cells.append(cell)
+    return cells
 
 
 def _cell(forms: ModelForms, branch: TrimBranch) -> _Cell:
@@ -199,7 +201,3 @@ def _bound(cells: list[_Cell]) -> dict[str, float]:
 
 def _wider(value: float) -> float:
     return value * (1.0 + _ROUNDING) + _ROUNDING
-
-
-def _doubles(values: arb_mat) -> np.ndarray:
-    return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])

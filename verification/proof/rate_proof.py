@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from controller.policy.gain_table import GainTable
+from hfa_model.support.telling import Progress, told
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, roomy
+from verification.balls.taylor import DihedralBox, bisected, roomy
 from verification.balls.trim_branch import TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
@@ -79,7 +80,7 @@ def prove_rate(
     low: float,
     high: float,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> RateProof:
     """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
 
@@ -106,11 +107,8 @@ def prove_rate(
     ends += [doubles(last[0] + last[1] + last[2])]
     P = np.array([_lyapunov(A, W) for A in ends])
 
-    def proved_box(index: int, box: DihedralBox, rate: float) -> MotionBox | None:
-        try:
-            forms = branch.forms(box)
-        except Undecided:
-            return None
+    def proved_box(rate: float, index: int, box: DihedralBox) -> MotionBox | None:
+        forms = branch.forms(box)
         first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
@@ -120,19 +118,11 @@ def prove_rate(
     def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
         found: list[MotionBox] = []
-        for index, whole in enumerate(boxes):
-            waiting = [whole]
-            while waiting:
-                box = waiting.pop()
-                proved = proved_box(index, box, rate)
-                if proved is not None:
-                    found.append(proved)
-                elif box.high - box.low > _NARROWEST:
-                    waiting += box.halves()[::-1]
-                else:
+        for index, whole in told(list(enumerate(boxes)), progress):
+            for _, proved in bisected([whole], partial(proved_box, rate, index), _NARROWEST):
+                if proved is None:
                     return ()
-            if progress is not None:
-                progress(index + 1, len(boxes))
+                found.append(proved)
         return tuple(found)
 
     if all(is_positive_definite(matrix(each)) for each in P):

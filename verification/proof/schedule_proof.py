@@ -12,12 +12,13 @@ import numpy as np
 
 from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
 from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox
+from verification.balls.taylor import DihedralBox, bisected
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
@@ -124,7 +125,7 @@ def prove_schedule(
     *,
     known: tuple[Cover, Cover] | None = None,
     save: Callable[[Cover, Cover], None] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> ScheduleProof:
     """Prove or refute, box by box; low and high in degrees.
 
@@ -173,27 +174,10 @@ def _covered(
     prove: Callable[[DihedralBox], ProvedBox | None],
     narrowest: float,
 ) -> Iterator[Cover]:
-    """Bisect what cannot be proved as a whole; what is covered so far, after each box.
-
-    What is covered already is passed over as it was bisected, so that a proof that is continued has the same boxes.
-    """
-    waiting, start = segments[::-1], found.frontier(segments[0].low)
-    while waiting:
-        box = waiting.pop()
-        if box.high <= start:
-            continue
-        if box.low < start and box.high - box.low > narrowest:
-            waiting += box.halves()[::-1]
-            continue
-        try:
-            proved = prove(box)
-        except Undecided:
-            proved = None
+    """What is covered so far, after each box; what is covered already is passed over."""
+    for box, proved in bisected(segments, prove, narrowest, found.frontier(segments[0].low)):
         if proved is not None:
             found = Cover((*found.proved, proved), found.open)
-        elif box.high - box.low > narrowest:
-            waiting += box.halves()[::-1]
-            continue
         else:
             found = Cover(found.proved, (*found.open, box))
         yield found

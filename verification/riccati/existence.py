@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.telling import Progress
 from verification.riccati.balancing import normal_form
 from verification.riccati.certificate import (
     ON_THE_AXIS,
@@ -25,8 +25,6 @@ from verification.riccati.frequency_response import bounded_real_gain
 SIGNLESS = 1e-13
 #: and in proportion more where the condition of the Hamiltonian exceeds this.
 WELL_CONDITIONED = 1e4
-#: Told how many steps of the search of how many are done.
-Progress = Callable[[int, int], None]
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
@@ -186,18 +184,15 @@ def lqr_obstacle(game: Game, failure: str) -> str:
     form = normal_form(game.with_delta(math.inf))
     A = form.A
     size = float(np.linalg.norm(A, 2)) or 1.0
-    B, Q = _of_size(form.B, size), _of_size(form.Q, size)
     eigenvalues = np.linalg.eigvals(A)
-    not_stable = eigenvalues[eigenvalues.real >= -RANK * size]
-    undamped = not_stable[not_stable.real <= RANK * size]
-    for value in not_stable:
-        if _rank_distance(A, value, B.T) <= RANK * size:
+    for value in eigenvalues:
+        if value.real >= -RANK * size and dependent(A, value, form.B.T, size):
             return (
                 f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
                 "change B or leave that mode out of A"
             )
-    for value in undamped:
-        if _rank_distance(A.T, value, Q) <= RANK * size:
+    for value in eigenvalues:
+        if abs(value.real) <= RANK * size and dependent(A.T, value, form.Q, size):
             return (
                 f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(value)} costs nothing; "
                 "give Q weight on it"
@@ -205,15 +200,11 @@ def lqr_obstacle(game: Game, failure: str) -> str:
     return f"the problem without disturbance (delta = inf) is not certified: {failure}; check the scaling of A, B, Q, R"
 
 
-def _rank_distance(A: np.ndarray, value: complex, rows: np.ndarray) -> float:
-    """Smallest singular value of [A' - λI; rows]."""
-    stacked = np.vstack([A.T - value * np.eye(len(A)), rows])
-    return float(np.linalg.svd(stacked, compute_uv=False)[-1])
-
-
-def _of_size(matrix: np.ndarray, size: float) -> np.ndarray:
-    norm = float(np.linalg.norm(matrix, 2))
-    return matrix * (size / norm) if norm > 0.0 else matrix
+def dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
+    """Whether [A' - λI; rows] has no full column rank, the rows brought to the size of A first."""
+    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    return bool(np.linalg.svd(stacked, compute_uv=False)[-1] <= RANK * size)
 
 
 def _text(value: complex) -> str:

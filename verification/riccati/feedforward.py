@@ -46,17 +46,17 @@ class Exosystem:
         return A @ self.C - self.C @ self.omega
 
 
-def exosystem(
-    constant: np.ndarray, slope: np.ndarray, sine: np.ndarray, cosine: np.ndarray, frequency: float
-) -> Exosystem:
-    """x_d(t) = constant + slope t + sine sin(f t) + cosine cos(f t), each (n,), f in rad/s.
+def exosystem(constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]) -> Exosystem:
+    """x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each (n,); harmonics (f in rad/s, sine, cosine).
 
-    w = [1, t, sin f t, cos f t]; Ω is nilpotent on the first two, which a Sylvester equation does not mind.
+    w = [1, t, sin f t, cos f t, ...]; Ω is nilpotent on the first two, which a Sylvester equation does not mind.
     """
-    omega = np.zeros((4, 4))
-    omega[1, 0] = 1.0
-    omega[2, 3], omega[3, 2] = frequency, -frequency
-    return Exosystem(omega, np.column_stack([constant, slope, sine, cosine]), np.array([1.0, 0.0, 0.0, 1.0]))
+    from scipy.linalg import block_diag
+
+    waves = [np.array([[0.0, frequency], [-frequency, 0.0]]) for frequency, _, _ in harmonics]
+    omega = block_diag(np.array([[0.0, 0.0], [1.0, 0.0]]), *waves)
+    columns = [constant, slope, *(each for _, *both in harmonics for each in both)]
+    return Exosystem(omega, np.column_stack(columns), np.array([1.0, 0.0] + [0.0, 1.0] * len(harmonics)))
 
 
 def paper_reference() -> Exosystem:
@@ -65,7 +65,7 @@ def paper_reference() -> Exosystem:
     speed, alpha, dihedral = (LINEAR_STATES.index(name) for name in ("speed", "alpha", "dihedral"))
     constant[[speed, alpha, dihedral]] = 7.0, 0.1, 0.5
     slope[speed], sine[speed] = 0.01, 2.0
-    return exosystem(constant, slope, sine, np.zeros_like(sine), 0.5)
+    return exosystem(constant, slope, (0.5, sine, np.zeros_like(sine)))
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:

@@ -13,9 +13,10 @@ from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.telling import Progress
 from verification.riccati.balancing import spectrum
 from verification.riccati.certificate import Certificate, certified_solution
-from verification.riccati.existence import Progress, minimum_delta
+from verification.riccati.existence import minimum_delta
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from hfa_model.reporting.checks import Check, at_most, below
 from hfa_model.reporting.text import eigenvalue_text
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.riccati.balancing import normal_form, spectrum
-from verification.riccati.existence import RANK, has_value
+from verification.riccati.existence import RANK, dependent, has_value
 from verification.riccati.frequency_response import gain_is_below, square_root
 from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.gare_schur import quick_solution, schur_solution
@@ -217,20 +217,13 @@ def _check_modes(problem: OutputGame) -> None:
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
         text = f"the mode with eigenvalue {eigenvalue_text(value)}"
-        if value.real >= -RANK * size and _dependent(form.A, value, form.B.T, size):
+        if value.real >= -RANK * size and dependent(form.A, value, form.B.T, size):
             raise NoSolutionError(f"the sensors do not see {text}, which is not stable; measure more")
-        if abs(value.real) <= RANK * size and _dependent(form.A.T, value, form.Q, size):
+        if abs(value.real) <= RANK * size and dependent(form.A.T, value, form.Q, size):
             raise NoSolutionError(
                 f"the disturbance does not reach {text}, which does not decay, so its estimate would never settle; "
                 "let the disturbance enter there"
             )
-
-
-def _dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
-    """Whether [A' - λI; rows] has no full column rank, the rows brought to the size of A first."""
-    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
-    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
-    return bool(np.linalg.svd(stacked, compute_uv=False)[-1] <= RANK * size)
 
 
 def _solved(game: Game, which: str) -> GameSolution:

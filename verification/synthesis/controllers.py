@@ -17,8 +17,9 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
+from hfa_model.support.telling import Progress, told
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import TrimCondition, level_flight
+from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
@@ -41,29 +42,25 @@ def design_controller(
     dihedrals: np.ndarray,
     feedback: str = "",
     *,
-    condition: Callable[[float], TrimCondition] = level_flight,
     value: Value | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> ScheduledController:
     """The controllers of a design at `dihedrals` (N,), rad, increasing, in one table.
 
-    feedback: "state", "output", or "" for output where the design has sensors. condition: dihedral -> trim. value: as
-    `controller_at`.
+    feedback: "state", "output", or "" for output where the design has sensors. value: as `controller_at`.
     Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
     """
     feedback = feedback or ("output" if design.sensors else "state")
     found, models = [], []
-    for number, dihedral in enumerate(dihedrals.tolist()):
+    for dihedral in told(dihedrals.tolist(), progress):
         try:
-            model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
+            model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
             models.append(model)
             found.append(controller_at(aircraft, model, design, feedback, value))
         except NoSolutionError as error:
             raise NoSolutionError(
                 f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
             ) from error
-        if progress is not None:
-            progress(number + 1, len(dihedrals))
     table = controller_table(aircraft, design, feedback, models, found)
     rows = [_row(aircraft, model, design, each, table) for model, each in zip(models, found, strict=True)]
     return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.checks import Check, below, checks_block
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
+from hfa_model.support.telling import Progress, told
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -111,7 +112,7 @@ def check_corners(
     controller: ScheduledController,
     dihedrals: np.ndarray | None = None,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> CornerCheck:
     """Close the loop at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
 
@@ -122,7 +123,7 @@ def check_corners(
     controller.refuse_other(aircraft, float(angles.min()), float(angles.max()))
     worst: list[Found] = []
     unstable = loops = 0
-    for number, dihedral in enumerate(angles.tolist()):
+    for dihedral in told(angles.tolist(), progress):
         model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
         for corner, loop in corner_loops(aircraft, model, controller):
             abscissa, loops = loop.abscissa, loops + 1
@@ -137,8 +138,6 @@ def check_corners(
                 choose(before, now, key=lambda found: found.value)
                 for choose, before, now in zip(sides, worst or figures, figures, strict=True)
             ]
-        if progress is not None:
-            progress(number + 1, len(angles))
     return CornerCheck(controller, loops, unstable, *worst)
 
 

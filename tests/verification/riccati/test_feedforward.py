@@ -45,7 +45,7 @@ def test_reference_of_the_paper() -> None:
 
 def test_exosystem_makes_constants_ramps_and_both_phases() -> None:
     parts = np.arange(8.0).reshape(4, 2) + 1.0
-    reference = exosystem(*parts, frequency=3.0)
+    reference = exosystem(parts[0], parts[1], (3.0, parts[2], parts[3]))
     for t in (0.0, 0.4, 5.0):
         exact = parts[0] + parts[1] * t + parts[2] * math.sin(3.0 * t) + parts[3] * math.cos(3.0 * t)
         np.testing.assert_allclose(reference.reference(t), exact, rtol=1e-12)
@@ -72,7 +72,7 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 def test_constant_reference_has_a_constant_feedforward(game: Game) -> None:
     P, level = solve_game(game).P, np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
-    P_s = exosystem_feedforward(game, P, exosystem(level, ZERO, ZERO, ZERO, 1.0))
+    P_s = exosystem_feedforward(game, P, exosystem(level, ZERO))
     exact = -np.linalg.solve((game.A - game.S @ P).T, P @ game.A @ level)
     np.testing.assert_allclose(P_s[:, 0], exact, rtol=1e-10)
     assert np.abs(P_s[:, 1:]).max() < 1e-9 * np.abs(exact).max()
@@ -89,7 +89,7 @@ def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
     with pytest.raises(BadInputError, match=r"the reference grows at 0.3 rad/s, the closed loop decays at 0.2"):
         exosystem_feedforward(game, P, exploding)
     with pytest.raises(BadInputError, match=r"the reference has 2 states; the game has 6"):
-        exosystem_feedforward(game, P, exosystem(*np.zeros((4, 2)), frequency=1.0))
+        exosystem_feedforward(game, P, exosystem(*np.zeros((2, 2))))
     with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
         exosystem_feedforward(game, -P, paper_reference())
 
