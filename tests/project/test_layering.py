@@ -1,13 +1,14 @@
-"""The one-way street of ARCHITECTURE.md, held by reading every import."""
+"""The one-way street of ARCHITECTURE.md, held by reading every import, and the same tree of the tests."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
+from pathlib import PurePath
 
 import pytest
-from import_graph import LAYERS, ROOMS, imports_of, project_sources, reachable, room_of
+from import_graph import LAYERS, ROOMS, ROOT, imports_of, project_sources, reachable, room_of
 
 #: What the judge may share with the learner: values and files, no algorithm.
 SHARED_WITH_THE_LEARNER = "controller.game"
@@ -232,3 +233,30 @@ def test_a_planted_cycle_is_seen(back: str) -> None:
     cycle = {"trim": "", "trim.a": "from trim.b import x", "trim.b": "from . import c", "trim.c": back}
     assert set(import_cycle(cycle)) == {"trim.a", "trim.b", "trim.c"}
     assert import_cycle(cycle | {"trim.c": "import casadi"}) == []
+
+
+# The tests have the same tree.
+
+
+def without_a_module(tests: Iterable[PurePath], packages: Iterable[PurePath]) -> list[str]:
+    """Test files whose name is that of no file of their room, alone or with more words behind it."""
+    names: dict[PurePath, set[str]] = {}
+    for path in packages:
+        names.setdefault(path.parent, set()).add(path.stem)
+    return [
+        str(path)
+        for path in tests
+        if not any(f"{path.stem}_".startswith(f"test_{name}_") for name in names.get(path.parent, ()))
+    ]
+
+
+def test_a_test_is_named_after_its_module_or_stands_in_cli_or_project() -> None:
+    found = (path.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py"))
+    packages = [path.relative_to(ROOT) for layer in LAYERS for path in (ROOT / layer).rglob("*.*")]
+    assert without_a_module((path for path in found if path.parts[0] in LAYERS), packages) == []
+
+
+def test_a_test_that_its_module_has_left_is_seen() -> None:
+    room = [PurePath("trim/point/solve.py"), PurePath("trim/linear/modes.py")]
+    tests = [PurePath("trim/point") / f"test_{name}.py" for name in ("solve", "solve_warm", "solver", "modes")]
+    assert without_a_module(tests, room) == ["trim/point/test_solver.py", "trim/point/test_modes.py"]
