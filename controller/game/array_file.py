@@ -109,14 +109,14 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     of the file are the plant's in another order.
     """
     for key in ("states", "inputs"):
-        said, own = _words(stored, key), getattr(plant, key)
+        said, own = words(stored, key), getattr(plant, key)
         if said != own and sorted(said) == sorted(own):
             raise BadInputError(
                 f"its {key} are in the order {shortened(', '.join(said), 200)}; those of the plant are "
                 f"{shortened(', '.join(own), 200)}: reorder the matrices, or leave {key} out of the file"
             )
     scales = np.ones(len(plant.state_units))
-    units = _words(stored, "state_units")
+    units = words(stored, "state_units")
     if len(units) != len(plant.state_units):
         return scales
     for place, (unit, own) in enumerate(zip(units, plant.state_units, strict=True)):
@@ -134,9 +134,9 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     return scales
 
 
-def _words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
+def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """The texts of an entry; () where it holds anything else."""
-    said = np.ravel(stored.get(key, ())).tolist()
+    said = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()  # of JSON: rows may differ in length
     return tuple(said) if all(isinstance(word, str) for word in said) else ()
 
 

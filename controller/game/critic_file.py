@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import UNNAMED, PlantNames, file_scales, found_in, in_scales, read_arrays, real_array
+from controller.game.array_file import (
+    UNNAMED,
+    PlantNames,
+    file_scales,
+    found_in,
+    in_scales,
+    read_arrays,
+    real_array,
+    words,
+)
 from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices, is_number
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
@@ -136,8 +145,11 @@ def _of_arrays(stored: dict[str, Any], game: Game, functions: str | None, plant:
     key = next((name for name in _TIMES if name in named), None)
     if key is None or not any(name in named for name in "WPK"):
         return None
-    times = np.ravel(named[key])
-    name = functions or (str(np.ravel(named["basis"])[0]) if "basis" in named else "quadratic")
+    times = np.ravel(real_array("time", named[key]))
+    said = words(named, "basis") if "basis" in named else ("quadratic",)
+    if functions is None and len(said) != 1:
+        raise BadInputError("basis must be one name, such as 'quadratic'")
+    name = functions or said[0]
     shapes = _shapes(game, name)
     rows = {each: _rows(each, named[each], len(times), shapes[each]) for each in "WPK" if each in named}
     if all(values.shape == shapes[each].size for each, values in rows.items()):

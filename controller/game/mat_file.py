@@ -241,15 +241,16 @@ def _rows_of_text(piece: Element, shape: tuple[int, ...], order: str) -> np.ndar
     encoding = _TEXTS.get(piece.kind, "")
     if not encoding:
         raise ValueError(f"text is stored as type {piece.kind}, which is not known")
-    if encoding in ("utf-16", "utf-32"):
-        encoding += "-le" if order == "<" else "-be"
+    if len(piece.data) > LARGEST >> 10:
+        return _unread()  # no name is as long, and each letter takes a Python object
+    encoding += {"<": "-le", ">": "-be"}[order] if encoding in ("utf-16", "utf-32") else ""
     letters = np.array(list(bytes(piece.data).decode(encoding, "replace")), dtype="U1")
     return _joined(letters, shape)
 
 
 def _joined(letters: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    if len(shape) != 2 or letters.size != shape[0] * shape[1]:
-        return _unread()  # MATLAB counts in UTF-16, and text of several pages has no rows
+    if len(shape) != 2 or letters.size != shape[0] * shape[1] or shape[0] > letters.size + 1:
+        return _unread()  # MATLAB counts in UTF-16; text of several pages has no rows, that without columns no end
     return np.array(["".join(row) for row in letters.reshape(shape, order="F")])
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import aircraft_scales, found_in, read_arrays
+from controller.game.array_file import aircraft_scales, found_in, read_arrays, real_array, words
 from controller.game.zero_sum import Game
 from hfa_model.published import published_data
 from hfa_model.support.errors import BadInputError, said_of, shortened
@@ -112,15 +112,13 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     found |= {
         name.removeprefix("provenance."): value for name, value in stored.items() if name.startswith("provenance.")
     }
-    texts = {name: np.ravel(value).tolist() for name, value in found.items() if not isinstance(value, dict)}
-    return {
-        name: words[0] for name, words in texts.items() if len(words) == 1 and isinstance(words[0], str) and words[0]
-    }
+    texts = {name: words(found, name) for name in found}
+    return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
 
 
 def _refuse_discrete(path: str | Path, dt: Any) -> None:
     """python-control's dt: 0 or None for continuous time."""
-    if dt is not None and np.any(np.asarray(dt) != 0):
+    if dt is not None and np.any(np.asarray(dt, dtype=object) != 0):
         raise BadInputError(
             f"{path}: dt is {shortened(str(dt))}, a model in discrete time; give x' = A x + B u, dt = 0"
         )
@@ -128,19 +126,15 @@ def _refuse_discrete(path: str | Path, dt: Any) -> None:
 
 def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:
     sizes = {"states": states, "state_units": states, "inputs": inputs, "input_units": inputs}
-    found = {key: np.ravel(stored[key]).tolist() for key in sizes if key in stored}
-    return {
-        key: tuple(words)
-        for key, words in found.items()
-        if len(words) == sizes[key] and all(isinstance(word, str) for word in words)
-    }
+    found = {key: words(stored, key) for key in sizes}
+    return {key: said for key, said in found.items() if len(said) == sizes[key]}
 
 
 def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> tuple[str, ...]:
     """Which entries were not used, unless this project wrote them, and which defaults were taken."""
     notes = []
     unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
-    if unused and not "".join(np.ravel(stored.get("schema", ""))[:1].astype(str)).startswith("hfa."):
+    if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
         named = shortened(", ".join(name if name.isprintable() else repr(name) for name in unused), 200)
         notes.append(f"{path}: {named} not used; a model file holds {', '.join(MODEL_KEYS)}")
     missing = [key for key in MODEL_KEYS if key not in given]
@@ -183,7 +177,8 @@ def _shape(path: str | Path, name: str, value: Any) -> tuple[int, ...]:
 
 def _scalar(path: str | Path, name: str, value: Any) -> float:
     """One number, also from the 1 x 1 matrix as which MATLAB stores it; infinity is allowed."""
-    array = np.array(value)
-    if array.size != 1 or array.dtype.kind not in "iuf":
-        raise BadInputError(f"{path}: {name} must be one number")
-    return float(array.reshape(-1)[0])
+    try:
+        (number,) = np.ravel(real_array(name, value))
+    except ValueError as error:
+        raise BadInputError(f"{path}: {name} must be one number") from error
+    return float(number)

@@ -24,7 +24,7 @@ def test_value_and_gain_are_the_same_functions() -> None:
     np.testing.assert_allclose(found["K"] @ x, K @ (scales * x), rtol=1e-13)
 
 
-@pytest.mark.parametrize("said", [(), ["m/s"], ["", "rad"], [1.0, 2.0]])
+@pytest.mark.parametrize("said", [(), ["m/s"], ["", "rad"], [1.0, 2.0], [["m/s"], "rad"], [b"m/s", b"\x93"]])
 def test_what_is_not_said_is_not_converted(said: object) -> None:
     assert np.array_equal(file_scales({"state_units": said}, PlantNames(state_units=("ft/s", "rad"))), [1.0, 1.0])
     assert np.array_equal(file_scales({}, PlantNames(state_units=("", ""))), [1.0, 1.0])

@@ -126,3 +126,19 @@ def test_a_critic_is_read_once_whether_it_is_over_time_or_not(monkeypatch: pytes
     assert isinstance(critic_in(stored("once.npz", K=K[0]), GAME), StoredCritic)
     assert isinstance(critic_in(stored("rows.npz", K=K, time=TIMES), GAME), History)
     assert opened == ["once.npz", "rows.npz"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"t": [[0.0], 1.0], "W": W.tolist()}, "time does not consist of rows of real numbers"),
+        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": []}, "basis must be one name, such as 'quadratic'"),
+        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": [["quadratic"], "a"]}, "basis must be one name"),
+        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": 5}, "basis must be one name"),
+    ],
+)
+def test_times_and_a_basis_that_are_none_are_refused(content: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=f"^h.json: {said}"):
+        load_history(stored("h.json", **content), GAME)
+    if "basis" in content:
+        assert load_history("h.json", GAME, "quadratic") is not None

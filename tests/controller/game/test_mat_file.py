@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import time
 import zlib
 from pathlib import Path
 from typing import Any
@@ -122,3 +123,19 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
     sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
     with pytest.raises(ValueError, match="1000000000 x 1000000000 entries"):
         read_mat(sparse)
+
+
+@pytest.mark.parametrize("rows", [2**31 - 1, 2**20])
+def test_rows_of_text_without_columns_are_not_made(rows: int) -> None:
+    begin = time.process_time()
+    (found,) = read_mat(struct.pack("<5i", 1, rows, 0, 0, 2) + b"A\0").values()
+    assert found.shape == (1, 1)
+    assert time.process_time() - begin < 0.1
+
+
+def test_text_of_millions_of_letters_is_not_read() -> None:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"A": np.eye(2), "B": "long " * 10**6}, do_compression=True)
+    found = read_mat(stream.getvalue())
+    assert found["B"].shape == (1, 1)
+    np.testing.assert_array_equal(found["A"], np.eye(2))

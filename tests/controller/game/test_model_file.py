@@ -144,6 +144,8 @@ def test_one_input_as_a_row_is_told_to_be_a_column(tmp_path: Path) -> None:
         ({"A": [[1.0, 2.0]], "B": B2, "Q": Q2, "R": R1}, "A is 1 x 2; it must be square|Q is"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": "big"}, "delta must be one number"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [1.0, 2.0]}, "delta must be one number"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [[1.0], 2.0]}, "delta must be one number"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": [[0.1], 2.0]}, "a model in discrete time"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": -1.0}, "delta is -1.0; it must be a positive number"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "E": [[1.0]]}, "E is 1 x 1"),
     ],
@@ -239,6 +241,15 @@ def test_bad_critics_are_refused_in_one_line(tmp_path: Path, content: Any, messa
     with pytest.raises(BadInputError, match=message) as refusal:
         load_critic(path)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("key", ["states", "input_units", "schema", "provenance"])
+@pytest.mark.parametrize("damaged", [[["alpha"], "speed"], [], [1.0, 2.0], {"version": [["1"], "2"]}])
+def test_names_that_are_none_are_left_out(tmp_path: Path, key: str, damaged: object) -> None:
+    content = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0, key: damaged}
+    found = stored_game(_json(tmp_path / "plant.json", content))
+    assert found.game.delta == 9.0
+    assert (found.names, found.provenance) == ({}, {})
 
 
 # Diagonals on the command line ----------------------------------------------------------------------------------
