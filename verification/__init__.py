@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from verification.proof.schedule_proof import prove_schedule as prove_schedule
     from verification.proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
     from verification.published.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
-    from verification.published.regeneration import regenerate_all as regenerate_all
-    from verification.published.regeneration_result import (
+    from verification.published.regeneration import (
         RegeneratedPair as RegeneratedPair,
         Regeneration as Regeneration,
+        regenerate_all as regenerate_all,
     )
     from verification.riccati.existence import minimum_delta as minimum_delta
     from verification.riccati.feedforward import (
@@ -59,8 +59,7 @@ if TYPE_CHECKING:
         solve_output_feedback as solve_output_feedback,
     )
     from verification.servo.reference_model import reference_servo as reference_servo
-    from verification.validation.comparison import validate as validate
+    from verification.validation.comparison import Validation as Validation, validate as validate
     from verification.validation.outside import released_trims as released_trims
-    from verification.validation.validation_result import Validation as Validation
 
 __getattr__, __dir__, __all__ = open_door(__name__)

@@ -93,8 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     """Tune; exit 1 when no evaluation kept the constraints."""
-    from verification.synthesis.tuning_figure import tuning_figure
-    from verification.synthesis.tuning_report import tuning_report
+    from verification.synthesis.tuning_report import tuning_figure, tuning_report
     from verification.synthesis.tuning_search import tune
 
     target = arguments.output

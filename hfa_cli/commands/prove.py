@@ -139,7 +139,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
 def _solution(arguments: argparse.Namespace) -> int:
     from verification.proof.certificate_file import write_certificate
     from verification.proof.game_certificate import solution_claim
-    from verification.proof.game_proof_report import solution_proof_report
+    from verification.proof.proof_report import solution_proof_report
     from verification.proof.solution_proof import prove_solution
 
     target = _certificate(arguments)
@@ -156,7 +156,7 @@ def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.critic_file import load_critic
     from verification.proof.certificate_file import write_certificate
     from verification.proof.game_certificate import critic_claim
-    from verification.proof.game_proof_report import critic_proof_report
+    from verification.proof.proof_report import critic_proof_report
     from verification.proof.solution_proof import prove_critic
 
     if arguments.file is None:

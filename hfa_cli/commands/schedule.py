@@ -44,8 +44,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when the envelope was left."""
     from controller.policy.gain_table import load_gains
     from verification.flights.flight_figures import flight_figure
-    from verification.flights.schedule_result import schedule_report
-    from verification.flights.scheduling import LEAD, REST, certified_schedule, change_over, fly_schedule, grid_of
+    from verification.flights.scheduling import (
+        LEAD,
+        REST,
+        certified_schedule,
+        change_over,
+        fly_schedule,
+        grid_of,
+        schedule_report,
+    )
 
     check_learning(arguments)
     gains = None if arguments.gain is None else load_gains(arguments.gain)

@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     from controller.design.scheduled_controller import load_controller
     from verification.servo.cases import CASES, DURATION
     from verification.servo.servo_flights import run_case
-    from verification.servo.servo_report import servo_report
+    from verification.servo.servo_result import servo_report
 
     refuse_unknown("there is no case", arguments.case, (*CASES, "all"))
     duration = DURATION if arguments.duration is None else arguments.duration

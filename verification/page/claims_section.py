@@ -15,7 +15,7 @@ from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDA
 from verification.experiments.reproduction import SCHEMA
 from verification.experiments.tables import counts_text, short_table
 from verification.page.main_job import StoredClaims
-from verification.published.regeneration_result import Regeneration
+from verification.published.regeneration import Regeneration
 
 _TONE = {CONFIRMED: "good", NOT_CONFIRMED: "bad", NOT_DECIDABLE: "near"}
 _TITLE = "Section 5 of the paper, claim by claim"

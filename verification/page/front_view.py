@@ -11,8 +11,8 @@ from hfa_model.reporting.text import angle_text
 from hfa_model.reporting.unit_system import in_force, unit_in_force
 from trim.linear.linear_model import LinearModel
 from trim.point.trim_figure import Panel, panels_from_the_front, scale_text, shown_panel, trim_figure
-from verification.page.angle_result import TrimmedAngle
 from verification.page.interactive import COLORS, NEUTRAL, InteractivePlot, axis, frames, layout
+from verification.page.main_job import TrimmedAngle
 
 #: Length of the longest arrow, of the span of a panel.
 _LONGEST = 0.7

@@ -16,11 +16,10 @@ from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
 from trim.point.trim_report import trim_report
 from verification.meaning.solution_report import solution_report
-from verification.page.angle_result import AngleResult, TrimmedAngle
 from verification.page.claims_section import claims_section
 from verification.page.front_view import front_view
 from verification.page.locus_plot import locus_plot
-from verification.page.main_job import MainJob
+from verification.page.main_job import AngleResult, MainJob, TrimmedAngle
 from verification.published.judged_critic import critic_picture
 
 SCHEMA = "hfa.report/1"

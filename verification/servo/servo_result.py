@@ -1,20 +1,28 @@
-"""What a law does in a case of `hfa servo`, and the picture of all laws in it."""
+"""What the laws do in a case of `hfa servo`: their errors, the picture of all of them, one table a case."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.design.design import signal_unit
 from controller.flight.tracking import Tracked
 from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.text import shown_unit, shown_values
+from hfa_model.reporting.report import Block, Report
+from hfa_model.reporting.text import Table, shown_unit, shown_values
+from hfa_model.reporting.unit_system import in_force
+from verification.servo.reference_model import REGULATED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SCHEMA = "hfa.servo-table/1"
+_ACCELERATION = signal_unit(REGULATED[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +84,37 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
         *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=8, title=title
     )
     return figure
+
+
+def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
+    """Root mean square errors, surface rates, and what was lost, law by law."""
+    blocks = [Block((_title(result), _table(result))) for result in results]
+    title = "Servos through the commands and the actuator faults of SimVFA"
+    return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": list(results)})
+
+
+def _title(result: Mapping[str, Any]) -> str:
+    return f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
+
+
+def _table(result: Mapping[str, Any]) -> Table:
+    header = ("law", "rms dihedral deg", f"rms A_z {shown_unit(_ACCELERATION)}", "fastest surface deg/s", "outcome")
+    return Table(header, rows_of(result))
+
+
+def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Law, both rms errors, surface rate and outcome, a row a law."""
+    angle, acceleration = REGULATED
+    rows: list[tuple[str, ...]] = []
+    for flight in result["flights"]:
+        rms, lost = flight["rms_error"], flight["lost_at"]
+        rows.append(
+            (
+                flight["law"],
+                f"{math.degrees(rms[angle]):.3f}",
+                f"{in_force(rms[acceleration], _ACCELERATION):.3f}",
+                f"{math.degrees(flight['fastest_surface']):.3g}",
+                "held" if lost is None else f"{flight['left']} left at {lost:.4g} s",
+            )
+        )
+    return rows

@@ -16,8 +16,7 @@ from controller.policy.policies import Seen
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, NoSolutionError
 from verification import certified_schedule
-from verification.flights.schedule_result import CertifiedSchedule
-from verification.flights.scheduling import change_over, fly_schedule, grid_of
+from verification.flights.scheduling import CertifiedSchedule, change_over, fly_schedule, grid_of
 
 N, M = len(LINEAR_STATES), len(INPUTS)
 

@@ -8,10 +8,9 @@ from controller import published_game
 from hfa_model import NoSolutionError
 from hfa_model.reporting.text import four_decimals
 from verification import analyse_game
-from verification.page import angle_result
-from verification.page.angle_result import AngleResult
+from verification.page import main_job
 from verification.page.job_report import angle_report, point_report, verdicts
-from verification.page.main_job import MainJob
+from verification.page.main_job import AngleResult, MainJob
 
 
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
@@ -27,8 +26,8 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")
 
-    monkeypatch.setattr(angle_result, "analyse_game", unsolved)
-    angle = angle_result.angle_result(job.aircraft, job.points[1].dihedral)
+    monkeypatch.setattr(main_job, "analyse_game", unsolved)
+    angle = main_job.angle_result(job.aircraft, job.points[1].dihedral)
     text = angle_report(job, angle).text()
     assert "No game solution: no solution: planted" in text
     assert "short period" in text

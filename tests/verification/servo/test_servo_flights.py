@@ -31,8 +31,7 @@ from verification.servo.cases import (
     simvfa_commands,
 )
 from verification.servo.servo_flights import fly_case, run_case
-from verification.servo.servo_report import servo_report
-from verification.servo.servo_result import ServoFlight
+from verification.servo.servo_result import ServoFlight, servo_report
 from verification.synthesis.controllers import design_controller
 
 ORIGIN = Provenance("hfa servo")

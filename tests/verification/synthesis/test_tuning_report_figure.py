@@ -10,8 +10,8 @@ import numpy as np
 from servo_cases import A_Z, write_tuning
 
 from verification.synthesis.tuning import Evaluation, InGust
-from verification.synthesis.tuning_figure import best_of_both, trade_off, tuning_figure
 from verification.synthesis.tuning_file import load_tuning
+from verification.synthesis.tuning_report import best_of_both, trade_off, tuning_figure
 
 SEEN = [
     Evaluation(2e6, math.inf),  # without a stable loop

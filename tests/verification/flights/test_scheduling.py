@@ -11,7 +11,7 @@ from controller.policy.scheduled import Schedule
 from hfa_model import BadInputError
 from hfa_model.reporting.text import Table
 from trim import OperatingPoint
-from verification.flights.schedule_result import CertifiedSchedule, GridPoint
+from verification.flights.scheduling import CertifiedSchedule, GridPoint
 
 
 def test_each_point_says_what_is_known_of_it(point: OperatingPoint) -> None:

@@ -8,7 +8,7 @@ import math
 import pytest
 from documents import ROOT
 
-from verification.servo.servo_report import rows_of, servo_report
+from verification.servo.servo_result import rows_of, servo_report
 
 RESULTS = ROOT / "docs" / "results" / "servo.json"
 
