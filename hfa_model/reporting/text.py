@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from hfa_model.reporting.unit_system import entries_in_force, in_force, unit_in_force
+from hfa_model.reporting.unit_system import entries_in_force, gain_unit, in_force, unit_in_force, value_unit
 
 #: Characters of a bar.
 _BAR = 10
@@ -103,6 +103,31 @@ def matrix_table(
     matrix = entries_in_force(matrix, *axes)
     body = [(row, *(four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
+
+
+def entry_rows(
+    P: tuple[np.ndarray, ...],
+    K: tuple[np.ndarray, ...],
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    units: tuple[tuple[str, ...], tuple[str, ...]],
+) -> list[tuple[Any, ...]]:
+    """Rows (matrix, row, column, an entry of each, unit) of every P (n, n), then of every K (m, n).
+
+    names, units: of states and of inputs; units "" where they are not known.
+    """
+    (states, inputs), (state_units, input_units) = names, units
+    rows: list[tuple[Any, ...]] = []
+    for name, matrices, lines, line_units, unit_of in (
+        ("P", P, states, state_units, value_unit),
+        ("K", K, inputs, input_units, gain_unit),
+    ):
+        if matrices:
+            rows += [
+                (name, row, column, *(each[i, j] for each in matrices), unit_of(line_units[i], state_units[j]))
+                for i, row in enumerate(lines)
+                for j, column in enumerate(states)
+            ]
+    return rows
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:

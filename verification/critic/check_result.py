@@ -10,8 +10,8 @@ import numpy as np
 
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Block, Part, Report, Reported
-from hfa_model.reporting.text import Table, numbered
-from hfa_model.reporting.unit_system import gain_unit, in_force, value_unit
+from hfa_model.reporting.text import Table, entry_rows, numbered
+from hfa_model.reporting.unit_system import in_force
 from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box
@@ -109,7 +109,12 @@ def check_report(
     """
     m, n = check.exact.K.shape
     states, inputs = states or numbered("x", n), inputs or numbered("u", m)
-    records = _entries(check, states, inputs, state_units or ("",) * n, input_units or ("",) * m)
+    candidate, exact, units = check.candidate, check.exact, (state_units or ("",) * n, input_units or ("",) * m)
+    both = () if candidate.P is None else (candidate.P, exact.P)
+    records = Table(
+        ("matrix", "row", "column", "learned", "exact", "unit"),
+        entry_rows(both, (candidate.K, exact.K), (states, inputs), units),
+    )
     said = [f"Reason: {check.diagnosis}"] if check.diagnosis else []
     if limit_cost is not None:
         kept = "PASS" if check.flight.within(limit_cost) else "FAIL"
@@ -136,29 +141,6 @@ def check_report(
         },
         records=records if check.history is None else check.history.records(),
     )
-
-
-def _entries(
-    check: CriticCheck,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    state_units: tuple[str, ...],
-    input_units: tuple[str, ...],
-) -> Table:
-    """Rows (matrix, row, column, learned, exact, unit) of P, where known, and K."""
-    rows = [
-        ("K", row, column, check.candidate.K[i, j], check.exact.K[i, j], gain_unit(input_units[i], state_units[j]))
-        for i, row in enumerate(inputs)
-        for j, column in enumerate(states)
-    ]
-    if check.candidate.P is not None:
-        of_P = [
-            ("P", row, column, check.candidate.P[i, j], check.exact.P[i, j], value_unit(state_units[i], state_units[j]))
-            for i, row in enumerate(states)
-            for j, column in enumerate(states)
-        ]
-        rows = [*of_P, *rows]
-    return Table(("matrix", "row", "column", "learned", "exact", "unit"), rows)
 
 
 def _failures(checks: tuple[Check, ...]) -> Block:

@@ -14,7 +14,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from controller.game.zero_sum import Game
-from verification.critic.other_games import gain_error_of, searched, value_error_of
+from verification.critic.other_games import difference_of, searched
 from verification.riccati.balancing import balanced_units, in_units
 
 #: s; where the search for a sample time begins.
@@ -66,10 +66,7 @@ def discrete_answers(game: Game, P: np.ndarray | None, K: np.ndarray) -> Iterato
                 S, gain = lqr(time, kind)
                 return gain if P is None else S if is_sum else S * time
 
-            def difference(other: np.ndarray) -> np.ndarray:
-                return gain_error_of(game, other, K) if P is None else value_error_of(game, other, P)
-
-            found = searched(answer_at, list(TIMES), difference)
+            found = searched(answer_at, list(TIMES), difference_of(game, P, K))
             if found is not None:
                 counted = ", a sum over its samples," if is_sum else ""
                 yield f"{said}{counted} at dt = {found:.4g} s", answer_at(found)

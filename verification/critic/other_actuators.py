@@ -10,7 +10,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.critic.actuated import Actuators, actuators_in, at_once, with_actuators
-from verification.critic.other_games import gain_error_of, searched, value_error_of
+from verification.critic.other_games import difference_of, searched
 from verification.riccati.gare_schur import quick_solution
 
 #: rad/s; where the search for the bandwidth of actuators begins. The damping of those of second order.
@@ -32,10 +32,7 @@ def answers_with_other_actuators(game: Game, P: np.ndarray | None, K: np.ndarray
             found = quick_solution(there)
             return there.gain(found)[:, :n] if P is None else found[:n, :n]
 
-        def difference(other: np.ndarray) -> np.ndarray:
-            return gain_error_of(game, other, K) if P is None else value_error_of(game, other, P)
-
-        found = searched(answer_at, [math.log(each) for each in BANDWIDTHS], difference)
+        found = searched(answer_at, [math.log(each) for each in BANDWIDTHS], difference_of(game, P, K))
         if found is not None:
             damped = "" if damping is None else f", damping {damping:g}"
             said = f"the plant behind actuators of {order} order, bandwidth {math.exp(found):.4g} rad/s{damped}"

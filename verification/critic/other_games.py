@@ -156,6 +156,11 @@ def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:
     return gain_error_of(game, game.gain(quick_solution(game)), K)
 
 
+def difference_of(game: Game, P: np.ndarray | None, K: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """From an answer of another game to its difference from P, (n, n), or where that is None from K, (m, n)."""
+    return lambda answer: gain_error_of(game, answer, K) if P is None else value_error_of(game, answer, P)
+
+
 def value_error_of(game: Game, exact: np.ndarray, P: np.ndarray) -> np.ndarray:
     """(exact - P) in balanced units over the size of the exact one, (n, n)."""
     squared = np.outer(units := balanced_units(game), units)

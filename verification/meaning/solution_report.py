@@ -10,8 +10,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, eigenvalue_text, matrix_table
-from hfa_model.reporting.unit_system import gain_unit, value_unit
+from hfa_model.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.telling import Progress
@@ -96,7 +95,10 @@ def solution_report(
             f"at {disk.frequency:.4g} rad/s",
         ),
         data={**_data(found, states, inputs), "state_units": list(units[0]), "input_units": list(units[1])},
-        records=_records(solution, states, inputs, *units),
+        records=Table(
+            ("matrix", "row", "column", "value", "unit"),
+            entry_rows((solution.P,), (solution.K,), (states, inputs), units),
+        ),
     )
 
 
@@ -122,21 +124,3 @@ def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...])
         },
         "disk_margin": {key: finite_or_none(value) for key, value in found.disk._asdict().items()},
     }
-
-
-def _records(
-    solution: GameSolution,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    state_units: tuple[str, ...],
-    input_units: tuple[str, ...],
-) -> Table:
-    """Rows (matrix, row, column, value, unit) of P and K."""
-    rows: list[tuple[Any, ...]] = []
-    for i, row in enumerate(states):
-        for j, column in enumerate(states):
-            rows.append(("P", row, column, solution.P[i, j], value_unit(state_units[i], state_units[j])))
-    for i, row in enumerate(inputs):
-        for j, column in enumerate(states):
-            rows.append(("K", row, column, solution.K[i, j], gain_unit(input_units[i], state_units[j])))
-    return Table(("matrix", "row", "column", "value", "unit"), rows)
