@@ -11,9 +11,9 @@ import pytest
 from cli import assert_refused, hfa
 from controllers import integrating_controller
 
-from controller.design.scheduled_controller import save_controller
+from controller import save_controller
 from controller.export import fmu
-from hfa_model.aircraft import Aircraft
+from hfa_model import Aircraft
 from hfa_model.native.machine_code import c_compiler
 
 

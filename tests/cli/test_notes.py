@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from cli import Terminal, answer, hfa
 
-from hfa_model.parameters import default_parameters
-from trim.sweeps.sweep_plan import Steps, SweepPlan, plan_warnings
+from hfa_model import default_parameters
+from trim import Steps, SweepPlan
+from trim.sweeps.sweep_plan import plan_warnings
 
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 SHORT = ("--law", "exact", "--duration", "0.1")

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 
-from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
+from hfa_model import density
+from hfa_model.atmosphere import HIGHEST_ALTITUDE, speed_of_sound, temperature
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3

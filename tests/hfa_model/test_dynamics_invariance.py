@@ -19,9 +19,9 @@ from hfa_model import (
     Published,
     State,
     aircraft_loads,
+    density,
     rates_from_loads,
 )
-from hfa_model.atmosphere import density
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Variant
 from hfa_model.vectors import RATE_SCALES, RATE_UNITS

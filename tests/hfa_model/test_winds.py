@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import kinematics
-from hfa_model.atmosphere import density
+from hfa_model import STATES, VARIANTS, Input, Newton, Parameters, State, Wind, Winds, density, kinematics
 from hfa_model.dynamics import rates, state_rates, symbols
-from hfa_model.parameters import Parameters
-from hfa_model.variants import VARIANTS, Newton, Variant
-from hfa_model.vectors import RATE_SCALES, STATES, Input, State
-from hfa_model.winds import DISTURBANCES, Wind, Winds, winds_named
+from hfa_model.variants import Variant
+from hfa_model.vectors import RATE_SCALES
+from hfa_model.winds import DISTURBANCES, winds_named
 from verification.physics.lagrangian import lagrangian_rates
 
 NAMES = tuple(DISTURBANCES)

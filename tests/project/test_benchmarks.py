@@ -22,14 +22,10 @@ from benchmarks.picture import draw
 from benchmarks.report import Row, Size
 from benchmarks.timing import Comparison, in_turn
 from controller.monte_carlo.stored_members import fly_member
-from hfa_model.aircraft import Aircraft
+from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.native import machine_code as generated
 from hfa_model.native.bound import BoundFunction
-from hfa_model.parameters import default_parameters
-from hfa_model.vectors import LINEAR_STATES, STATES
-from trim.linear.linear_model import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim import find_operating_point, level_flight, linearize
 
 ROOT = Path(__file__).parents[2]
 PARAMETERS = default_parameters().values

@@ -11,17 +11,12 @@ import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
-from hfa_model.aircraft import Aircraft
+from hfa_model import STATES, Aircraft, BadInputError
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.c_code import c_function
-from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_texts
-from hfa_model.vectors import INPUT_SCALES, STATE_SCALES, STATES
-from trim.linear.linear_model import linearize
-from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
-from trim.sweeps.level_flights import level_conditions, solve_level_flights
+from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
+from trim import OperatingPoint, find_operating_point, level_conditions, level_flight, linearize, solve_level_flights
 
 pytestmark = needs_gcc
 POINTS = 1000

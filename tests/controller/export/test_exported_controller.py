@@ -11,7 +11,7 @@ import pytest
 from c_files import called, compiled, footprint, needs_gcc
 from controllers import small_controller
 
-from controller.design.scheduled_controller import ScheduledController
+from controller import CommandSteps, ScheduledController, servo_law
 from controller.export.exported_controller import (
     HEADER,
     SOURCE,
@@ -19,14 +19,11 @@ from controller.export.exported_controller import (
     commandable,
     longest_step,
 )
-from controller.policy.commands import CommandSteps
 from controller.policy.policies import Seen
-from controller.policy.servo_policy import ServoPolicy, servo_law
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
+from controller.policy.servo_policy import ServoPolicy
+from hfa_model import LINEAR_STATES, Aircraft, BadInputError
 from hfa_model.support.files import write_texts
-from hfa_model.vectors import LINEAR_STATES
-from trim.point.operating_point import OperatingPoint
+from trim import OperatingPoint
 
 pytestmark = needs_gcc
 POINTS, STATES, HIGHEST = 1000, 4, 0.3

@@ -26,11 +26,11 @@ from hfa_model import (
     Parameters,
     State,
     aircraft_loads,
+    density,
     kinematics,
     published_models,
     rates_from_loads,
 )
-from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
 from hfa_model.variants import Variant
 from hfa_model.vectors import RATE_SCALES

@@ -10,16 +10,13 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, assert_exact, build, lq, published, stable_game, start_at_the_edge
 from reference_riccati import reference_solution, relative_error
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import CertifiedSettings, Game, basis, learn, random_pool, record
 from controller.laws import certified, policy_iteration
-from controller.laws.certified import CertifiedLaw, CertifiedSettings, certified_law
+from controller.laws.certified import CertifiedLaw, certified_law
 from controller.laws.law_settings import MOST_SAMPLES
-from controller.laws.learn import learn
 from controller.laws.policy_iteration import Point, stabilizing_step
-from controller.samples.recording import random_pool, record
 from controller.samples.stack_equations import LQ, PartialGame, StackEquations, newton_step
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model import BadInputError, NoSolutionError
 
 # The edge of stability.
 

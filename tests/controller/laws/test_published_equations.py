@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 
-from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller import Game, basis, random_pool
 from controller.laws.published_equations import (
     RecordedStack,
     Sample,
@@ -19,7 +18,6 @@ from controller.laws.published_equations import (
     theorem_gains,
     update_direction,
 )
-from controller.samples.recording import random_pool
 from controller.samples.stack_equations import GAME, StackEquations
 
 

@@ -12,15 +12,22 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters, ParameterSet
-from hfa_model.published import PublishedModel, published_models
-from hfa_model.variants import Published, Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, State
+from hfa_model import (
+    INPUTS,
+    LINEAR_STATES,
+    Aircraft,
+    Parameters,
+    ParameterSet,
+    Published,
+    PublishedModel,
+    State,
+    published_models,
+)
+from hfa_model.variants import Variant
+from trim import Fit, Identification, fit, identify, regenerate
 from trim.identification.evidence import ALTERNATIVES, _left_out, save_fit
-from trim.identification.identification_result import IDENTIFIED, Fit, Identification
-from trim.identification.identify import ROUGH, fit, identify
-from trim.linear.compare import regenerate
+from trim.identification.identification_result import IDENTIFIED
+from trim.identification.identify import ROUGH
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [

@@ -7,16 +7,20 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters
-from hfa_model.published import PublishedModel, published_models
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, RATE_SCALES, STATE_SCALES, STATES
+from hfa_model import (
+    INPUTS,
+    LINEAR_STATES,
+    STATES,
+    Aircraft,
+    BadInputError,
+    Parameters,
+    PublishedModel,
+    published_models,
+)
+from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATE_SCALES
+from trim import LinearModel, compare, find_operating_point, level_flight, linearize, regenerate
 from trim.identification.identification_result import IDENTIFIED
-from trim.linear.compare import compare, eigenvalue_errors, regenerate
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.compare import eigenvalue_errors
 
 DEGREES_15 = float(np.radians(15.0))
 SCALES = np.array([*STATE_SCALES, *INPUT_SCALES])

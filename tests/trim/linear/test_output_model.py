@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from controller.flight.plants import LinearizedAircraft
-from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, State, named_parameters
-from hfa_model.atmosphere import density
+from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, State, density, named_parameters
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.winds import DISTURBANCES, winds_named
 from trim import OperatingPoint, find_operating_point, level_flight, linearize

@@ -11,17 +11,22 @@ import numpy as np
 import pytest
 import zarr
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from hfa_model.vectors import DEGREE, STATES
-from trim.linear.linear_model import linearize
-from trim.point.condition import BALANCED, level_flight, release
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition, load_condition
-from trim.point.solve import TrimError, find_operating_point
+from hfa_model import DEGREE, STATES, Aircraft, BadInputError
+from trim import (
+    NamedCondition,
+    SweepPlan,
+    TrimError,
+    find_operating_point,
+    level_flight,
+    linearize,
+    load_condition,
+    release,
+    stream_sweep,
+    sweep,
+)
+from trim.point.condition import BALANCED
+from trim.point.named_condition import LEVEL_FLIGHT
 from trim.sweeps.level_flights import are_level_flights
-from trim.sweeps.stored_sweep import stream_sweep
-from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_plan import SweepPlan
 
 ALPHA_FREE = LEVEL_FLIGHT.changed(free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = LEVEL_FLIGHT.changed(limits={"throttle": (0.0, 40.0)})

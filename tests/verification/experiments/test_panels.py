@@ -9,11 +9,11 @@ import pytest
 from experiment_configurations import BRIEF, COARSE, changed
 
 from hfa_model.reporting.figure import png_bytes
+from verification import make_setting
 from verification.experiments.flown_laws import CERTIFIED, MODIFIED, PRINTED
 from verification.experiments.panels import COMMAND, LOST, Line, Panel, PaperFigure, draw
 from verification.experiments.reproduction import EXPERIMENTS, run_experiment
 from verification.experiments.sections import Outcome
-from verification.experiments.setting import make_setting
 
 TIMES = np.linspace(0.0, 20.0, 201)
 LINES = (

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
+from hfa_model import BadInputError, published_models
 from verification.experiments.reproduction import ALL, EXPERIMENTS, experiments
 from verification.experiments.setting import CASE_I, CASE_II
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model.aerodynamics import aircraft_loads
-from hfa_model.atmosphere import density
-from hfa_model.dynamics import by_name, rates_from_loads, state_rates, symbols
-from hfa_model.parameters import Parameters
-from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import RATE_SCALES, STATES, Input, Quantity, State
-from verification.physics.lagrangian import lagrangian_rates, mechanical_energy
+from hfa_model import STATES, Input, Newton, Parameters, Published, State, aircraft_loads, density, rates_from_loads
+from hfa_model.dynamics import by_name, state_rates, symbols
+from hfa_model.variants import Variant
+from hfa_model.vectors import RATE_SCALES, Quantity
+from verification import mechanical_energy
+from verification.physics.lagrangian import lagrangian_rates
 
 
 @pytest.fixture(scope="module")
