@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import math
 import os
 import signal
 import sys
@@ -24,12 +23,12 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 import numpy as np
 import pytest
 from flight_cases import FlownCase, case_at
+from known_models import exact_gain, game_at, model_at
 from learnt_once import share_learning
 
-from controller import Game, published_game
+from controller import Game
 from hfa_model import VARIANTS, Aircraft, Parameters, ParameterSet, default_parameters
-from trim import OperatingPoint, find_operating_point, level_flight, linearize
-from verification import solve_game
+from trim import OperatingPoint
 
 sys.dont_write_bytecode = False  # as above, for this process
 
@@ -80,20 +79,19 @@ def published_aircraft(parameters: Parameters) -> Aircraft:
 
 
 @pytest.fixture(scope="session")
-def point(published_aircraft: Aircraft) -> OperatingPoint:
+def point() -> OperatingPoint:
     """What `--dihedral 15` stands for: the trim, and below its game and the exact gain."""
-    return find_operating_point(published_aircraft, level_flight(math.radians(15.0)))
+    return model_at(15.0).point
 
 
 @pytest.fixture(scope="session")
-def game(published_aircraft: Aircraft, point: OperatingPoint) -> Game:
-    model = linearize(published_aircraft, point)
-    return published_game(model.A, model.B)
+def game() -> Game:
+    return game_at(15.0)
 
 
 @pytest.fixture(scope="session")
-def gain(game: Game) -> np.ndarray:
-    return solve_game(game).K
+def gain() -> np.ndarray:
+    return exact_gain(15.0)
 
 
 @pytest.fixture(scope="session", params=["published", "newton"])

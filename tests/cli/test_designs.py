@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15, QUICK
+from known_models import model_at
 
 from controller import design_model, load_design
 from controller.design.design_file import NAMED
 from hfa_model import Aircraft
-from trim import find_operating_point, level_flight, linearize
 
 AT_11 = ("--dihedral", "11")
 PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"
@@ -27,8 +26,7 @@ def test_the_exact_gain_of_a_design_with_names_and_units(name: str, size: int, p
     assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
     assert data["certificate"]["ok"] is True
     assert (data["delta"], len(data["states"])) == (None, size)
-    point = find_operating_point(published_aircraft, level_flight(math.radians(11.0)))
-    built = design_model(published_aircraft, linearize(published_aircraft, point), load_design(name))
+    built = design_model(published_aircraft, model_at(11.0), load_design(name))
     for key in ("states", "inputs", "state_units", "input_units"):
         assert data[key] == list(getattr(built, key))
     assert data["plant"] == f"design {name} of the aircraft at dihedral 11 deg, published dynamics"

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from cli import Terminal, answer, assert_refused, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small, stored
+from known_models import game_at
 from scipy.io import loadmat
 
-from controller import LAWS, Game, published_game
+from controller import LAWS, Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
-from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, Aircraft, default_parameters
-from trim import find_operating_point, level_flight, linearize
+from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification import solve_game
 
 # Solve.
@@ -27,9 +27,7 @@ from verification import solve_game
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert set(data) >= {"schema", "P", "K", "delta", "delta_min", "certificate", "meaning", "disk_margin"} | LABELS
-    aircraft = Aircraft(default_parameters().values, dynamics)
-    model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(float(degrees)))))
-    exact = solve_game(published_game(model.A, model.B))
+    exact = solve_game(game_at(float(degrees), dynamics))
     np.testing.assert_array_equal(data["P"], exact.P)
     np.testing.assert_array_equal(data["K"], exact.K)
     assert data["delta"] == 200.0

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 from documents import ROOT
+from known_models import model_at
 from learning_samples import abscissa, random_start
 from reference_riccati import relative_error
-from servo_cases import model_at
 
 from controller import Actuator, Design, Game, basis, design_model, learn, load_design
 from controller.samples.recording import natural_spread

@@ -7,8 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from known_models import model_at
 from scipy.linalg import block_diag, eigvals
-from servo_cases import A_Z, model_at
+from servo_cases import A_Z
 
 from controller import Actuator, Design, ScheduledController, design_model, load_design
 from controller.design.design import Feedforward

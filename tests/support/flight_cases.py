@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from known_models import exact_gain, game_at, model_at
 
-from controller import Envelope, FlownLaw, Game, Scenario, Signal, flight_envelope, fly, gain_law, published_game
+from controller import Envelope, FlownLaw, Game, Scenario, Signal, flight_envelope, fly, gain_law
 from controller.flight.flight_result import NonlinearFlight
 from controller.policy.policies import Seen
 from hfa_model import LINEAR_STATES, Aircraft, Parameters
-from trim import OperatingPoint, find_operating_point, level_flight, linearize
-from verification import solve_game
+from trim import OperatingPoint
 
 N = len(LINEAR_STATES)
 SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
@@ -30,12 +30,9 @@ class FlownCase:
 
 
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
-    aircraft = Aircraft(parameters, dynamics)
-    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    model = linearize(aircraft, point)
-    game = published_game(model.A, model.B)
-    law = gain_law("exact", solve_game(game).K)
-    return FlownCase(aircraft, point, game, law, flight_envelope(parameters, point))
+    point, law = model_at(degrees, dynamics).point, gain_law("exact", exact_gain(degrees, dynamics))
+    aircraft, envelope = Aircraft(parameters, dynamics), flight_envelope(parameters, point)
+    return FlownCase(aircraft, point, game_at(degrees, dynamics), law, envelope)
 
 
 def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:

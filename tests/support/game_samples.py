@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+from known_models import game_at
 
 from controller import Game, published_game
-from hfa_model import VARIANTS, Aircraft, Check, default_parameters, published_models
-from trim import find_operating_point, level_flight, linearize
+from hfa_model import VARIANTS, Check, published_models
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
@@ -24,13 +24,9 @@ def game_models() -> dict[str, Game]:
 
 def regenerated_models() -> dict[str, Game]:
     """The games of our own models between 0 and 20 degrees, both variants of the equations, by name."""
-    games = {}
-    for dynamics, variant in VARIANTS.items():
-        aircraft = Aircraft(default_parameters().values, variant)
-        for angle in ANGLES:
-            model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(angle))))
-            games[f"regenerated-{dynamics}-{angle}"] = published_game(model.A, model.B)
-    return games
+    return {
+        f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics) for dynamics in VARIANTS for angle in ANGLES
+    }
 
 
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from known_models import exact_gain, model_at
 
-from controller import GainTable, published_game
+from controller import GainTable
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
-from trim import LinearModel, find_operating_point, level_flight, linearize
-from verification import Family, solve_game
+from verification import Family
 from verification.checker.checker import sealed
 
 #: What the certificates of the tests bear.
@@ -24,19 +22,6 @@ ORIGIN = Provenance("a test", "published")
 def family(dynamics: str = "published") -> Family:
     """The paper's flights of the identified aircraft."""
     return Family(Aircraft(default_parameters().values, dynamics))
-
-
-@lru_cache(maxsize=32)
-def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
-    """The program's own linear model, in doubles."""
-    aircraft = family(dynamics).aircraft
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(degrees))))
-
-
-def exact_gain(degrees: float, dynamics: str = "published") -> np.ndarray:
-    """K of the exact game."""
-    model = model_at(degrees, dynamics)
-    return solve_game(published_game(model.A, model.B)).K
 
 
 def exact_table(*angles: float, dynamics: str = "published") -> GainTable:

@@ -1,16 +1,14 @@
-"""Designs and linear models for the tests of servos."""
+"""Designs for the tests of servos."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
+
+from known_models import model_at as model_at
 
 from controller import Design, load_design
 from controller.design.design import Feedforward
-from hfa_model import Aircraft
-from trim import LinearModel, find_operating_point, level_flight, linearize
 
 A_Z = "vertical_acceleration_short_period"
 
@@ -22,12 +20,6 @@ def measured_servo(**changed: object) -> Design:
         "feedforward": Feedforward(),
     }
     return replace(load_design("simvfa-1"), **(settings | changed))  # type: ignore[arg-type]
-
-
-@cache
-def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
-    aircraft = Aircraft(dynamics=dynamics)
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(degrees))))
 
 
 def write_tuning(folder: Path, **changed: object) -> Path:

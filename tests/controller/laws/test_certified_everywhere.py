@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from known_models import game_at
 
-from controller import LearningResult, learn, published_game
-from hfa_model import VARIANTS, Aircraft, default_parameters
-from trim import find_operating_point, level_flight, linearize
+from controller import LearningResult, learn
+from hfa_model import VARIANTS
 from verification import GameSolution, relative_error, solve_game
 
 LIMIT = 1e-9
@@ -46,9 +46,7 @@ def assert_learned(found: Judged) -> None:
 
 def learned(dynamics: str, degrees: float) -> Judged:
     """The law as it stands by default, on the aircraft trimmed at that dihedral."""
-    aircraft = Aircraft(default_parameters().values, VARIANTS[dynamics])
-    model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(degrees))))
-    game = published_game(model.A, model.B)
+    game = game_at(degrees, dynamics)
     return judged(learn(game), solve_game(game))
 
 
@@ -78,9 +76,7 @@ def test_a_result_that_is_off_late_or_uncertified_is_seen() -> None:
 
 
 def test_errors_are_measured_against_the_solution_of_the_same_game() -> None:
-    aircraft = Aircraft(default_parameters().values)
-    model = linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(15.0))))
-    game = published_game(model.A, model.B)
+    game = game_at(15.0)
     other = solve_game(game.with_delta(210.0))
     found = judged(learn(game, tick=0.1), other)
     exact = solve_game(game)

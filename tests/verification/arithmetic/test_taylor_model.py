@@ -7,7 +7,8 @@ import flint
 import numpy as np
 import pytest
 from flint import arb, arb_mat
-from proof_cases import family, model_at
+from known_models import model_at
+from proof_cases import family
 
 from hfa_model import VARIANTS
 from hfa_model.aircraft import compiled_dynamics

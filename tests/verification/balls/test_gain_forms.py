@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from proof_cases import exact_gain, family
+from known_models import exact_gain
+from proof_cases import family
 
 from verification.arithmetic.ball_function import Undecided
 from verification.balls.gain_forms import gain_form

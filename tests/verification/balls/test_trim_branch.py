@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proof_cases import family, model_at
+from known_models import model_at
+from proof_cases import family
 
 from hfa_model import Aircraft, NoSolutionError, default_parameters
 from trim import find_operating_point, level_flight, linearize

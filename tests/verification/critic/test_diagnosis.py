@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from game_samples import game_models
+from known_models import game_at
 from planted_critics import NAMED, UNNAMED, candidate_of, gain, value, weights_of
 
-from controller import Game, basis, published_game
-from hfa_model import Aircraft
-from trim import find_operating_point, level_flight, linearize
+from controller import Game, basis
 from verification import Candidate, check_critic, from_gain, from_value, from_weights, solve_game
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
@@ -62,23 +61,14 @@ def test_random_errors_get_no_cause(game: Game, kind: str, draws: int) -> None:
 
 @pytest.mark.parametrize("kind", ["P", "K"])
 @pytest.mark.parametrize("degrees", [5.0, 12.3])
-def test_a_critic_of_another_angle_is_named_with_its_angle(
-    game: Game, published_aircraft: Aircraft, kind: str, degrees: float
-) -> None:
-    def at_dihedral(degrees: float) -> Game:
-        point = find_operating_point(published_aircraft, level_flight(np.radians(degrees)))
-        model = linearize(published_aircraft, point)
-        return published_game(model.A, model.B)
-
-    other = at_dihedral(degrees)
+def test_a_critic_of_another_angle_is_named_with_its_angle(game: Game, kind: str, degrees: float) -> None:
+    other = game_at(degrees)
     wrong = from_value(game, value(other)) if kind == "P" else from_gain(game, gain(other))
-    check = check_critic(game, wrong, at_dihedral=at_dihedral)
+    check = check_critic(game, wrong, at_dihedral=game_at)
     assert check.diagnosis.endswith(f"of another game, at dihedral {degrees:.4f} deg")
     assert check_critic(game, wrong).diagnosis == ""  # the plants cannot be told without the aircraft
     noise = np.random.default_rng(2).standard_normal(gain(game).shape)
-    assert (
-        check_critic(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), at_dihedral=at_dihedral).diagnosis == ""
-    )
+    assert check_critic(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), at_dihedral=game_at).diagnosis == ""
 
 
 @pytest.mark.parametrize("degrees", [5, 15])

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import ORIGIN, family, forge, model_at
+from known_models import model_at
+from proof_cases import ORIGIN, family, forge
 
 from controller import Game, basis, published_game
 from controller.game.history import StoredCritic

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import ORIGIN, exact_gain, family, forge, model_at
+from known_models import exact_gain, model_at
+from proof_cases import ORIGIN, family, forge
 
 from hfa_model import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES

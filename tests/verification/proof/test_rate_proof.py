@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from proof_cases import exact_table, family, model_at, unstable_between
+from known_models import model_at
+from proof_cases import exact_table, family, unstable_between
 
 from verification import prove_rate
 from verification.balls.taylor import DihedralBox

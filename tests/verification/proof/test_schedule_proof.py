@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import ORIGIN, exact_table, family, model_at, unstable_between
+from known_models import model_at
+from proof_cases import ORIGIN, exact_table, family, unstable_between
 
 from controller import GainTable
 from hfa_model import BadInputError, default_parameters

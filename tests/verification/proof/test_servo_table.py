@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proof_cases import ORIGIN, exact_gain, family, forge, model_at
+from known_models import exact_gain, model_at
+from proof_cases import ORIGIN, family, forge
 
 from controller import Actuator, GainTable, ScheduledController
 from hfa_model import INPUTS, LINEAR_STATES, BadInputError

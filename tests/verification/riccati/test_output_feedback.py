@@ -8,11 +8,11 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from known_models import model_at
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, design_model, load_design
 from hfa_model import Aircraft, BadInputError, NoSolutionError
-from trim import find_operating_point, level_flight, linearize
 from verification import OutputGame, minimum_delta, minimum_output_delta, solve_game, solve_output_feedback
 from verification.riccati import output_feedback
 from verification.riccati.output_feedback import _response_difference, closed_loop
@@ -23,8 +23,7 @@ MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_peri
 @pytest.fixture(scope="module", params=["simvfa-1", "simvfa-2"])
 def servo(request: pytest.FixtureRequest, published_aircraft: Aircraft) -> OutputGame:
     """The peer's servo at 11 deg from its three measurements, with a disturbance in every aircraft state."""
-    point = find_operating_point(published_aircraft, level_flight(math.radians(11.0)))
-    built = design_model(published_aircraft, linearize(published_aircraft, point), load_design(request.param))
+    built = design_model(published_aircraft, model_at(11.0), load_design(request.param))
     C = np.array([[float(state == name) for state in built.states] for name in MEASURED])
     return OutputGame(built.game().with_delta(200.0), C, np.zeros((3, 2)), np.diag([1e-4, 1e-4, 1e-2]))
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from servo_cases import A_Z, measured_servo, model_at
+from known_models import model_at
+from servo_cases import A_Z, measured_servo
 
 from controller import Design, design_model, load_design
 from controller.design.design import Feedforward

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from known_models import model_at
 from scipy.linalg import expm
-from servo_cases import measured_servo, model_at
+from servo_cases import measured_servo
 
 from controller import design_model, load_design
 from hfa_model import Aircraft

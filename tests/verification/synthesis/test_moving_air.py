@@ -8,8 +8,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from known_models import model_at
 from scipy.integrate import quad
-from servo_cases import measured_servo, model_at
+from servo_cases import measured_servo
 
 from controller import (
     Actuator,

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_models import model_at
 from scipy.linalg import expm
-from servo_cases import A_Z, measured_servo, model_at
+from servo_cases import A_Z, measured_servo
 
 from controller import Actuator, DesignModel, design_model
 from controller.design.design import Feedforward

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from controllers import small_controller
-from servo_cases import model_at
+from known_models import model_at
 
 from controller import design_model, load_design
 from hfa_model import Aircraft
