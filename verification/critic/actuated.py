@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -53,18 +54,27 @@ def at_once(game: Game, actuators: Actuators) -> Game:
     )
 
 
-def with_actuators(game: Game, bandwidth: float, damping: float | None) -> Game:
-    """The game behind actuators of first order, x' = ω (u - x), or of second with a damping; their states come last."""
+def with_actuators(game: Game, bandwidth: float | np.ndarray, damping: float | Sequence[float | None] | None) -> Game:
+    """The game behind actuators, x' = ω (u - x) or, with a damping, of second order: for all inputs, or one for each.
+
+    Their states come last: a position for each input, then the rates of those of second order.
+    """
     n, m = game.B.shape
-    order, zero, one = (1 if damping is None else 2), np.zeros((m, m)), np.eye(m)
-    lag = -bandwidth * one
-    if damping is not None:
-        lag = np.block([[zero, one], [-(bandwidth**2) * one, -2.0 * damping * bandwidth * one]])
-    A = np.block([[game.A, game.B, np.zeros((n, (order - 1) * m))], [np.zeros((order * m, n)), lag]])
-    Q = np.zeros_like(A)
-    Q[:n, :n] = game.Q
-    B, E = np.zeros((len(A), m)), np.zeros((len(A), game.E.shape[1]))
-    B[-m:], E[:n] = bandwidth**order * one, game.E
+    bandwidths = np.broadcast_to(bandwidth, m)
+    dampings = damping if isinstance(damping, Sequence) else [damping] * m
+    rates = [k for k in range(m) if dampings[k] is not None]
+    A = np.zeros((n + m + len(rates),) * 2)
+    Q, B, E = np.zeros_like(A), np.zeros((len(A), m)), np.zeros((len(A), game.E.shape[1]))
+    A[:n, :n], A[:n, n : n + m], Q[:n, :n], E[:n] = game.A, game.B, game.Q, game.E
+    for k, (speed, damped) in enumerate(zip(bandwidths, dampings, strict=True)):
+        position = last = n + k
+        if damped is None:
+            A[last, position] = -speed
+        else:
+            last = n + m + rates.index(k)
+            A[position, last] = 1.0
+            A[last, [position, last]] = -(speed**2), -2.0 * damped * speed
+        B[last, k] = -A[last, position]
     return replace(game, A=A, B=B, E=E, Q=Q)
 
 

@@ -28,6 +28,9 @@ from verification.riccati.gare_schur import quick_solution
 FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 ANGLES = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
 _STEPS = 30
+_STEP = 1e-5
+#: Where there is no game, as a difference: so many times that of the start.
+_NO_GAME = 1e3
 #: A difference as small as this is none, and cannot be brought to a part of itself.
 _ROUNDING = 1e-9
 _Made = TypeVar("_Made")
@@ -87,7 +90,7 @@ def games_of_gain(game: Game, K: np.ndarray) -> Iterator[OtherGame]:
         families.insert(0, ("at delta = {:.4g}", delta, lambda x: game.with_delta(delta(x)), list(FACTORS)))
     if (actuators := actuators_in(game)).inputs:
         said = "with actuators {:.4g} times as fast"
-        families.append((said, math.exp, lambda x: with_speed(game, actuators, math.exp(x)), logs[1:-1]))
+        families.append((said, math.exp, lambda x: with_speed(game, actuators, math.exp(x)), logs[2:-2]))
     for said, value, game_at, starts in families:
         found = searched(game_at, starts, lambda other: _gain_difference(other, K))
         if found is not None:
@@ -119,33 +122,53 @@ def game_at_another_angle(
 def searched(
     game_at: Callable[[float], _Made], starts: list[float], difference: Callable[[_Made], np.ndarray]
 ) -> float | None:
-    """The parameter at which the difference is least, by Gauss-Newton steps from the best start, as long as each halves
-    it; None when they do not bring it to `REACHED` of what it was."""
+    """The parameter at which the difference is least, between the starts or as far beyond them; None when that is not
+    `REACHED` of the best start's."""
+    low, high = 2.0 * min(starts) - max(starts), 2.0 * max(starts) - min(starts)
+    found = least(lambda at: game_at(float(at[0])), [np.array([each]) for each in starts], difference, (low, high))
+    return float(found.at[0]) if found is not None and found.left <= max(REACHED * found.first, _ROUNDING) else None
 
-    def at(value: float) -> np.ndarray | None:
+
+class Least(NamedTuple):
+    """Where a difference is least, how large it is there, and at the start."""
+
+    at: np.ndarray
+    left: float
+    first: float
+
+
+def least(
+    game_at: Callable[[np.ndarray], _Made],
+    starts: list[np.ndarray],
+    difference: Callable[[_Made], np.ndarray],
+    within: tuple[float, float] = (-math.inf, math.inf),
+) -> Least | None:
+    """By least squares from the best start, while a step takes a tenth off them; None where no start is a game."""
+    from scipy.optimize import least_squares
+
+    def at(value: np.ndarray) -> np.ndarray | None:
         try:
             with np.errstate(divide="raise", invalid="raise"):
-                return difference(game_at(value))
+                return np.ravel(difference(game_at(value)))
         except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
             return None
 
-    tried = [(float(np.linalg.norm(found)), start) for start in starts if (found := at(start)) is not None]
+    tried = [(float(np.linalg.norm(found)), start, found) for start in starts if (found := at(start)) is not None]
     if not tried:
         return None
-    first, value = min(tried)
-    here = at(value)
-    for _ in range(_STEPS):
-        step = 1e-5 * max(1.0, abs(value))
-        there = at(value + step)
-        if here is None or there is None or not np.any(there - here):
-            return None
-        slope = (there - here) / step
-        moved = value - float(np.sum(slope * here) / np.sum(slope * slope))
-        found = at(moved)
-        if found is None or np.linalg.norm(found) > 0.5 * np.linalg.norm(here):
-            break
-        value, here = moved, found
-    return value if here is not None and np.linalg.norm(here) <= max(REACHED * first, _ROUNDING) else None
+    first, start, there = min(tried, key=lambda each: each[0])
+    nowhere = np.full_like(there, _NO_GAME * max(first, _ROUNDING))
+    found = least_squares(
+        lambda value: nowhere if (here := at(value)) is None else here,
+        start,
+        bounds=within,
+        ftol=0.1,
+        xtol=1e-14,
+        gtol=1e-15,
+        diff_step=_STEP,
+        max_nfev=_STEPS,
+    )
+    return Least(found.x, float(np.linalg.norm(found.fun)), first)
 
 
 def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
