@@ -9,7 +9,10 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
+
+from hfa_model.support.arguments import DOORS, explained, explained_class
 
 #: From the bottom to the top: each needs those before it.
 PACKAGES = ("hfa_model", "trim", "controller", "verification", "hfa_cli")
@@ -22,13 +25,20 @@ def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     because CasADi and SciPy are slow to load and `hfa --help` needs neither.
     """
     check_hidden()
-    homes = _homes(package)
+    homes = DOORS[package] = _homes(package)
     names = sorted(homes)
 
     def look_up(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}; it offers {', '.join(names)}")
-        return getattr(importlib.import_module(homes[name]), name)
+        module = importlib.import_module(homes[name])
+        found = getattr(module, name)
+        if isinstance(found, type):
+            explained_class(found)
+        elif isinstance(found, FunctionType) and not hasattr(found, "__wrapped__"):
+            found = explained(name, found)
+            setattr(module, name, found)  # one function, whichever way it is reached: it can be pickled
+        return found
 
     def list_names() -> list[str]:
         return names
