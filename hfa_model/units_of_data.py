@@ -11,7 +11,7 @@ import numpy as np
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import RowsMade, Table
 from hfa_model.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
-from hfa_model.vectors import INPUT_UNITS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, UNITS
+from hfa_model.vectors import INPUT_UNITS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, UNITS
 
 #: Array -> its last axes: the list of units beside it (or these units), and the power of the unit in an entry.
 _STATE, _INPUT, _OUTPUT, _GUST = "state_units", "input_units", "output_units", "disturbance_units"
@@ -52,8 +52,7 @@ _CONTROLLER: dict[str, _Axes] = {
     "W": ((_STATE, 1), (_INPUT, -1)),
 }
 _RATES = RATE_UNITS._asdict()
-_LINEAR = tuple(UNITS[name] for name in LINEAR_STATES)
-_OF_SIGNAL = dict.fromkeys(("constant", "slope", "sine", "cosine"), _LINEAR)
+_OF_SIGNAL = dict.fromkeys(("constant", "slope", "sine", "cosine"), LINEAR_UNITS)
 #: Columns of records whose unit stands in the column "unit".
 _IN_UNIT = ("value", "band", "learned", "exact", "printed", "computed")
 _MOMENTS = ("pitching_moment", "hinge_moment", "center_moment", "outer_moment")
@@ -71,7 +70,7 @@ _BY_NAME: dict[str, Mapping[str, str | tuple[str, ...]]] = {
     **dict.fromkeys(("reference", "noise"), _OF_SIGNAL),
     "disturbance": dict.fromkeys(_OF_SIGNAL, tuple(_RATES[name] for name in LINEAR_STATES)),
     "gust": {"length": "ft", "scale": "ft", **dict.fromkeys(("peak", "intensity", "speed"), "ft/s")},
-    "history": {"states": tuple(STATE_UNITS), "errors": _LINEAR, "updrafts": "ft/s"},
+    "history": {"states": tuple(STATE_UNITS), "errors": LINEAR_UNITS, "updrafts": "ft/s"},
 }
 
 

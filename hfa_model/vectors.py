@@ -68,6 +68,15 @@ RATE_SCALES = State(32.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0)
 
 #: Unit of every state and input, of the flight-path angle, and of alpha through the air.
 UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad", "angle_of_attack": "rad"}
+#: Those of the six states.
+LINEAR_UNITS: tuple[str, ...] = tuple(UNITS[name] for name in LINEAR_STATES)
+#: What data about all states and inputs says of them.
+NAMES_AND_UNITS: dict[str, list[str]] = {
+    "states": list(STATES),
+    "state_units": list(STATE_UNITS),
+    "inputs": list(INPUTS),
+    "input_units": list(INPUT_UNITS),
+}
 
 
 def entry_unit(row: str, column: str) -> str:

@@ -17,7 +17,17 @@ from controller.policy.servo_policy import ServoPolicy
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Part, Report, Reported
 from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_UNITS, STATES, UNITS
+from hfa_model.vectors import (
+    INPUT_UNITS,
+    INPUTS,
+    LINEAR_ROWS,
+    LINEAR_STATES,
+    LINEAR_UNITS,
+    NAMES_AND_UNITS,
+    STATE_UNITS,
+    STATES,
+    UNITS,
+)
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
@@ -171,10 +181,7 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
     data: dict[str, Any] = {
         "schema": FLIGHT_SCHEMA,
         "dynamics": result.point.dynamics,
-        "states": list(STATES),
-        "state_units": list(STATE_UNITS),
-        "inputs": list(INPUTS),
-        "input_units": list(INPUT_UNITS),
+        **NAMES_AND_UNITS,
         "operating_point": result.point.to_dict(),
         "scenario": result.scenario.to_dict(),
         "envelope": result.envelope.to_dict(result.scenario.moving_air),
@@ -197,7 +204,7 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
     if law is not None:
         data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
         if len(law.gains):
-            data["policy"] |= {"state_units": [UNITS[name] for name in LINEAR_STATES], "K": law.gains[-1]}
+            data["policy"] |= {"state_units": list(LINEAR_UNITS), "K": law.gains[-1]}
         if isinstance(law.policy, ServoPolicy):
             errors = _tracked(result, law.policy)
             data["commanded"] = {

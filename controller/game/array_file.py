@@ -18,7 +18,7 @@ from controller.game.mat_file import read_mat
 from hfa_model.reporting.unit_system import si_factor, si_unit
 from hfa_model.support.errors import BadInputError, shortened
 from hfa_model.support.files import LARGEST, read_json, regular_file
-from hfa_model.vectors import LINEAR_STATES, UNITS
+from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
@@ -58,14 +58,10 @@ def _npz(path: str | Path) -> dict[str, Any]:
             return {key: arrays[key] for key in arrays.files}
 
 
-def _mat(path: str | Path) -> dict[str, Any]:
-    return read_mat(regular_file(path).read_bytes())
-
-
 _READERS: dict[str, Callable[[str | Path], dict[str, Any]]] = {
     ".json": _json,
     ".npz": _npz,
-    ".mat": _mat,
+    ".mat": lambda path: read_mat(regular_file(path).read_bytes()),
     ".csv": read_csv,
 }
 
@@ -145,7 +141,7 @@ def aircraft_scales(names: Mapping[str, tuple[str, ...]], size: int) -> np.ndarr
     if names.get("states") != LINEAR_STATES:
         return np.ones(size)
     try:
-        return file_scales(names, PlantNames(state_units=tuple(UNITS[name] for name in LINEAR_STATES)))
+        return file_scales(names, PlantNames(state_units=LINEAR_UNITS))
     except BadInputError:
         return np.ones(size)
 

@@ -129,29 +129,17 @@ def _quadratic(states: int) -> np.ndarray:
     return unit[row] + unit[column]
 
 
-def _none(states: int) -> np.ndarray:
-    return np.zeros((0, states), dtype=int)
-
-
-def _linear(states: int) -> np.ndarray:
-    return np.eye(states, dtype=int)
-
-
-def _quartic(states: int) -> np.ndarray:
-    return 4 * np.eye(states, dtype=int)
-
-
 def _paper(states: int) -> np.ndarray:
     if states != len(LINEAR_STATES):
         raise BadInputError(f"basis 'paper' is for {len(LINEAR_STATES)} states, not {states}; choose 'quadratic'")
-    return _quartic(states)[[LINEAR_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]]
+    return 4 * np.eye(states, dtype=int)[[LINEAR_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]]
 
 
 #: What each basis adds to the quadratic monomials.
 BASES: dict[str, Callable[[int], np.ndarray]] = {
-    "quadratic": _none,
-    "quadratic+linear": _linear,
-    "quadratic+quartic": _quartic,
+    "quadratic": lambda states: np.zeros((0, states), dtype=int),
+    "quadratic+linear": lambda states: np.eye(states, dtype=int),
+    "quadratic+quartic": lambda states: 4 * np.eye(states, dtype=int),
     "paper": _paper,
 }
 

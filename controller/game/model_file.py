@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import aircraft_scales, found_in, read_arrays, real_array, words
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, matrix_of
 from hfa_model.published import published_data
 from hfa_model.support.errors import BadInputError, said_of, shortened
 
@@ -67,7 +67,8 @@ def stored_game(
         if key not in given:
             raise BadInputError(f"{path}: there is no {key}; a model file holds A and B{found_in(stored)}")
     notes = (f"{path}: A and B are read from its structure {inside}",) * bool(inside) + _notes(path, stored, given)
-    shape_A, shape_B = _shape(path, "A", given["A"]), _shape(path, "B", given["B"])
+    with said_of(path):
+        shape_A, shape_B = (matrix_of(key, given[key]).shape for key in ("A", "B"))
     if shape_B[0] == 1 != shape_A[0]:
         raise BadInputError(
             f"{path}: B is one row, 1 x {shape_B[1]}; with {shape_A[0]} states it must have {shape_A[0]} rows: give "
@@ -163,16 +164,6 @@ def parse_diagonal(name: str, text: str) -> np.ndarray:
                 f"{name}: entry {position} is {entry.strip()!r}; give the diagonal as numbers, as in 1,0.5,2"
             ) from error
     return np.diag(entries)
-
-
-def _shape(path: str | Path, name: str, value: Any) -> tuple[int, ...]:
-    try:
-        shape = np.shape(value)
-    except ValueError as error:
-        raise BadInputError(f"{path}: {name} has rows that differ in length") from error
-    if len(shape) != 2:
-        raise BadInputError(f"{path}: {name} has {len(shape)} dimension(s); it must be a matrix")
-    return shape
 
 
 def _scalar(path: str | Path, name: str, value: Any) -> float:

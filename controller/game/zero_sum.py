@@ -37,7 +37,7 @@ class Game:
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
         for name in ("A", "B", "E", "Q", "R"):
-            matrix = _matrix(name, getattr(self, name))
+            matrix = matrix_of(name, getattr(self, name))
             object.__setattr__(self, name, matrix)
         n, m = self.A.shape[0], self.B.shape[1]
         if n == 0 or m == 0:
@@ -109,7 +109,7 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
             raise BadInputError("B is missing; give A and B, or a linear model")
         A, B = model.A, model.B
     settings = published_data()["game"]
-    A = _matrix("A", A)
+    A = matrix_of("A", A)
     defaults = {
         "E": np.eye(len(A)),
         "Q": np.diag(settings["Q_diag"]).astype(float),
@@ -119,7 +119,8 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
     return Game(A=A, B=B, **(defaults | changes))
 
 
-def _matrix(name: str, value: Any) -> np.ndarray:
+def matrix_of(name: str, value: Any) -> np.ndarray:
+    """The value as a read-only matrix of floats. BadInputError where it is something else, or a number too large."""
     try:
         matrix = np.array(value)
     except ValueError as error:

@@ -28,7 +28,6 @@ from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
 from controller.samples import recording
 from controller.samples.recording import Stack
 from controller.samples.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
-from hfa_model.support.errors import BadInputError
 
 #: A start counts as stabilizing when its margin is at least this fraction of the fastest closed-loop rate.
 #: Closer to the edge the regressors are singular to rounding and the first Newton direction is noise.
@@ -61,16 +60,7 @@ class CertifiedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        law_settings.positive("predefined_time", self.predefined_time)
-        law_settings.positive("tick", self.tick)
-        law_settings.inside_unit_interval("eta", self.eta)
-        law_settings.inside_unit_interval("theta", self.theta)
-        law_settings.counting("samples", self.samples)
-        law_settings.counting("pool_samples", self.pool_samples, law_settings.MOST_SAMPLES)
-        if self.tick > self.predefined_time:
-            raise BadInputError(
-                f"tick is {self.tick} s; it must not exceed the predefined time {self.predefined_time} s"
-            )
+        law_settings.recorded(self, "tick")
 
 
 @dataclass(frozen=True, eq=False)

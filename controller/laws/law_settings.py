@@ -45,10 +45,22 @@ def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -
     return chosen, max(500, 5 * chosen) if pool_samples is None else pool_samples
 
 
-def inside_unit_interval(name: str, value: float) -> None:
-    """Raise BadInputError unless 0 < value < 1."""
-    if not (_is_number(value) and 0.0 < value < 1.0):
-        raise BadInputError(f"{name} is {value}; it must lie between 0 and 1, both excluded")
+def recorded(settings: Any, step: str) -> None:
+    """Raise BadInputError unless what laws on recorded samples have in common can run.
+
+    settings: predefined_time and the one called `step`, s; eta and theta in (0, 1); samples and pool_samples.
+    """
+    length, end = getattr(settings, step), settings.predefined_time
+    positive("predefined_time", end)
+    positive(step, length)
+    for name in ("eta", "theta"):
+        value = getattr(settings, name)
+        if not (_is_number(value) and 0.0 < value < 1.0):
+            raise BadInputError(f"{name} is {value}; it must lie between 0 and 1, both excluded")
+    counting("samples", settings.samples)
+    counting("pool_samples", settings.pool_samples, MOST_SAMPLES)
+    if length > end:
+        raise BadInputError(f"{step} is {length} s; it must not exceed the predefined time {end} s")
 
 
 def _is_number(value: object) -> bool:

@@ -69,20 +69,12 @@ class PublishedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        for name in ("predefined_time", "step", "gamma"):
-            law_settings.positive(name, getattr(self, name))
-        law_settings.inside_unit_interval("eta", self.eta)
-        law_settings.inside_unit_interval("theta", self.theta)
-        law_settings.counting("samples", self.samples)
-        law_settings.counting("pool_samples", self.pool_samples, law_settings.MOST_SAMPLES)
+        law_settings.recorded(self, "step")
+        law_settings.positive("gamma", self.gamma)
         law_settings.one_of("normalisation", self.normalisation, ("root", "squared"))
         law_settings.one_of("stack_policies", self.stack_policies, ("frozen", "reevaluated"))
         law_settings.one_of("integrator", self.integrator, ("explicit", "proximal"))
         law_settings.one_of("coordinates", self.coordinates, ("raw", "scaled"))
-        if self.step > self.predefined_time:
-            raise BadInputError(
-                f"step is {self.step} s; it must not exceed the predefined time {self.predefined_time} s"
-            )
         if self.gains is not None and not (len(self.gains) == 2 and all(gain >= 0.0 for gain in self.gains)):
             raise BadInputError(f"gains are {self.gains}; they must be two numbers (alpha1, alpha2) of at least 0")
 

@@ -19,7 +19,7 @@ from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.jobs.store import Array, Layout, Store, described
 from hfa_model.jobs.stream import stream
 from hfa_model.native.bound import cached_per_thread
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, NAMES_AND_UNITS, STATE_UNITS, STATES
 
 
 @cached_per_thread(maxsize=4)
@@ -101,7 +101,7 @@ class MonteCarloJob:
         labels = {
             "error": ("error", errors),
             "error_state": ("error_state", LINEAR_STATES),
-            "error_state_unit": ("error_state", [getattr(STATE_UNITS, name) for name in LINEAR_STATES]),
+            "error_state_unit": ("error_state", LINEAR_UNITS),
             "state": ("state", STATES),
             "state_unit": ("state", STATE_UNITS),
             "input": ("input", INPUTS),
@@ -112,11 +112,8 @@ class MonteCarloJob:
             "errors": list(errors),
             "left": list(limited_names(plan.scenario.moving_air)),
             "error_states": list(LINEAR_STATES),
-            "error_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
-            "states": list(STATES),
-            "state_units": list(STATE_UNITS),
-            "inputs": list(INPUTS),
-            "input_units": list(INPUT_UNITS),
+            "error_units": list(LINEAR_UNITS),
+            **NAMES_AND_UNITS,
         }
         steps = plan.scenario.ticks * plan.scenario.steps_per_tick
         chunk = -(-CHUNK_STEPS // steps)

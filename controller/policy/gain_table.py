@@ -10,10 +10,10 @@ import numpy as np
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
 from hfa_model.support.errors import BadInputError, said_of
-from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 
 _STATES = len(LINEAR_STATES)
-_PLANT = PlantNames(LINEAR_STATES, INPUTS, tuple(UNITS[name] for name in LINEAR_STATES))
+_PLANT = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS)
 #: rad; an angle this close to an end of the table is the end.
 _AT_THE_END = 1e-9
 

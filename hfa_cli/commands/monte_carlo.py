@@ -103,15 +103,13 @@ def run(arguments: argparse.Namespace) -> int:
     target = check_target(arguments.output, (".zarr",))
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
-    options.one_place(arguments)
+    crew = options.crew_of(arguments)
     plan = _plan(arguments)
     with temporary_folder(None, "hfa-members-") as folder:
         store = stream_monte_carlo(
             plan,
             folder / "members.zarr" if target is None else target,
-            count=arguments.workers or 1,
-            scheduler=arguments.scheduler,
-            resume=arguments.resume,
+            **crew,
             provenance=provenance().to_dict(),
             progress=Progress("simulate"),
         )

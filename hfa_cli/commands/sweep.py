@@ -130,7 +130,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
     options.refuse(arguments, ("game", *OF_A_GAME), "does not go with a store, which holds no games")
     if arguments.seed is not None and arguments.samples is None:
         raise BadInputError("--seed belongs to --samples; a grid has nothing random")
-    options.one_place(arguments)
+    crew = options.crew_of(arguments)
     axes = {
         name: sample_limits(name, values) if arguments.samples else grid_values(name, values)
         for name, values in ranges.items()
@@ -149,9 +149,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
     store = stream_sweep(
         plan,
         arguments.output,
-        count=arguments.workers or 1,
-        scheduler=arguments.scheduler,
-        resume=arguments.resume,
+        **crew,
         provenance=provenance().to_dict(),
         progress=Progress("sweep"),
     )

@@ -142,10 +142,14 @@ def aircraft_of(arguments: argparse.Namespace) -> Aircraft:
     return Aircraft(parameters_of(arguments).values, arguments.dynamics)
 
 
-def one_place(arguments: argparse.Namespace) -> None:
-    """BadInputError when both --workers and --scheduler say where the work is done."""
+def crew_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Who works, and whether on an interrupted job, as `stream` takes it.
+
+    BadInputError when both --workers and --scheduler say where the work is done.
+    """
     if arguments.workers is not None and arguments.scheduler is not None:
         raise BadInputError("--workers are processes here, --scheduler has its own; give one of them")
+    return {"count": arguments.workers or 1, "scheduler": arguments.scheduler, "resume": arguments.resume}
 
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:

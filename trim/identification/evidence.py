@@ -17,28 +17,18 @@ from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import EntryRow, compare, regenerate
 
 
-class _WithNewtonLever(Published):
-    outer_lever = Newton.outer_lever
-
-
-class _WithNewtonProjection(Published):
-    section_projection = Newton.section_projection
-
-
-class _WithNewtonCoupling(Published):
-    hinge_coupling = Newton.hinge_coupling
-
-
-class _WithNewtonInertia(Published):
-    hinge_inertia = Newton.hinge_inertia
+def _with_newtons(method: str) -> Variant:
+    """The published structure with one method of Newton's."""
+    changed: type[Published] = type(f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)})
+    return changed()
 
 
 #: The published structure with each of its departures from Newton undone, one at a time, then all.
 ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
-    ("outer lever (s/6) sin η", _WithNewtonLever()),
-    ("outer section moment times cos η", _WithNewtonProjection()),
-    ("hinge coupling of Newton", _WithNewtonCoupling()),
-    ("hinge inertia of Newton", _WithNewtonInertia()),
+    ("outer lever (s/6) sin η", _with_newtons("outer_lever")),
+    ("outer section moment times cos η", _with_newtons("section_projection")),
+    ("hinge coupling of Newton", _with_newtons("hinge_coupling")),
+    ("hinge inertia of Newton", _with_newtons("hinge_inertia")),
     ("all four: newton", Newton()),
 )
 

@@ -10,11 +10,10 @@ from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table
 from hfa_model.reporting.unit_system import entries_in_force
 from hfa_model.support.by_value import ByValue
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 
 #: Why a model comes without bands.
 NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
-_UNITS = tuple(UNITS[name] for name in LINEAR_STATES)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,6 +54,6 @@ def trust_in(bands: Bands | None) -> str:
     """The sentence on the bands."""
     if bands is None:
         return NO_BANDS
-    A, B = ((_UNITS, 1), (_UNITS, -1)), ((_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    A, B = ((LINEAR_UNITS, 1), (LINEAR_UNITS, -1)), ((LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
     size = max(float(entries_in_force(band, *axes).max()) for band, axes in ((bands.A, A), (bands.B, B)))
     return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"

@@ -16,7 +16,7 @@ from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table
-from hfa_model.vectors import INPUT_UNITS, INPUTS, RATE_UNITS, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, NAMES_AND_UNITS, RATE_UNITS, STATE_UNITS, STATES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk
@@ -69,14 +69,8 @@ class SweepJob:
         }
         attributes = {
             "coordinates": " ".join((*plan.variables, *(name for name in labels if name.endswith("_unit")))),
-            "variables": list(plan.variables),
-            "variable_units": list(plan.units),
-            "grid": plan.grid,
-            "condition": plan.condition.to_dict(),
-            "states": list(STATES),
-            "state_units": list(STATE_UNITS),
-            "inputs": list(INPUTS),
-            "input_units": list(INPUT_UNITS),
+            **plan.varied,
+            **NAMES_AND_UNITS,
             "status": list(STATUS),
             "limiting": list(STATES + INPUTS),
             "warnings": plan_warnings(plan),
@@ -159,10 +153,7 @@ def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
             "schema": SUMMARY_SCHEMA,
             "store": str(path),
             "dynamics": plan.dynamics,
-            "variables": list(plan.variables),
-            "variable_units": list(plan.units),
-            "grid": plan.grid,
-            "condition": plan.condition.to_dict(),
+            **plan.varied,
             "points": plan.count,
             "counts": counts,
             "warnings": notes,

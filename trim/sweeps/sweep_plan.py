@@ -109,6 +109,16 @@ class SweepPlan:
                 found[name] = {"values": list(values), "unit": unit}
         return found
 
+    @property
+    def varied(self) -> dict[str, Any]:
+        """What varies, over which values and about which condition, as JSON data."""
+        return {
+            "variables": list(self.variables),
+            "variable_units": list(self.units),
+            "grid": self.grid,
+            "condition": self.condition.to_dict(),
+        }
+
     @cached_property
     def count(self) -> int:
         """Number of points."""
