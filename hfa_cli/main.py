@@ -77,6 +77,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except OverflowError:
         return _complain("a number is too large or too small to compute with; check the options", BAD_INPUT)
+    except UnicodeEncodeError:
+        return _complain("a name holds half a character, which no file can have; choose another", BAD_INPUT)
     except MemoryError:
         return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
     except OSError as error:

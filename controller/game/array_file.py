@@ -4,6 +4,7 @@ A file may say its units: what was written in m is used in ft on a plant that is
 
 from __future__ import annotations
 
+import sys
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -55,7 +56,13 @@ def _npz(path: str | Path) -> dict[str, Any]:
             raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
-            return {key: arrays[key] for key in arrays.files}
+            found = {key: arrays[key] for key in arrays.files}
+    for key, array in found.items():
+        if array.dtype.kind == "U" and array.nbytes:
+            letters = np.ascontiguousarray(array).view(f"{array.dtype.str[0]}u4")
+            if letters.max() > sys.maxunicode:  # printed, they end in an error of the interpreter
+                raise ValueError(f"{shortened(key)} holds letters that are none")
+    return found
 
 
 _READERS: dict[str, Callable[[str | Path], dict[str, Any]]] = {

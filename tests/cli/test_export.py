@@ -118,3 +118,9 @@ def test_an_fmu_without_a_compiler_is_one_line(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
     assert_refused(hfa("export", "--fmu", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_whose_name_is_half_a_character_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(hfa("export", "--dihedral", "15", "--c", "\ud800"), 2, "half a character")
+    assert list(tmp_path.iterdir()) == []

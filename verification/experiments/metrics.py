@@ -116,6 +116,7 @@ def flight_metrics(
     late, early = _late(t, criteria.late), t <= criteria.short_adjustment + 1e-9
     each = setting.configuration.flight.steps_per_tick
     errors, efforts = _quadratic(z, game.Q), _quadratic(u, game.R)
+    cost = _integral(errors + efforts, t)
     size, command = np.abs(z[:, _ROWS]), np.abs(setting.configuration.reference.signal.constant[_ROWS])
     peak = np.abs(u).max(axis=0)
     low, high = case.input_limits
@@ -129,11 +130,11 @@ def flight_metrics(
         rise={name: first_at(t, error, band) for name, error, band in banded},
         settling={name: settled_at(t, error, band) for name, error, band in banded},
         growth=_named(TRACKED, _ratio(size[~early].max(axis=0), size[early].max(axis=0))),
-        cost=_integral(errors + efforts, t),
+        cost=cost,
         early_cost=_integral(errors[early], t[early]),
         effort=_integral(efforts, t),
         peak_effort=float(np.sqrt(efforts.max())),
-        attenuation=over(_integral(errors + efforts, t), _integral(_quadratic(d, np.eye(d.shape[1])), t)),
+        attenuation=over(cost, _integral(_quadratic(d, np.eye(d.shape[1])), t)),
         delta_squared=game.delta**2,
         rms_input=_named(INPUTS, _rms(u)),
         peak_input=_named(INPUTS, peak),

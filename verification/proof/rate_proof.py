@@ -70,7 +70,7 @@ def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray
         return None
     T = matrix(turn)
     turned, moved = decrease.map(lambda part: T.transpose() * part * T), T.transpose() * motion * T
-    corners = [corner + each for corner in roomy(turned).corners() for each in (moved, -moved)]
+    corners = [each for corner in roomy(turned).corners() for each in (corner + moved, corner - moved)]
     return turn if all(map(is_positive_definite, corners)) else None
 
 

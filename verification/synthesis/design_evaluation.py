@@ -13,7 +13,7 @@ from controller.design.design_file import design_of
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -55,11 +55,11 @@ class DesignEvaluation:
     def of(self, entries: Mapping[str, Any]) -> Evaluation:
         """The cost; `LOST` and more for a design that has no controller or no stable loop."""
         tuning = self._tuning
-        design = design_of(tuning.name, entries)
         try:
+            design = design_of(tuning.name, entries)
             tables = {angle: quick_controller(self._aircraft, model, design) for angle, model in self._models.items()}
             in_gusts = [quick_controller(flown, model, design) for flown, model, _ in self._in_gusts]
-        except (NoSolutionError, np.linalg.LinAlgError):
+        except (BadInputError, NoSolutionError, np.linalg.LinAlgError):
             return Evaluation(2.0 * LOST, math.inf)
         corners = (
             loop.abscissa

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from controller import basis
-from controller.game.array_file import PlantNames, file_scales, in_scales
+from controller.game.array_file import PlantNames, file_scales, in_scales, read_arrays
 from hfa_model import BadInputError
 
 FOOT = 0.3048
@@ -42,3 +44,16 @@ def test_the_plant_s_names_in_another_order_are_refused(key: str) -> None:
         file_scales({key: ["alpha", "speed"]}, plant)
     for others in (["speed", "alpha"], ["x", "y"], ["alpha"], [1.0, 2.0], []):
         assert np.array_equal(file_scales({key: others}, plant), [1.0, 1.0])
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_letters_that_are_none_are_refused(tmp_path: Path, order: str) -> None:
+    codes = np.array([[115, 112], [0x110000, 100]], dtype=f"{order}u4")
+    for last, right in ((0x110000, False), (0x10FFFF, True)):
+        codes[1, 0] = last
+        np.savez(tmp_path / "names.npz", states=codes.view(f"{order}U2"), empty=np.array([], dtype="U1"))
+        if right:
+            assert read_arrays(tmp_path / "names.npz")["states"].shape == (2, 1)
+        else:
+            with pytest.raises(BadInputError, match="states holds letters that are none"):
+                read_arrays(tmp_path / "names.npz")

@@ -9,7 +9,7 @@ import pytest
 
 from controller import Game
 from verification import from_gain, solve_game
-from verification.critic.actuated import actuators_in, at_once, with_speed
+from verification.critic.actuated import actuators_in, at_once, with_actuators, with_speed
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
 
@@ -62,3 +62,15 @@ def test_the_mistakes_of_plants_with_actuators_are_named(game: Game) -> None:
         assert words in diagnose(game, exact, from_gain(game, K), LIMIT), words
         noisy = K * (1.0 + 0.01 * np.random.default_rng(4).standard_normal(K.shape))
         assert diagnose(game, exact, from_gain(game, noisy), LIMIT) == ""
+
+
+@pytest.mark.parametrize(("damping", "expected"), [(None, [1.0, 8.0]), (0.7, [1.0, 11.2, 64.0])])
+def test_actuators_put_before_a_plant_have_the_poles_that_they_are_said_to(
+    game: Game, damping: float | None, expected: list[float]
+) -> None:
+    plant = at_once(game, actuators_in(game))
+    made = with_actuators(plant, 8.0, damping)
+    lag, n = made.A[4:, 4:], len(plant.A)
+    np.testing.assert_allclose(np.poly(lag), np.polymul(expected, expected), rtol=1e-12)
+    positions = -np.linalg.solve(lag, made.B[n:])[:2]  # at rest, where the inputs are
+    np.testing.assert_allclose(positions, np.eye(2), atol=1e-14)

@@ -11,7 +11,7 @@ from game_samples import INITIAL, failed_names, game_models
 from controller import Game
 from hfa_model import BadInputError
 from verification import solve_game
-from verification.meaning.cost import CHANGE, RATIO, saddle_checks
+from verification.meaning.cost import CHANGE, RATIO, _judge, saddle_checks
 
 
 def test_each_player_loses_to_second_order(game: Game) -> None:
@@ -48,3 +48,9 @@ def test_a_player_who_does_not_matter_cannot_lose() -> None:
     """The disturbance does not reach the state: its own price is all that a deviation brings."""
     game = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 3.0)
     assert not failed_names(saddle_checks(game, solve_game(game).P, np.array([2.0])))
+
+
+@pytest.mark.parametrize(("orders", "farthest"), [((2.3, 1.9), 0.3), ((1.9, 2.3), 0.3), ((1.6, 2.1), 0.4)])
+def test_the_order_farthest_from_two_is_judged(orders: tuple[float, float], farthest: float) -> None:
+    _, slope = _judge("control", np.array([[RATIO**order, 1.0] for order in orders]))
+    assert slope.value == pytest.approx(farthest, rel=1e-9)

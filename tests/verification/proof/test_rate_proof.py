@@ -7,9 +7,11 @@ import pytest
 from known_models import model_at
 from proof_cases import exact_table, family, unstable_between
 
+from hfa_model import BadInputError
 from verification import prove_rate
 from verification.balls.taylor import DihedralBox
 from verification.proof.rate_proof import _angles
+from verification.proof.scheduled_loop import segments
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
@@ -45,3 +47,10 @@ def test_an_unstable_loop_has_no_rate() -> None:
 def test_the_whole_range(dynamics: str) -> None:
     table = exact_table(*np.linspace(0.0, 20.0, 11).tolist(), dynamics=dynamics)
     assert prove_rate(family(dynamics), table, 0.0, 20.0).rate > 60.0
+
+
+def test_a_table_is_cut_at_its_angles_and_reaches_to_its_last() -> None:
+    table = exact_table(13.0, 14.0, 15.0)
+    assert [(each.low, each.high) for each in segments(table, 13.5, 15.0)] == [(13.5, 14.0), (14.0, 15.0)]
+    with pytest.raises(BadInputError, match=r"the table covers 13 to 15 deg, not 13 to 15.5 deg"):
+        segments(table, 13.0, 15.5)

@@ -18,6 +18,7 @@ from verification.riccati.certificate import (
     hamiltonian_checks,
     iterated_solution,
     relative_residual,
+    relative_residuals,
     solution_checks,
 )
 from verification.riccati.gare_schur import schur_solution
@@ -151,3 +152,20 @@ def test_schur_method_refuses_a_hamiltonian_on_the_axis(game: Game) -> None:
     rotor = Game([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [0.0]], I2, 0.0 * I2, [[1.0]], math.inf)
     with pytest.raises(NoSolutionError, match=r"stable subspace|multiple root"):
         schur_solution(rotor)
+
+
+def test_the_residual_is_a_part_of_its_largest_terms_entry_by_entry() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A, P, C = (rng.standard_normal((3, 3)) for _ in range(3))
+        S, D, Q = C @ C.T, 0.3 * np.diag(rng.random(3)), np.diag(rng.random(3))
+        residual, terms = np.zeros((3, 3)), np.zeros((3, 3))
+        for i, j in np.ndindex(3, 3):
+            linear = [A[k, i] * P[k, j] + P[i, k] * A[k, j] for k in range(3)]
+            square = [P[i, k] * (S[k, m] - D[k, m]) * P[m, j] for k, m in np.ndindex(3, 3)]
+            residual[i, j] = sum(linear) + Q[i, j] - sum(square)
+            sizes = [abs(A[k, i] * P[k, j]) + abs(P[i, k] * A[k, j]) for k in range(3)]
+            squares = [abs(P[i, k]) * (abs(S[k, m]) + abs(D[k, m])) * abs(P[m, j]) for k, m in np.ndindex(3, 3)]
+            terms[i, j] = sum(sizes) + abs(Q[i, j]) + sum(squares)
+        expected = np.abs(residual).max() / terms.max()
+        assert relative_residuals(A, S, D, Q, P) == pytest.approx(expected, rel=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from servo_cases import A_Z
 
@@ -62,3 +63,10 @@ def test_without_air_there_is_none(published_aircraft: Aircraft) -> None:
     found = evaluated(published_aircraft, turbulence=(), gusts=(), margin=0.0)
     assert (found.rms, found.gusts, found.margin) == ((), (), 0.0)
     assert found.cost == pytest.approx(100.0 * found.errors[0]["dihedral"])
+
+
+def test_weights_that_no_design_can_have_are_lost(published_aircraft: Aircraft) -> None:
+    """A search goes on from there: the limits of its variables are the user's."""
+    variable = Variable("effort", ("weights.inputs.aileron_outer",), 1e-320, 1e4)
+    evaluation = DesignEvaluation(published_aircraft, replace(tuning(), variables=(variable,)))
+    assert evaluation.at(np.array([1e-320])) == Evaluation(2.0 * LOST, math.inf)
