@@ -154,7 +154,7 @@ def _again(way: str, text: str) -> int:
 
     content = bytes.fromhex(text)
     case: Any = WAYS[way].case(content)
-    print("hfa", *case.words)
+    print(ascii(["hfa", *case.words]))
     fault = attempt(way, content)
     print(fault or "nothing is wrong")
     return int(fault is not None)
