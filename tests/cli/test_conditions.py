@@ -9,14 +9,7 @@ import pytest
 from cli import answer, hfa
 
 #: Commands that trim, in their shortest form.
-TRIMMING = {
-    "trim": (),
-    "linearize": (),
-    "solve": (),
-    "learn": (),
-    "verify": (),
-    "fly": ("--duration", "0.1"),
-}
+TRIMMING = {"trim": (), "linearize": (), "solve": (), "learn": (), "verify": (), "fly": ("--duration", "0.1")}
 
 
 def test_it_matters_which_variable_is_held() -> None:

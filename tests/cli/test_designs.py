@@ -63,10 +63,7 @@ def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
         ("--design rudder --dihedral 11", "rudder: no design of that name and no readable file; the names are paper"),
         ("--design simvfa-1", "name the plant: either --dihedral DEG or --model FILE"),
         ("--design simvfa-1 --model plant.npz", "--design belongs to the aircraft; leave it out with --model"),
-        (
-            "--design simvfa-1 --dihedral 11 --R 1,1,1",
-            "design simvfa-1: R is 3 x 3; with this A and B",
-        ),
+        ("--design simvfa-1 --dihedral 11 --R 1,1,1", "design simvfa-1: R is 3 x 3; with this A and B"),
         ("--design own.toml --dihedral 11", "own.toml: unknown entry 'gain'"),
     ],
 )

@@ -171,11 +171,7 @@ BACKWARDS = LINEAR_STATES[::-1]
         ({"W": np.ones(20)}, "", "there are 20 weights; basis 'quadratic' on 6 states has 21: no basis has as many"),
         ({"W": np.ones(27)}, "", "has 21: name the basis of the weights, 'quadratic+linear' or 'quadratic+quartic'"),
         ({"K": np.ones((5, 6)) * 1j}, "", "K is complex; give its real part"),
-        (
-            {"K": np.ones((5, 6)), "states": BACKWARDS},
-            "",
-            f"its states are in the order {', '.join(BACKWARDS)}",
-        ),
+        ({"K": np.ones((5, 6)), "states": BACKWARDS}, "", f"its states are in the order {', '.join(BACKWARDS)}"),
         ({"W": np.ones(21)}, "--basis paper", "there are 21 weights; basis 'paper' on 6 states has 25"),
         ({"W": np.ones(21)}, "--basis cubic", "unknown basis 'cubic'; choose from quadratic"),
         ({"W": np.ones((3, 7))}, "", "W has shape (3, 7); weights are one row or one column"),

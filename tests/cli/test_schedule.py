@@ -62,10 +62,7 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
     ("content", "named"),
     [
         ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, 10.0]}, "the gains cover 5 to 10 deg, not 5 to 15 deg"),
-        (
-            {"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [15.0, 5.0]},
-            "angles of the table, increasing",
-        ),
+        ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [15.0, 5.0]}, "angles of the table, increasing"),
         ({"K": [[[0.0] * 6] * 5] * 2, "dihedral_deg": [5.0, float("nan")]}, "not finite"),
         ({"K": [[[0.0] * 6] * 5] * 2}, "there is no dihedral_deg"),
         ({"K": [[[0.0] * 6] * 5] * 3, "dihedral_deg": [5.0, 15.0]}, "with 2 angles it must be (2, 5, 6)"),
