@@ -6,7 +6,7 @@ OUTPUT.record, so that a search that was interrupted goes on when it is started 
 With --toward the designs between the one of that file and another are flown in place of a search.
 
 With --corners the loop is closed with actuators of effectiveness 0.2 to 1 and bandwidth 0.5 to 2 rad/s; exit 1 when
-one of the loops is unstable.
+one of the loops is unstable. With --gusts the nonlinear aircraft flies through gusts at the first and the last angle.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from verification.synthesis.tuning_file import load_tuning, save_design
 #: A second or two each.
 _MOST_POINTS = 1000
 _RANGE = "0:20:1"
+_OF_A_DESIGN = "belongs to --design; leave it out with --tune"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--toward", parsed(_named_entries), "NAME", about)
     options.add_aircraft(parser)
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
+    parser.add_argument("--gusts", action="store_true", help="fly through gusts of 400 ft: which are stood")
     about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
     options.add_picture(parser, "the trade-off of a search or of a line, with --tune")
@@ -58,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.synthesis.controller_report import controller_report
     from verification.synthesis.controllers import design_controller
     from verification.synthesis.corners import check_corners
+    from verification.synthesis.gust_limits import gust_limits
 
     options.refuse_files(arguments, ("output",), "a controller and a design are in ft, slug, lbf")
     aircraft = options.aircraft_of(arguments)
@@ -65,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     if len(given) != 1:
         raise BadInputError("name what to do: one of --design NAME, --tune FILE, or the file of a controller")
     if arguments.tune is not None:
-        options.refuse(arguments, ("dihedral", "feedback", "corners"), "belongs to --design; leave it out with --tune")
+        options.refuse(arguments, ("dihedral", "feedback", "corners", "gusts"), _OF_A_DESIGN)
         return (_line if arguments.toward else _search)(arguments, aircraft)
     options.refuse(arguments, ("picture", "toward"), "belongs to --tune")
     if arguments.output is not None and arguments.output.suffix.lower() not in SUFFIXES:
@@ -85,6 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
         checked = check_corners(aircraft, controller, progress=Progress("corners"))
         report, ok = replace(report, parts=(*report.parts, checked.report())), checked.ok
         report = report.with_data(corners=checked.to_dict())
+    if arguments.gusts:
+        limits = gust_limits(aircraft, controller, Progress("gusts"))
+        report = replace(report, parts=(*report.parts, limits.report())).with_data(gusts=limits.to_dict())
     if arguments.output is not None:
         save_controller(arguments.output, controller)
     show(report, arguments, target=None)

@@ -11,8 +11,10 @@ from controllers import small_controller
 from scipy.io import loadmat
 from servo_cases import write_tuning
 
-from controller import load_controller, load_design, save_controller
+from controller import Actuator, load_controller, load_design, save_controller
 from hfa_model import Aircraft
+from verification.synthesis import gust_limits
+from verification.synthesis.gust_limits import GustLimit, GustLimits
 
 
 def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
@@ -71,9 +73,19 @@ def test_the_designs_toward_another_are_flown_and_drawn(monkeypatch: pytest.Monk
     assert not Path("best.toml.record").exists()
 
 
+def test_the_gusts_stand_beside_the_table(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit = GustLimit(0.2, 20.5, 160.0)
+    monkeypatch.setattr(gust_limits, "gust_limits", lambda _, made, *__: GustLimits(made, Actuator(), (limit,)))
+    save_controller("small.npz", small_controller(published_aircraft))
+    assert "Gusts of 400 ft for controller small" in hfa("design", "small.npz", "--gusts").out
+    found = answer("design", "small.npz", "--gusts")["gusts"]
+    assert found == {"length": 400.0, "limits": [{"dihedral": 0.2, "held": 20.5, "best": 160.0}]}
+
+
 @pytest.mark.parametrize(
     ("words", "code", "named"),
     [
+        ("--tune tune.toml --gusts -o best.toml", 2, "--gusts belongs to --design; leave it out with --tune"),
         ("--design servo --toward servo", 2, "--toward belongs to --tune"),
         ("--tune tune.toml --toward none.toml", 2, "none.toml"),
         ("--tune tune.toml --toward servo -o best.toml", 2, "--output belongs to a search; leave it out with --toward"),

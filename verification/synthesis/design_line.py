@@ -74,16 +74,17 @@ class DesignLine(Reported):
         )
 
     def figure(self) -> Figure:
-        """The worst error against the updraft held, from point to point."""
+        """The worst error against the updraft held; the line has a gap where a corner or a case is unstable."""
         first = next(iter(self.tuning.objective))
-        stable = [(point.share, *self.worst(point)[:2]) for point in self.points if point.held]
-        shares, errors, peaks = zip(*stable, strict=True) if stable else ((), (), ())
-        shown = [shown_error(error, first) for error in errors]
+        lost = (math.nan, math.nan)
+        places = [self.worst(point)[:2] if point.held else lost for point in self.points]
+        shown, peaks = [shown_error(error, first) for error, _ in places], [peak for _, peak in places]
         figure = new_figure(6.0, 4.0)
         axes = figure.subplots()
         axes.plot(shown, peaks, ".-", color="tab:blue")
-        for share, error, peak in zip(shares, shown, peaks, strict=True):
-            axes.annotate(f"{share:g}", (error, peak), textcoords="offset points", xytext=(4, 4), fontsize=7)
+        for point, error, peak in zip(self.points, shown, peaks, strict=True):
+            if point.held:
+                axes.annotate(f"{point.share:g}", (error, peak), textcoords="offset points", xytext=(4, 4), fontsize=7)
         axes.set_xlabel(f"largest rms error of a case, {error_name(first)}", fontsize=8)
         axes.set_ylabel("smallest peak of an updraft that is just held, ft/s", fontsize=8)
         axes.grid(alpha=0.3)

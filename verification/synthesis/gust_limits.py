@@ -1,0 +1,85 @@
+"""Which gusts a controller stands, beside those that could be stood at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from controller.design.design import Actuator
+from controller.design.scheduled_controller import ScheduledController
+from controller.flight.envelope import flight_envelope
+from controller.flight.plants import NonlinearPlant
+from hfa_model.aircraft import Aircraft
+from hfa_model.reporting.report import Report, Reported
+from hfa_model.reporting.text import Table, in_degrees
+from hfa_model.support.errors import NoSolutionError
+from trim.linear.linear_model import linearize
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from verification.flights.best_inputs import best_inputs
+from verification.synthesis.moving_air import LARGEST, gust_held
+from verification.synthesis.tuning import InGust
+
+#: ft: of the gusts.
+LENGTH = 400.0
+
+
+class GustLimit(NamedTuple):
+    """Peaks in ft/s, negative downward, at one dihedral, rad. held: the largest that the controller stands. best: what
+    the same surfaces can stand when the gust is known as it begins, a local optimum; nan where none was found."""
+
+    dihedral: float
+    held: float
+    best: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GustLimits(Reported):
+    """Of a controller, at its first and last angle, up and down, behind actuators of order 1."""
+
+    controller: ScheduledController
+    actuator: Actuator
+    limits: tuple[GustLimit, ...]
+
+    def report(self) -> Report:
+        """A row for each angle and direction."""
+        rows = [(f"{in_degrees(each.dihedral):g}", f"{each.held:.3g}", f"{each.best:.3g}") for each in self.limits]
+        acting = self.actuator
+        return Report(
+            f"Gusts of {LENGTH:g} ft for controller {self.controller.name}, {self.controller.dynamics} dynamics, "
+            f"actuators of order {acting.order} at {acting.bandwidth:g} rad/s",
+            (
+                f"largest peak held, ft/s, tried up to {LARGEST:g}; best: by one who knows the gust when it begins",
+                Table(("dihedral", "held", "best"), rows),
+            ),
+            data=self.to_dict(),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; angles in rad."""
+        return {"length": LENGTH, "limits": [each._asdict() for each in self.limits]}
+
+
+def gust_limits(
+    aircraft: Aircraft, controller: ScheduledController, progress: Callable[[int, int], None] | None = None
+) -> GustLimits:
+    """Flown on the nonlinear aircraft. BadInputError when the controller is for another aircraft."""
+    acting, found = Actuator(), []
+    ends = sorted({float(controller.dihedrals[0]), float(controller.dihedrals[-1])})
+    controller.refuse_other(aircraft, ends[0], ends[-1])
+    for dihedral in ends:
+        point = find_operating_point(aircraft, level_flight(dihedral))
+        model, envelope = linearize(aircraft, point), flight_envelope(aircraft.parameters, point)
+        for sign in (1.0, -1.0):
+            held = gust_held(aircraft, model, controller, InGust(dihedral, acting, LENGTH, sign))
+            try:
+                plant, names = NonlinearPlant(aircraft, point), controller.inputs
+                best = best_inputs(plant, envelope, names, LENGTH, sign, acting.bandwidth).peak
+            except NoSolutionError:
+                best = math.nan
+            found.append(GustLimit(dihedral, math.copysign(held, sign), best))
+            if progress is not None:
+                progress(len(found), 2 * len(ends))
+    return GustLimits(controller, acting, tuple(found))
