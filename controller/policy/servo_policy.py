@@ -150,7 +150,9 @@ def servo_law(
 ) -> FlownLaw:
     """The controller about a trim of the aircraft that it was made for, following commands.
 
-    BadInputError when it was made for another aircraft or other angles, or is not told of a commanded output.
+    Its `fastest` is that of the controller alone: an estimator's mode, which the loop hardly moves; a gain without
+    memory has none. BadInputError when it was made for another aircraft or other angles, or is not told of a
+    commanded output.
     """
     told = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:

@@ -13,10 +13,13 @@ from servo_cases import A_Z
 
 from controller import Actuator, Design, ScheduledController, design_model, load_design
 from controller.design.design import Feedforward
+from controller.flight.actuators import LONGEST_STEP
 from hfa_model import Aircraft
+from verification.servo.cases import STEP
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import design_controller
-from verification.synthesis.corners import check_corners
+from verification.synthesis.corners import check_corners, corner_loops
+from verification.synthesis.design_evaluation import quick_controller
 from verification.synthesis.servo_loop import servo_plant
 
 #: SimVFA's commands, deg and ft/s², 70 s each; its faults: effectiveness 0.2 and bandwidth 0.5 rad/s.
@@ -48,6 +51,19 @@ def test_every_corner_is_stable_at_every_angle(dynamics: str, design: str) -> No
     aircraft, angles = Aircraft(dynamics=dynamics), np.radians(np.arange(21.0))
     found = check_corners(aircraft, design_controller(aircraft, load_design(design), angles))
     assert (found.unstable, found.loops) == (0, 672)
+
+
+@pytest.mark.parametrize("design", ["servo", "servo-gusts", "servo-states"])
+@pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
+def test_a_law_knows_the_fastest_mode_of_its_loop_or_it_is_slow(
+    published_aircraft: Aircraft, design: str, degrees: float
+) -> None:
+    """A law says the modes of its controller; what a gain without memory makes, Runge-Kutta follows at 0.02 s."""
+    table = quick_controller(published_aircraft, model_at(degrees), load_design(design))
+    own = np.abs(eigvals(table.at(math.radians(degrees))[0])).max()
+    loops = [loop for _, loop in corner_loops(published_aircraft, model_at(degrees), table)]
+    assert max(np.abs(eigvals(loop.closed)).max() for loop in loops) < max(1.02 * own, 50.0)
+    assert 50.0 * STEP < 0.5 * LONGEST_STEP
 
 
 def transmission_zeros(dynamics: str, degrees: float, outputs: tuple[str, ...]) -> np.ndarray:

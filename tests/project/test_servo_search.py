@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from functools import cache
 
@@ -11,8 +12,12 @@ import pytest
 from documents import ROOT
 from servo_cases import A_Z
 
+from controller.design.design_file import read_design
 from hfa_model import Aircraft
+from hfa_model.reporting.text import Table
+from verification.synthesis import design_line
 from verification.synthesis.design_evaluation import DesignEvaluation
+from verification.synthesis.design_line import DesignLine, OnTheLine
 from verification.synthesis.tuning import Evaluation, Tuning
 from verification.synthesis.tuning_file import load_tuning
 
@@ -57,6 +62,38 @@ def test_what_is_shipped_keeps_the_constraints_of_its_search(design: str) -> Non
     places = {(gust.dynamics, gust.peak, gust.length, round(math.degrees(gust.dihedral))) for gust in tuning.gusts}
     every = itertools.product(("published", "newton"), (38.0, -22.0), (340.0, 460.0), (7, 13))
     assert places == (set(every) if design == "servo_gusts" else set())
+
+
+def stored_line(number: int) -> DesignLine:
+    """A line of docs/results/servo_line.json."""
+    tuning = load_tuning(str(ROOT / "docs" / "results" / "servo_line.toml"))
+    stored = json.loads((ROOT / "docs" / "results" / "servo_line.json").read_text(encoding="utf-8"))["lines"][number]
+    points = [OnTheLine(each["share"], Evaluation(**each["evaluation"]), each["held"]) for each in stored["points"]]
+    return DesignLine(tuning, stored["toward"], tuple(points))
+
+
+@pytest.mark.parametrize("number", [0])
+def test_the_lines_are_those_of_the_document(number: int) -> None:
+    line = stored_line(number)
+    text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
+    (table,) = line.report().parts
+    assert isinstance(table, Table)
+    for row in table.rows:
+        if row[0] in {"-0.1", "0", "0.1", "0.2", "0.5", "0.9", "1", "1.1"}:
+            assert f"| {' | '.join(row).strip()} |" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0])
+def test_the_ends_of_the_lines_come_out_again(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    monkeypatch.setattr(design_line, "SHARES", (0.0, 1.0))
+    monkeypatch.chdir(ROOT / "docs" / "results")
+    stored = stored_line(number)
+    again = design_line.design_line(Aircraft(), stored.tuning, stored.toward, read_design(stored.toward))
+    of_share = {point.share: point for point in stored.points}
+    for point in again.points:
+        known = of_share[point.share]
+        np.testing.assert_allclose(stored.worst(known), again.worst(point), rtol=1e-6)
 
 
 @pytest.mark.slow

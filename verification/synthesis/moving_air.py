@@ -57,7 +57,8 @@ def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledCont
     `SECONDS` in all. 2 - t / `SECONDS` when it leaves the envelope at t: 1 is what is just held.
     """
     point, acting = model.point, gust.actuator
-    still = CommandSteps(commanded(controller), np.zeros(0), np.zeros((0, len(controller.commands))))
+    names = commanded(controller)
+    still = CommandSteps(names, np.zeros(0), np.zeros((0, len(names))))
     scenario = Scenario(
         duration=SECONDS,
         step=STEP,

@@ -24,6 +24,7 @@ from controller import (
     flight_envelope,
     servo_law,
 )
+from controller.design.design import Feedforward
 from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
@@ -109,6 +110,13 @@ def test_an_aircraft_that_leaves_its_envelope_has_more_than_all_of_it() -> None:
     departure = flown(-25.0).departure
     assert departure is not None
     assert in_gust(-25.0) == pytest.approx(2.0 - departure.time / 30.0, abs=2e-3)
+
+
+def test_in_a_gust_a_feedforward_does_nothing() -> None:
+    """It answers commands, of which there are none."""
+    shaped = quick_controller(Aircraft(), model_at(11.0), measured_servo(feedforward=Feedforward(lag=2.0)))
+    gust = InGust(0.0, Actuator(effectiveness=0.8), LENGTH, 3.0)
+    assert gust_share(Aircraft(), model_at(11.0), shaped, gust) == pytest.approx(in_gust(3.0))
 
 
 def test_the_gust_that_is_just_held(monkeypatch: pytest.MonkeyPatch) -> None:
