@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import stored, value_text
+from benchmarks.report import ratio_text, stored, value_text
 from hfa_model.parameters import default_parameters
 from trim.sweeps.stored_sweep import SweepJob
 from trim.sweeps.sweep_plan import Steps, SweepPlan
@@ -39,8 +39,8 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
     lines = ["| job | compared with | ours | peer's | ratio | target | met |", "|---|---|---|---|---|---|---|"]
     for figure in figures:
         ours, peers = (value_text(figure[name], figure["unit"]) for name in ("ours", "peers"))
-        target = "-" if figure["to_reach"] is None else f"{figure['to_reach']:.3g}"
-        cells = (figure["job"], figure["peer"], ours, peers, f"{figure['ratio']:.3g}", target, figure["reached"])
+        ratio, target = ratio_text(figure["ratio"]), ratio_text(figure["to_reach"])
+        cells = (figure["job"], figure["peer"], ours, peers, ratio, target, figure["reached"])
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

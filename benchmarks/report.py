@@ -71,8 +71,8 @@ def text(rows: list[Row]) -> str:
             row.peer,
             value_text(row.timing.ours, row.unit),
             value_text(row.timing.peer, row.unit),
-            f"{row.timing.ratio:.3g}",
-            "-" if row.target is None else f"{row.target:.3g}",
+            ratio_text(row.timing.ratio),
+            ratio_text(row.target),
             row.verdict,
         )
         for row in rows
@@ -131,6 +131,11 @@ def value_text(value: float, unit: str) -> str:
         if value >= factor:
             return f"{value / factor:.3g} {name}"
     return f"{value / 1e-9:.3g} ns"
+
+
+def ratio_text(ratio: float | None) -> str:
+    """Three digits, without a power of ten."""
+    return "-" if ratio is None else f"{float(f'{ratio:.3g}'):.12g}"
 
 
 def _cpu_lines() -> list[str]:

@@ -1,12 +1,14 @@
-function [models, data] = hfa_models(file)
+function [models, data, array] = hfa_models(file)
 % HFA_MODELS  Linear models in a .mat file of `hfa sweep` or `hfa linearize` as state-space systems.
 %
 %   [models, data] = hfa_models(file)
+%   [models, data, array] = hfa_models(file)   MATLAB only
 %
 %   models: cell array, one ss a point of the sweep, in its order, with the names of states, inputs and outputs;
-%   [] where there is no trim. In MATLAB, stack(1, models{:}) makes one array of them.
+%   [] where there is no trim.
 %   data: everything in the file: data.A (n, n, N), data.B (n, m, N), the varied values and their names, operating
 %   points (the offsets X0, U0 of the models). data.units: 'english' (ft, slug, lbf, rad) or 'si' (m, kg, N, rad).
+%   array: the models that there are as one ss array, array(:, :, k). Octave's package control has no such arrays.
 %
 %   Needs the Control System Toolbox, or in Octave: pkg load control.
 data = load(file);
@@ -28,5 +30,12 @@ for k = 1:count
     end
     models{k} = ss(A, B, C, D, 'statename', data.states(:), 'inputname', data.inputs(:), ...
                    'outputname', outputs(:));
+end
+if nargout > 2
+    if exist('OCTAVE_VERSION', 'builtin')
+        error('hfa_models: Octave has no arrays of systems; use models, a cell array');
+    end
+    found = models(~cellfun(@isempty, models));
+    array = stack(1, found{:});
 end
 end

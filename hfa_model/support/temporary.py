@@ -28,6 +28,10 @@ _RANDOM = 16
 _THERE = set[Path]()
 
 
+class _Cleared(Exception):
+    """Another run took a folder that was just made for one that a killed run has left."""
+
+
 @contextmanager
 def temporary_file(folder: Path, prefix: str, suffix: str) -> Iterator[Path]:
     """A new empty file in the folder, gone after the block unless it was renamed. OSError as from making it."""
@@ -75,7 +79,8 @@ def _locked(folder: Path, prefix: str, suffix: str, *, is_folder: bool) -> Itera
     _THERE.add(wherever)
     try:
         while not path.exists():  # another run may clear it before it is locked
-            handles.append(_made(path, is_folder=is_folder))
+            with contextlib.suppress(_Cleared):
+                handles.append(_made(path, is_folder=is_folder))
         yield path
     finally:
         try:
@@ -98,7 +103,10 @@ def _made(path: Path, *, is_folder: bool) -> int:
     """A new file or folder that only its owner can read; what holds its lock."""
     if is_folder:
         path.mkdir(mode=0o700)
-        handle = os.open(path, os.O_RDONLY) if fcntl else os.open(os.devnull, os.O_RDONLY)
+        try:
+            handle = os.open(path, os.O_RDONLY) if fcntl else os.open(os.devnull, os.O_RDONLY)
+        except FileNotFoundError as error:
+            raise _Cleared from error
     else:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
     if fcntl is not None:

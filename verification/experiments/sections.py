@@ -107,7 +107,7 @@ def _figures_of_comparison(setting: Setting, flown: Flown, T_w: float) -> Iterab
     shown = [flown[FlightPlan(CASE_II, law)] for law in (MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL)]
     yield "State comparison, 5 deg", 1, tuple(graphs.state_panel(state, state, shown, "law", T_w) for state in TRACKED)
     yield "Error comparison, 5 deg", 1, tuple(graphs.error_panel(state, state, shown, "law", T_w) for state in TRACKED)
-    yield "Control comparison, 5 deg", 1, graphs.input_panels(("5 deg",), (shown,), "law", T_w)
+    yield "Control comparison, 5 deg", 1, graphs.input_panels(("",), (shown,), "law", T_w)
 
 
 def _figures_of_uncertainty(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:
@@ -122,10 +122,10 @@ def _figures_of_uncertainty(setting: Setting, flown: Flown, T_w: float) -> Itera
     for state in TRACKED:
         yield f"{all_cases} {_WORDS[state]} tracking, 5 deg", 2, graphs.beside(graphs.state_panel, *shown, state)
     yield f"{all_cases} control inputs, 5 deg", 2, graphs.input_panels(*shown)
-    yield f"{all_cases} critic weights", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)
-    yield f"{all_cases} critic-weight increments", 2, tuple(graphs.increments_panel(*pair, T_w) for pair in each)
-    yield f"{all_cases} Bellman residuals", 2, graphs.beside(graphs.residual_panel, *shown)
-    yield f"{all_cases} critic weight-update norms", 2, graphs.beside(graphs.update_panel, *shown)
+    yield f"{all_cases} critic weights, 5 deg", 2, tuple(graphs.weights_panel(*pair, T_w) for pair in each)
+    yield f"{all_cases} critic-weight increments, 5 deg", 2, tuple(graphs.increments_panel(*pair, T_w) for pair in each)
+    yield f"{all_cases} Bellman residuals, 5 deg", 2, graphs.beside(graphs.residual_panel, *shown)
+    yield f"{all_cases} critic weight-update norms, 5 deg", 2, graphs.beside(graphs.update_panel, *shown)
 
 
 def _figures_of_noise(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:

@@ -11,6 +11,7 @@ import numpy as np
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope
+from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import fastest_inputs, tracked
@@ -24,10 +25,10 @@ from hfa_model.reporting.unit_system import english, system_in_force
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import records_text
 from hfa_model.units_of_data import in_units_in_force
-from trim.point.condition import level_flight
+from trim.point.condition import CONTROL_LIMITS, level_flight
 from trim.point.solve import find_operating_point
 from verification.servo.cases import CASES, DURATION, TRIM_DEG, Flown, laws_of, scenario_of, simvfa_commands
-from verification.servo.servo_result import ServoFlight, servo_figure
+from verification.servo.servo_result import ServoFlight, servo_figure, share_of_way
 
 SCHEMA = "hfa.servo/1"
 #: Told what is flown, and how many flights of how many are done.
@@ -62,11 +63,24 @@ def fly_case(
                 float(fastest_inputs(result.flight)[1:].max()),
                 None if gone is None else gone.time,
                 None if gone is None else gone.state,
+                _used(result),
             )
         )
     if progress is not None:
         progress(name, len(laws), len(laws))
     return tuple(flights)
+
+
+def _used(result: NonlinearFlight) -> dict[str, np.ndarray]:
+    """Surfaces (not the throttle) within `CONTROL_LIMITS`, states within the envelope."""
+    surfaces = slice(1, None)
+    envelope = np.array([result.envelope.lowest, result.envelope.highest]).T
+    return {
+        "surface": share_of_way(
+            result.inputs[:, surfaces], np.array(result.point.inputs)[surfaces], np.array(CONTROL_LIMITS)[surfaces]
+        ),
+        "state": share_of_way(result.states, np.array(result.point.states), envelope),
+    }
 
 
 def run_case(

@@ -23,12 +23,17 @@ if TYPE_CHECKING:
 
 SCHEMA = "hfa.servo-table/1"
 _ACCELERATION = signal_unit(REGULATED[1])
+#: What can be seen of an output in a picture, as a share of its largest command.
+_SEEN = 0.01
+#: Shares of the way to a limit that are drawn, %.
+_SHARES = (0.1, 200.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ServoFlight:
     """A law in a case. lost_at: s, None when it held; left: the state that left its envelope first. fastest: largest
-    |ΔU / Δt| of the surfaces, rad/s. tracked: each commanded output."""
+    |ΔU / Δt| of the surfaces, rad/s. tracked: each commanded output. used: of the way from the trim to its limit, the
+    share that the surface that is nearest to its own has gone, and the state, (N,) each."""
 
     law: str
     times: np.ndarray
@@ -36,6 +41,7 @@ class ServoFlight:
     fastest: float
     lost_at: float | None
     left: str | None
+    used: Mapping[str, np.ndarray]
 
     def to_dict(self) -> dict[str, Any]:
         """English units and radians."""
@@ -52,38 +58,79 @@ class ServoFlight:
         }
 
 
+def share_of_way(values: np.ndarray, trim: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """max over i of (v_i - trim_i) / (limit_i - trim_i), towards whichever limit v_i lies, (N,).
+
+    values (N, k), trim (k,), limits (k, 2), lowest and highest.
+    """
+    away = values - trim
+    return np.asarray((away[:, :, None] / (limits - trim[:, None])).max(axis=(1, 2)))
+
+
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Each commanded output with its command, and below it what every law misses; a lost law ends with a cross."""
-    names = [each.name for each in flights[0].tracked]
-    figure = new_figure(5.2 * len(names), 6.0)
-    panels = figure.subplots(2, len(names), sharex=True, squeeze=False)
+    """Each commanded output with its command; what every law misses; how near it comes to limits and envelope.
+
+    Laws that nobody could tell apart are drawn once; a lost one ends with a cross.
+    """
     longest = max(flights, key=lambda flight: len(flight.times))
-    for column, name in enumerate(names):
+    names = [each.name for each in longest.tracked]
+    figure = new_figure(10.4, 8.6)
+    panels = figure.subplots(3, 2, sharex=True, squeeze=False)
+    for column, (name, used) in enumerate(zip(names, longest.used, strict=True)):
         unit = longest.tracked[column].unit
-        command = shown_values(longest.tracked[column].command, unit)
-        above, below = panels[:, column]
-        above.plot(longest.times, command, ":", color="black", label="command")
-        for flight, style in zip(flights, cycle(("-", "--", "-.", (0, (1, 1)))), strict=False):
+        above, below, limited = panels[:, column]
+        above.plot(longest.times, shown_values(longest.tracked[column].command, unit), ":", color="black", zorder=5)
+        for (label, flight), style in zip(_together(flights), cycle(("-", "--", "-.", (0, (1, 1)))), strict=False):
             each = flight.tracked[column]
             output, error = (shown_values(value, unit) for value in (each.output, each.output - each.command))
-            (line,) = above.plot(flight.times, output, linestyle=style, linewidth=1.2, label=flight.law)
-            below.plot(flight.times, error, linestyle=style, linewidth=1.2, color=line.get_color())
-            if flight.lost_at is not None:
-                below.plot(flight.times[-1], error[-1], "x", color=line.get_color())
-        span = float(np.abs(command).max() or 1.0)
-        above.set_ylim(-2.0 * span, 2.0 * span)
-        below.set_ylim(-span, span)
+            (line,) = above.plot(flight.times, output, linestyle=style, linewidth=1.2, label=label)
+            for axes, values in ((below, error), (limited, 100.0 * flight.used[used])):
+                axes.plot(flight.times, values, linestyle=style, linewidth=1.2, color=line.get_color())
+                if flight.lost_at is not None:
+                    axes.plot(flight.times[-1], values[-1], "x", color=line.get_color())
+        held = [flight.tracked[column] for flight in flights if flight.lost_at is None] or [longest.tracked[column]]
+        for axes, shown in (
+            (above, [value for each in held for value in (each.output, each.command)]),
+            (below, [each.output - each.command for each in held]),
+        ):
+            ends = shown_values(np.array([min(map(np.min, shown)), max(map(np.max, shown))]), unit)
+            axes.set_ylim(*(ends + 0.05 * (np.ptp(ends) or 1.0) * np.array([-1.0, 1.0])))
+        limited.axhline(100.0, linestyle="--", color="black", linewidth=1.0)
+        limited.set_yscale("log")
+        limited.set_ylim(*_SHARES)
         above.set_title(name, fontsize=9)
         above.set_ylabel(f"off trim, {shown_unit(unit)}", fontsize=8)
         below.set_ylabel(f"off its command, {shown_unit(unit)}", fontsize=8)
-        below.set_xlabel("time, s", fontsize=8)
-        for axes in (above, below):
+        limited.set_title(f"{used} nearest to its limit", fontsize=9)
+        limited.set_ylabel("of the way from the trim, %", fontsize=8)
+        limited.set_xlabel("time, s", fontsize=8)
+        for axes in (above, below, limited):
             axes.grid(alpha=0.3)
             axes.tick_params(labelsize=7)
-    figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, fontsize=8, title=title
-    )
+    lines = [*panels[0, 0].lines, panels[2, 0].lines[-1]]
+    labels = ["command", *(label for label, _ in _together(flights)), "limit"]
+    figure.legend(lines, labels, loc="outside upper center", ncols=4, fontsize=8, title=title)
+    figure.align_ylabels()
     return figure
+
+
+def _together(flights: Sequence[ServoFlight]) -> list[tuple[str, ServoFlight]]:
+    """The first of the laws that a picture cannot tell apart, under the names of all."""
+    found: list[tuple[list[str], ServoFlight]] = []
+    for flight in flights:
+        alike = (laws for laws, other in found if _alike(flight, other))
+        if laws := next(alike, None):
+            laws.append(flight.law)
+        else:
+            found.append(([flight.law], flight))
+    return [(" = ".join(laws), flight) for laws, flight in found]
+
+
+def _alike(one: ServoFlight, other: ServoFlight) -> bool:
+    return len(one.times) == len(other.times) and all(
+        np.abs(mine.output - theirs.output).max() <= _SEEN * np.abs(mine.command).max(initial=0.0)
+        for mine, theirs in zip(one.tracked, other.tracked, strict=True)
+    )
 
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:

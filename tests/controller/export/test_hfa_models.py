@@ -44,7 +44,13 @@ try
 catch failure
     missing = failure.message;
 end
-save('-v7', 'missing.mat', 'missing');
+array = '';
+try
+    [models, data, array] = hfa_models('sweep.mat');
+catch failure
+    array = failure.message;
+end
+save('-v7', 'missing.mat', 'missing', 'array');
 """
 
 
@@ -84,6 +90,12 @@ def test_outputs_come_along(folder: Path) -> None:
 
 def test_a_file_without_models_is_said(folder: Path) -> None:
     assert "gain.mat has no A, B, states and inputs" in read_arrays(folder / "missing.mat")["missing"][0]
+
+
+def test_an_array_of_systems_is_refused_where_there_is_none(folder: Path) -> None:
+    assert read_arrays(folder / "missing.mat")["array"] == [
+        "hfa_models: Octave has no arrays of systems; use models, a cell array"
+    ]
 
 
 @pytest.mark.parametrize("version", [6, 7])

@@ -58,6 +58,27 @@ def test_they_go_after_the_block_unless_they_were_renamed(tmp_path: Path) -> Non
     assert sorted(each.name for each in tmp_path.iterdir()) == ["folder", "kept"]
 
 
+def test_a_folder_that_another_run_clears_before_it_is_locked_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = list[Path]()
+    make = Path.mkdir
+
+    def make_and_lose(self: Path, mode: int = 0o777) -> None:
+        make(self, mode)
+        made.append(self)
+        if len(made) == 1:
+            self.rmdir()
+
+    monkeypatch.setattr(Path, "mkdir", make_and_lose)
+    with temporary_folder(tmp_path, "unfinished-") as folder:
+        assert made == [folder, folder]
+        assert folder.is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(FileNotFoundError), temporary_folder(tmp_path / "none", "unfinished-"):
+        pass
+
+
 def _file(folder: Path) -> None:
     write_text(folder / "result", "whole")
 

@@ -31,7 +31,7 @@ from verification.servo.cases import (
     simvfa_commands,
 )
 from verification.servo.servo_flights import fly_case, run_case
-from verification.servo.servo_result import ServoFlight, servo_report
+from verification.servo.servo_result import ServoFlight, servo_figure, servo_report, share_of_way
 from verification.synthesis.controllers import design_controller
 
 ORIGIN = Provenance("hfa servo")
@@ -177,7 +177,7 @@ def test_a_case_is_kept_in_the_units_asked_for_and_read_back(
 ) -> None:
     times = np.linspace(0.0, 1.0, 5)
     missed = tuple(Tracked(name, times, times + 0.5) for name in REGULATED)
-    flown = ServoFlight("one", times, missed, 0.1, None, None)
+    flown = ServoFlight("one", times, missed, 0.1, None, None, dict.fromkeys(("surface", "state"), times))
     monkeypatch.setattr(servo_flights, "fly_case", lambda *_: (flown,))
     words = (published_aircraft, "order-1", {}, tmp_path, ORIGIN)
     english = run_case(*words)
@@ -192,6 +192,33 @@ def test_a_case_is_kept_in_the_units_asked_for_and_read_back(
         assert errors["vertical_acceleration_short_period"] == pytest.approx(0.5 * 0.3048)
         assert kept["flights"][0]["rms_error_units"]["vertical_acceleration_short_period"] == "m/s^2"
         monkeypatch.setattr(servo_flights, "fly_case", lambda *_: pytest.fail("flown again"))
+
+
+def test_a_picture_shows_limits_and_names_laws_that_are_alike_together(published_aircraft: Aircraft) -> None:
+    laws = ("simvfa-1", "simvfa-1 adaptive", "paper")
+    flights = fly_case(published_aircraft, "order-1", {}, 12.0, only=laws)
+    *held, lost = flights
+    for flight in held:
+        assert all(0.0 < flight.used[name].max() < 0.5 for name in ("surface", "state"))
+    assert lost.used["state"][-1] >= 1.0 > lost.used["state"][-2]
+    figure = servo_figure("order-1", flights)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "command",
+        "simvfa-1 = simvfa-1 adaptive",
+        "paper",
+        "limit",
+    ]
+    for axes, used in zip(figure.axes[4:], ("surface", "state"), strict=True):
+        alike, lost_line, _cross, limit = axes.lines
+        np.testing.assert_array_equal(alike.get_ydata(), 100.0 * held[0].used[used])
+        assert lost_line.get_ydata()[-1] == 100.0 * lost.used[used][-1]
+        assert set(limit.get_ydata()) == {100.0}
+
+
+def test_the_share_of_the_way_counts_from_the_trim_to_the_limit_on_that_side() -> None:
+    values = np.array([[1.0, 0.0], [2.5, 0.0], [0.5, 0.0], [1.0, -3.0]])
+    limits = np.array([[0.0, 4.0], [-4.0, 1.0]])
+    np.testing.assert_allclose(share_of_way(values, np.array([1.0, 0.0]), limits), [0.0, 0.5, 0.5, 0.75])
 
 
 def test_every_variant_of_ours_flies(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
