@@ -60,7 +60,7 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
     if not isinstance(listed, Steps):
         return np.array(listed)
     if listed.count > most:
-        raise BadInputError(f"{name} has {listed.count:.3g} points; at most {most:,} are allowed, take a larger step")
+        raise BadInputError(f"{name} has {listed.count:,} points; at most {most:,} are allowed, take a larger step")
     return listed.at(np.arange(listed.count))
 
 

@@ -115,7 +115,7 @@ def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("--sweep", "0:20:0.02"), ("--sweep", "1e+03 points", "at most 151")),
+        (("--sweep", "0:20:0.02"), ("--sweep", "1,001 points", "at most 151")),
         (("--dihedral", "0:20:0.02"), ("--dihedral", "at most 20")),
         (("--sweep", ",".join(f"{i / 20}" for i in range(300))), ("--sweep has 300 angles", "at most 151")),
         (("--sweep", "0:20"), ("--sweep", "start:stop:step")),
