@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import control
+import mpmath
 import numpy as np
 import pytest
 from game_samples import failed_names, game_models, random_game
@@ -116,6 +117,21 @@ def test_a_bound_that_rounding_raises_is_refused_by_the_sweep() -> None:
     K = np.array([[1e10, 0.0]])
     assert swept_gain(STIFF, K).gain < bounded_real_gain(STIFF, K) < math.inf
     assert failed_names(gain_checks(STIFF, K)) == {"l2_gain", "l2_gain_methods_agree"}
+
+
+@pytest.mark.parametrize(("factor", "raised"), [(1e3, 1e-7), (1e5, 2e-4), (1e6, 2e-2)])
+def test_in_a_stiff_loop_the_sweep_is_right_and_the_bound_is_above(factor: float, raised: float) -> None:
+    """At the sweep's frequency the gain in 50 digits is that of the sweep."""
+    game = game_models()["published-15"]
+    K = factor * solve_game(game).K
+    bound, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    with mpmath.workdps(50):
+        A, B, E, Q, R, gain = (mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K))
+        response = mpmath.inverse(mpmath.mpc(0, swept.frequency) * mpmath.eye(len(game.A)) - A + B * gain) * E
+        squares = mpmath.eigh(response.H * (Q + gain.T * R * gain) * response, eigvals_only=True)
+        exact = float(mpmath.sqrt(max(mpmath.re(each) for each in squares)))
+    assert swept.gain == pytest.approx(exact, rel=1e-10)
+    assert exact < bound < exact * (1.0 + raised)
 
 
 def test_the_search_for_the_smallest_delta_needs_a_gain_to_begin_from(monkeypatch: pytest.MonkeyPatch) -> None:
