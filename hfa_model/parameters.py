@@ -160,7 +160,8 @@ def load_parameters(path: Path) -> ParameterSet:
     try:
         data = read_toml(path)
     except OSError as error:
-        raise BadInputError(f"{path}: cannot be read ({error.strerror}); give an existing parameters file") from error
+        known = f"give an existing parameters file, or the name of a set: {', '.join(NAMED)}"
+        raise BadInputError(f"{path}: cannot be read ({error.strerror}); {known}") from error
     covariance_table = data.pop("covariance", {})
     if not isinstance(covariance_table, dict):
         raise BadInputError(

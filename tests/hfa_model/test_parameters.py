@@ -200,6 +200,10 @@ def test_the_named_sets_are_there() -> None:
     errors = default_parameters().standard_errors
     off = {name: abs(getattr(identified, name) - getattr(released, name)) / error for name, error in errors.items()}
     assert max(off.values()) < 3.0, off
+    with pytest.raises(
+        BadInputError, match=r"gibson: cannot be read .*; .*, or the name of a set: identified, gibson-2011-"
+    ):
+        load_parameters(Path("gibson"))
     with pytest.raises(BadInputError, match="unknown parameter set 'gibson'; choose from identified, gibson-2011"):
         named_parameters("gibson")
 
