@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prove or check, and report."""
-    from verification.arithmetic.balls import flint_or_refusal
+    from verification.arithmetic import flint_or_refusal
 
     flint_or_refusal()
     if arguments.check is not None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
+from flint import arb, arb_series
 
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
@@ -24,8 +25,6 @@ class BallFunction:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        from flint import arb
-
         self._name, self._size = function.name(), function.sz_w()
         self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
         self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
@@ -74,8 +73,6 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 def constant_part(value: Any) -> Any:
     """The ball that a power series takes at 0, or a Taylor model on its box; a ball is its own."""
-    from flint import arb, arb_series
-
     if isinstance(value, arb):
         return value
     return value[0] if isinstance(value, arb_series) else value.range()
@@ -83,8 +80,6 @@ def constant_part(value: Any) -> Any:
 
 def _at_most(x: Any, y: Any) -> Any:
     """1 where x <= y, 0 where x > y; both must be certain."""
-    from flint import arb
-
     first, second = constant_part(x), constant_part(y)
     if first <= second:
         return arb(1)
@@ -94,8 +89,6 @@ def _at_most(x: Any, y: Any) -> Any:
 
 
 def _below(x: Any, y: Any) -> Any:
-    from flint import arb
-
     return arb(1) - _at_most(y, x)
 
 

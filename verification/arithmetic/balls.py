@@ -9,64 +9,38 @@ Computers 66 (2017).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb, arb_mat
 
-from hfa_model.support.errors import BadInputError
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
-
-#: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand operations.
-PRECISION = 192
 #: Relative radius that holds the decimal from which a double was read, also by way of degrees: four units of 2^-53.
 READING = 2.0**-51
 
 
-def flint_or_refusal() -> Any:
-    """The module `flint` with its precision set; BadInputError, one line, when it is not installed."""
-    try:
-        import flint
-    except ImportError as error:
-        raise BadInputError("proofs need python-flint; install it with `pip install .[proof]`") from error
-    flint.ctx.prec = PRECISION
-    return flint
-
-
 def exact(value: float) -> arb:
     """The ball of radius 0 at a double."""
-    from flint import arb
-
     return arb(float(value))
 
 
 def as_read(value: float) -> arb:
     """A ball about a double that also holds the decimal, or the degrees, that it was read from."""
-    from flint import arb
-
     return arb(float(value), abs(float(value)) * READING)
 
 
 def interval(low: Any, high: Any) -> arb:
     """The ball that holds everything between two numbers or balls."""
-    from flint import arb
-
     return arb(low).union(arb(high))
 
 
 def symmetric(radius: Any) -> arb:
     """[-r, r] with r the largest absolute value of a number or ball."""
-    from flint import arb
-
     bound = abs(arb(radius)).upper()
     return interval(-bound, bound)
 
 
 def matrix(values: Any) -> arb_mat:
     """A matrix of doubles as exact balls; of decimals in strings as balls that hold them."""
-    from flint import arb, arb_mat
-
     return arb_mat([[arb(entry) for entry in row] for row in np.asarray(values).tolist()])
 
 
@@ -82,8 +56,6 @@ def radii(values: arb_mat) -> np.ndarray:
 
 def filled(rows: int, columns: int, value: Any) -> arb_mat:
     """A matrix with the same entry everywhere."""
-    from flint import arb_mat
-
     return arb_mat([[value] * columns for _ in range(rows)])
 
 
@@ -94,8 +66,6 @@ def symmetric_part(values: arb_mat) -> arb_mat:
 
 def map_entries(function: Any, values: arb_mat) -> arb_mat:
     """The matrix of f(entry)."""
-    from flint import arb_mat
-
     return arb_mat([[function(entry) for entry in row] for row in values.tolist()])
 
 
@@ -106,8 +76,6 @@ def inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
 
 def norm(entries: Iterable[arb]) -> arb:
     """sqrt(Σ entry²): of a matrix the Frobenius norm."""
-    from flint import arb
-
     known = list(entries)
     low, high = (sum((end(entry) ** 2 for entry in known), arb(0)) for end in (arb.abs_lower, arb.abs_upper))
     return low.sqrt().union(high.sqrt())

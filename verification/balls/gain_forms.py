@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb_mat
 
 from controller.game.zero_sum import Game, published_game
 from verification.arithmetic.ball_function import Undecided
@@ -15,9 +16,6 @@ from verification.balls.inertia import counted
 from verification.balls.trim_branch import ModelForms
 from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare import solve_game
-
-if TYPE_CHECKING:
-    from flint import arb_mat
 
 Polynomial = list["arb_mat"]
 #: How much wider than what Newton's step shows the solution is sought.
@@ -47,8 +45,6 @@ def gain_form(forms: ModelForms) -> GainForm:
     about its inverse, E = -C F(P̂) + (I - C L) E + C (E S E) has one solution |E| < reach at every τ, and L stays
     invertible: no mode of A - S P crosses the axis.
     """
-    from flint import arb_mat
-
     A, B = ([*form.parts[:3], last] for form, last in zip((forms.A, forms.B), forms.cubic, strict=True))
     game = published_game(doubles(A[0]), doubles(B[0]))
     units = balanced_units(game)

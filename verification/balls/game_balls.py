@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from flint import arb, arb_mat
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
@@ -23,9 +23,6 @@ from verification.arithmetic.balls import (
 from verification.balls.inertia import counted
 from verification.riccati.balancing import balanced_units, in_units
 from verification.riccati.gare_schur import schur_solution
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
 
 #: Newton's steps on balls, at most: near the solution the number of digits that are right doubles with each.
 _STEPS = 20
@@ -153,8 +150,6 @@ def unstable_modes(A: arb_mat) -> int | None:
 
 def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
     """L⁻¹ F(P) and a bound of the norm of L⁻¹ (Frobenius, as n² x n² matrix)."""
-    from flint import arb_mat
-
     n = P.nrows()
     loop = game.A - S * P
     residual = game.A.transpose() * P + P * game.A + game.Q() - P * S * P
@@ -168,8 +163,6 @@ def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
 
 def lyapunov_operator(loop: arb_mat) -> arb_mat:
     """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row."""
-    from flint import arb_mat
-
     n = loop.nrows()
     rows = loop.tolist()
     entries = [[exact(0.0)] * (n * n) for _ in range(n * n)]

@@ -9,17 +9,14 @@ matrices form a convex cone: one H serves a whole box when it serves the corners
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from flint import arb_mat
 
 from verification.arithmetic.balls import doubles, is_positive_definite, matrix, pivots, radii
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.taylor import roomy
-
-if TYPE_CHECKING:
-    from flint import arb_mat
-
-    from verification.arithmetic.taylor_model import TaylorModel
 
 
 class ProvedModes(NamedTuple):
@@ -32,8 +29,6 @@ class ProvedModes(NamedTuple):
 
 def counted(A: TaylorModel | arb_mat, rate: float = 0.0) -> ProvedModes | None:
     """Eigenvalues right of the line Re λ = -a, of every matrix; None when one may lie on it."""
-    from verification.arithmetic.taylor_model import TaylorModel
-
     whole = TaylorModel.of(A)
     middle, *additions = whole.parts
     for H, turn in candidates(doubles(middle), rate, additions, additions[3:]):

@@ -7,15 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
+
+from flint import arb, arb_series
 
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact, interval
-
-if TYPE_CHECKING:
-    from flint import arb, arb_series
-
-    from verification.arithmetic.taylor_model import TaylorModel
+from verification.arithmetic.taylor_model import TaylorModel
 
 Proved = TypeVar("Proved")
 
@@ -81,15 +79,11 @@ def bisected(
 
 def radians(degrees: arb) -> arb:
     """The angle in radians, π enclosed."""
-    from flint import arb
-
     return degrees * arb.pi() / 180
 
 
 def dihedral_series(degrees: arb, length: int) -> arb_series:
     """η(τ) = degrees + τ, in radians, as a series in τ (degrees) of `length` coefficients."""
-    from flint import arb_series
-
     return arb_series([radians(degrees), radians(exact(1.0))], prec=length)
 
 

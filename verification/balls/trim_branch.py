@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from flint import arb, arb_mat, arb_series
 
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, STATES
 from trim.point.solve import find_operating_point
+from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import BallFunction, Undecided
-from verification.arithmetic.balls import as_read, exact, flint_or_refusal, symmetric
+from verification.arithmetic.balls import as_read, exact, symmetric
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import ORDER, DihedralBox, dihedral_series, radians
 from verification.balls.trim_equations import TrimEquations, coefficients
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
-
-    from verification.arithmetic.taylor_model import TaylorModel
 
 _COLUMNS = range(len(INPUTS))
 #: Least half width of a box of unknowns: what is known exactly still needs an interior.
@@ -168,8 +167,6 @@ class TrimBranch:
 
         w(η, p) = w(η, p_0) + Σ_k ∂w/∂p_k (p_k - p_0k), with the derivatives -F_w⁻¹ F_p anywhere between.
         """
-        from flint import arb_mat
-
         widths = [value.rad() * 2 + abs(value).upper() * _FIRST for value in known]
         found = self._around(self._all, box, known, widths)
         slopes: list[arb_mat] = []
@@ -188,8 +185,6 @@ class TrimBranch:
 
     def _moved(self, k: int, width: arb) -> TrimEquations:
         """The parameter k as a series in its half widths."""
-        from flint import arb_series
-
         parameters = list(self._all.parameters)
         parameters[k] = arb_series([parameters[k], width], prec=2)
         return replace(self._all, parameters=parameters)
@@ -204,8 +199,6 @@ class TrimBranch:
 
 def _matrix(entries: list[list[arb]], order: int, rows: Sequence[int], columns: Sequence[int]) -> arb_mat:
     """One coefficient of a matrix that is stored column by column."""
-    from flint import arb_mat
-
     height = len(entries) if len(columns) == 1 else len(STATES)
     return arb_mat([[entries[height * j + i][order] for j in columns] for i in rows])
 
@@ -219,7 +212,5 @@ def _form(
     errors: Sequence[arb_mat] = (),
 ) -> TaylorModel:
     """F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange)."""
-    from verification.arithmetic.taylor_model import TaylorModel
-
     middle = [_matrix(thin, j, rows, columns) * box.radius**j for j in range(ORDER)]
     return TaylorModel(*middle, _matrix(wide, ORDER, rows, columns) * symmetric(box.radius**ORDER), *errors)

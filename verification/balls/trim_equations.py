@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb, arb_mat, arb_series
 
 from hfa_model.vectors import INPUTS, STATES
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import doubles, inside, matrix, symmetric
 from verification.balls.steady_flights import EQUATIONS
 from verification.balls.taylor import dihedral_series, radians
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
 
 #: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
 _ATTEMPTS = 6
@@ -38,8 +36,6 @@ class TrimEquations:
         self, dihedral: Any, series: Sequence[Sequence[arb]], length: int
     ) -> tuple[list[Any], list[Any], list[Any]]:
         """States, inputs and parameters; dihedral in rad, the unknowns as coefficients."""
-        from flint import arb_series
-
         values: dict[str, Any] = self.imposed | {"dihedral": dihedral}
         for name, own in zip(self.free, series, strict=True):
             values[name] = arb_series(list(own[:length]), prec=length)
@@ -53,8 +49,6 @@ class TrimEquations:
 
     def derivative(self, degrees: arb, values: list[arb]) -> arb_mat:
         """F_w at constant arguments."""
-        from flint import arb_mat
-
         _, A, B = self.jacobians(*self.arguments(radians(degrees), [[value] for value in values], 1))
         n, flat = len(STATES), [coefficients(each, 1)[0] for each in [*A, *B]]
         columns = {name: flat[n * j : n * j + n] for j, name in enumerate(STATES + INPUTS)}
@@ -74,16 +68,12 @@ class TrimEquations:
 
     def newton(self, degrees: arb, values: list[arb]) -> tuple[list[arb], arb_mat]:
         """C F(w, η) and C, the inverse of F_w rounded to doubles."""
-        from flint import arb_mat
-
         inverse = matrix(np.linalg.inv(doubles(self.derivative(degrees.mid(), values))))
         residual = self.residual(radians(degrees), [[value] for value in values], 1)
         return (inverse * arb_mat([[series[0]] for series in residual])).entries(), inverse
 
     def contracted(self, degrees: arb, middle: list[arb], widths: list[arb]) -> list[arb]:
         """Balls about `middle` that Krawczyk's operator maps into their interior, as it leaves them."""
-        from flint import arb_mat
-
         step, inverse = self.newton(degrees, middle)
         identity = matrix(np.eye(len(middle)))
         for _ in range(_ATTEMPTS):
@@ -99,8 +89,6 @@ class TrimEquations:
 
     def branch(self, degrees: arb, start: list[arb], length: int) -> list[list[arb]]:
         """Taylor coefficients w_0 .. in the dihedral, degrees, of the branch through `start`; a list an unknown."""
-        from flint import arb_mat
-
         series, solved = [[value] for value in start], self.inverse(degrees, start)
         for j in range(1, length):
             residual = self.residual(dihedral_series(degrees, j + 1), series, j + 1)
@@ -112,8 +100,6 @@ class TrimEquations:
 
 def coefficients(value: Any, length: int) -> list[arb]:
     """Of a series or a ball, `length` of them."""
-    from flint import arb
-
     if isinstance(value, arb):
         return [value] + [arb(0)] * (length - 1)
     return [value[index] for index in range(length)]

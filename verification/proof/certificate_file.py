@@ -16,7 +16,7 @@ from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.version import toolchain_version
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
-from verification.arithmetic.balls import flint_or_refusal
+from verification.arithmetic import flint_or_refusal
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox
 from verification.proof.rate_proof import RateProof

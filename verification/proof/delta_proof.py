@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from flint import acb, acb_mat, arb
 
 from hfa_model.support.errors import NoSolutionError
 from verification.arithmetic.balls import exact
 from verification.balls.game_balls import BallGame, enclose_solution
 from verification.riccati.balancing import balanced_units
 from verification.riccati.existence import DeltaMin
-
-if TYPE_CHECKING:
-    from flint import arb
 
 #: Relative width of the bracket, where the middle of a wider one can be decided.
 WIDTH = 1e-6
@@ -110,8 +108,6 @@ def _hamiltonian(game: BallGame) -> list[list[arb]]:
 
 def _determinant(hamiltonian: list[list[arb]], frequency: float) -> arb:
     """The real part of det(j ω I - H); its imaginary part is 0."""
-    from flint import acb, acb_mat
-
     rows = [[acb(-entry) for entry in row] for row in hamiltonian]
     for i, row in enumerate(rows):
         row[i] += acb(0, exact(frequency))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb_mat
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import NoSolutionError
@@ -18,9 +19,6 @@ from verification.proof.certificate_file import flights_claim
 from verification.proof.delta_proof import frequencies_around_axis
 from verification.proof.solution_proof import CriticProof, Distance, SolutionProof, games_of
 from verification.proof.stated_model import stated_point
-
-if TYPE_CHECKING:
-    from flint import arb_mat
 
 #: The certificate states a radius and a reach this much larger than proved: the checker encloses in another way.
 _WIDER = 4.0

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb_mat
 
 from controller.game.zero_sum import published_game
 from hfa_model.provenance import Provenance
@@ -16,17 +17,13 @@ from hfa_model.support.jsonable import jsonable
 from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import INPUT_SCALES
 from verification.arithmetic.balls import doubles
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.gain_forms import GainForm, gain_form
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, bisected
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated
-
-if TYPE_CHECKING:
-    from flint import arb_mat
-
-    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Cells in which curvatures are bounded, deg: every node of a grid is an end of one.
 _CELL = 2.0**-4

@@ -6,24 +6,21 @@ import math
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from flint import arb_mat
 
 from controller.policy.gain_table import GainTable
 from hfa_model.support.telling import Progress, told
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, bisected, roomy
 from verification.balls.trim_branch import TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
-
-if TYPE_CHECKING:
-    from flint import arb_mat
-
-    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Largest distance between two angles at which P is given, deg.
 _STEP = 0.125
@@ -87,8 +84,6 @@ def prove_rate(
     P solves A_c'P + P A_c = -W at some angles, with one W for all, and is linear between: V is continuous, its
     derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
     """
-    from verification.arithmetic.taylor_model import TaylorModel
-
     branch = TrimBranch(family)
     angles = _angles(segments(table, low, high))
     boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]

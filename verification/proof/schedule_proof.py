@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.inertia import counted
 from verification.balls.steady_flights import Family
 from verification.balls.taylor import DihedralBox, bisected
 from verification.balls.trim_branch import ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
-
-if TYPE_CHECKING:
-    from verification.arithmetic.taylor_model import TaylorModel
 
 Said = TypeVar("Said")
 

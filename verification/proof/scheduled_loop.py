@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +10,9 @@ from controller.policy.gain_table import GainTable
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.arithmetic.balls import exact, matrix
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.taylor import DihedralBox
 from verification.balls.trim_branch import ModelForms
-
-if TYPE_CHECKING:
-    from verification.arithmetic.taylor_model import TaylorModel
 
 _STATES = len(LINEAR_STATES)
 
@@ -35,8 +32,6 @@ def segments(table: GainTable, low: float, high: float) -> list[DihedralBox]:
 
 def closed_loop(table: GainTable, forms: ModelForms) -> TaylorModel:
     """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ on a box that crosses no angle of the table."""
-    from verification.arithmetic.taylor_model import TaylorModel
-
     box, n = forms.box, table.K.shape[-1]
     index = int(np.searchsorted(table.dihedral_deg, box.low, side="right")) - 1
     first, second = (exact(angle) for angle in table.dihedral_deg[index : index + 2].tolist())

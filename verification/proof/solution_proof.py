@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from flint import arb, arb_mat
 
 from controller.game.basis import Basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.arithmetic.balls import flint_or_refusal, matrix, norm
+from verification.arithmetic import flint_or_refusal
+from verification.arithmetic.balls import matrix, norm
 from verification.balls.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
 from verification.balls.steady_flights import Family
 from verification.balls.trim_branch import TrimBranch
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
-
-if TYPE_CHECKING:
-    from flint import arb_mat
 
 
 class Distance(NamedTuple):
@@ -140,8 +139,6 @@ def _distance(values: arb_mat, target: arb_mat) -> Distance:
 
 def _weights(P: arb_mat, basis: Basis) -> arb_mat:
     """W with W'ψ(z) = z'Pz, (M, 1): P_ii and 2 P_ij, then zeros."""
-    from flint import arb, arb_mat
-
     row, column = np.triu_indices(basis.states)
     entries = [P[i, j] if i == j else 2 * P[i, j] for i, j in zip(row.tolist(), column.tolist(), strict=True)]
     return arb_mat([[entry] for entry in [*entries, *[arb(0)] * (basis.size - len(entries))]])

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from flint import arb
 
 from trim.point.condition import SCALES
 from verification.arithmetic.balls import exact
+from verification.arithmetic.taylor_model import TaylorModel
 from verification.balls.taylor import radians
 from verification.balls.trim_branch import ModelForms, TrimBranch
-
-if TYPE_CHECKING:
-    from flint import arb
-
-    from verification.arithmetic.taylor_model import TaylorModel
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.
 _WIDER = 1.5

@@ -14,9 +14,9 @@ from proof_cases import family, model_at
 
 from hfa_model import STATES, VARIANTS, BadInputError
 from hfa_model.aircraft import compiled_dynamics
-from verification.arithmetic import ball_function
+from verification.arithmetic import PRECISION, ball_function, flint_or_refusal
 from verification.arithmetic.ball_function import BallFunction, Undecided
-from verification.arithmetic.balls import PRECISION, exact, flint_or_refusal
+from verification.arithmetic.balls import exact
 
 Balls = list[Any]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from flint import arb
 
-from verification.arithmetic.balls import flint_or_refusal, inside, is_positive_definite, matrix, pivots
+from verification.arithmetic import flint_or_refusal
+from verification.arithmetic.balls import inside, is_positive_definite, matrix, pivots
 
 INFINITE = arb("inf")
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from verification.arithmetic.balls import exact, filled, flint_or_refusal, matrix, symmetric
+from verification.arithmetic import flint_or_refusal
+from verification.arithmetic.balls import exact, filled, matrix, symmetric
 from verification.balls.game_balls import is_hurwitz, unstable_modes
 
 

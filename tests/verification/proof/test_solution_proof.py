@@ -11,7 +11,8 @@ from controller import Game, basis, published_game
 from controller.game.history import StoredCritic
 from hfa_model import BadInputError, NoSolutionError
 from verification import minimum_delta, prove_critic, prove_solution, solve_game
-from verification.arithmetic.balls import flint_or_refusal, matrix
+from verification.arithmetic import flint_or_refusal
+from verification.arithmetic.balls import matrix
 from verification.balls.game_balls import BallGame, enclose_solution
 from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
 from verification.proof.solution_proof import distance
