@@ -1,4 +1,4 @@
-"""What the exact solution of a game says: its policies, its certificate, its flight and its margins."""
+"""What the exact solution of a game says: from its states with flight and margins, from measured outputs alone."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
+from hfa_model.reporting.unit_system import in_force, unit_in_force
 from hfa_model.support.errors import NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.telling import Progress
@@ -20,6 +21,7 @@ from verification.riccati.balancing import in_units, normal_form
 from verification.riccati.existence import DeltaMin, minimum_delta
 from verification.riccati.frequency_response import DiskMargin, disk_margin, gain_checks
 from verification.riccati.gare import GameSolution, solve_game
+from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
 
 SCHEMA = "hfa.game-solution/1"
 
@@ -124,3 +126,49 @@ def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...])
         },
         "disk_margin": {key: finite_or_none(value) for key, value in found.disk._asdict().items()},
     }
+
+
+def output_report(problem: OutputGame, sensors: tuple[str, ...], units: tuple[str, ...]) -> Report:
+    """The central controller of the game when only the sensors are known.
+
+    Raises NoSolutionError that names the condition that fails.
+    """
+    smallest, condition = minimum_output_delta(problem)
+    delta = problem.game.delta
+    if delta < smallest:
+        raise NoSolutionError(
+            f"from measured outputs alone delta = {delta:.9g} is below delta_min = {smallest:.7g}, where the "
+            f"{condition} fails; ask for a larger delta, or measure more"
+        )
+    found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()
+    of_noise = [f"({unit})^2 s" for unit in units]
+    rows = [
+        (name, f"{in_force(value, unit):.4g}", unit_in_force(unit))
+        for name, value, unit in zip(sensors, noise, of_noise, strict=True)
+    ]
+    return Report(
+        title=f"From measured outputs alone: delta {delta:.6g}, smallest possible {smallest:.7g}"
+        + (f", where the {condition} ends it" if condition != "none" else ""),
+        parts=(
+            Table(("sensor", "noise", "unit"), rows),
+            f"coupling rho(XY) / delta^2: {found.coupling:.6g}, must stay below 1",
+            checks_block(found.checks),
+        ),
+        data={
+            "sensors": list(sensors),
+            "sensor_units": list(units),
+            "C": problem.C.tolist(),
+            "D": problem.D.tolist(),
+            "noise": noise,
+            "delta_min": smallest,
+            "delta_min_condition": condition,
+            "delta_margin": finite_or_none(delta / smallest) if smallest > 0.0 else None,
+            "coupling": found.coupling,
+            "X": found.X.tolist(),
+            "Y": found.Y.tolist(),
+            "Ak": found.Ak.tolist(),
+            "Bk": found.Bk.tolist(),
+            "Ck": found.Ck.tolist(),
+            "checks": [check.to_dict() for check in found.checks],
+        },
+    )

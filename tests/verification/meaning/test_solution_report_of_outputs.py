@@ -8,7 +8,7 @@ import pytest
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import OutputGame
-from verification.meaning.output_report import output_report
+from verification.meaning.solution_report import output_report
 
 ONE = np.eye(1)
 
