@@ -12,8 +12,8 @@ from proof_cases import family
 
 from hfa_model import VARIANTS
 from hfa_model.aircraft import compiled_dynamics
+from verification.arithmetic import PRECISION
 from verification.arithmetic.ball_function import BallFunction
-from verification.arithmetic.balls import PRECISION
 from verification.arithmetic.taylor_model import TaylorModel
 
 

@@ -14,7 +14,7 @@ from proof_cases import ORIGIN, exact_table, family, forge
 
 from hfa_model import BadInputError
 from verification import check_certificate, prove_rate, prove_schedule
-from verification.arithmetic.balls import PRECISION
+from verification.arithmetic import PRECISION
 from verification.checker.checker import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
