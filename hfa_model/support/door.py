@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import importlib.util
 import os
@@ -28,16 +29,16 @@ def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     homes = DOORS[package] = _homes(package)
     names = sorted(homes)
 
+    @functools.cache
     def look_up(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}; it offers {', '.join(names)}")
-        module = importlib.import_module(homes[name])
-        found = getattr(module, name)
+        found = getattr(importlib.import_module(homes[name]), name)
         if isinstance(found, type):
             explained_class(found)
         elif isinstance(found, FunctionType) and not hasattr(found, "__wrapped__"):
             found = explained(name, found)
-            setattr(module, name, found)  # one function, whichever way it is reached: it can be pickled
+            found.__module__ = package  # where it is found again when it is pickled
         return found
 
     def list_names() -> list[str]:

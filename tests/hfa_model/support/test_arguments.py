@@ -117,3 +117,9 @@ def test_a_function_is_one_and_travels_to_other_processes() -> None:
     assert trim.find_operating_point is trim.find_operating_point
     assert pickle.loads(pickle.dumps(trim.find_operating_point)) is trim.find_operating_point
     assert str(inspect.signature(trim.find_operating_point)).startswith("(aircraft: 'Aircraft', condition: ")
+
+
+def test_a_module_that_was_loaded_before_the_door_opened_keeps_its_function() -> None:
+    inside = inspect.unwrap(trim.find_operating_point)
+    assert inside is not trim.find_operating_point
+    assert pickle.loads(pickle.dumps(inside)) is inside
