@@ -25,7 +25,7 @@ WORK: dict[str, Callable[[Aircraft, Game], object]] = {
     "ordered Schur form": lambda _, game: has_value(game),
     "array for CasADi": lambda *_: casadi.DM(np.eye(2)),
     "least effort": lambda aircraft, _: find_operating_point(aircraft, load_condition("simvfa-64").at(0.2)),
-    "identification": lambda *_: identify(starts=1),
+    "identification": lambda *_: identify(),
 }
 
 
