@@ -81,7 +81,7 @@ def ended_by_signals() -> Iterator[None]:
         return
     defaults = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
     ours = {number: handler for number, handler in defaults.items() if signal.getsignal(number) == handler}
-    print_it = sys.unraisablehook
+    print_it, outside = sys.unraisablehook, _handled()
     came: list[type[KeyboardInterrupt]] = []
     on_its_way, over = set[int](), False
 
@@ -95,7 +95,7 @@ def ended_by_signals() -> Iterator[None]:
 
     def watch(number: int) -> None:
         time.sleep(_MOMENT)
-        while not over and _handles_an_exception(threading.main_thread()):
+        while not over and _handled() not in (None, outside):
             time.sleep(_MOMENT)
         if not over:
             on_its_way.discard(number)
@@ -121,10 +121,10 @@ def ended_by_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _handles_an_exception(thread: threading.Thread) -> bool:
-    """Whether a thread is within an `except` or `finally` that an exception has led to."""
-    found = sys._current_exceptions().get(thread.ident or 0)
-    return found not in (None, (None, None, None))  # Python 3.11 has three for each
+def _handled() -> object:
+    """The exception in whose `except` or `finally` the main thread is, or None."""
+    found = sys._current_exceptions().get(threading.main_thread().ident or 0)
+    return found[1] if isinstance(found, tuple) else found  # Python 3.11 has its type and traceback beside it
 
 
 def _give(number: signal.Signals) -> None:

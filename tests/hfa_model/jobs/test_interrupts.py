@@ -68,6 +68,11 @@ def test_a_signal_that_comes_where_python_only_prints_it_is_given_again(
     with pytest.raises(KeyboardInterrupt) as raised, ended_by_signals():
         work()
     assert raised.type is ending
+    try:
+        raise ValueError
+    except ValueError:  # what is handled outside has nothing to do with it
+        with pytest.raises(ending), ended_by_signals():
+            work()
 
 
 @ended_by_signals()
