@@ -12,9 +12,11 @@ import pytest
 from flint import ctx
 from proof_cases import ORIGIN, exact_table, family, forge
 
-from hfa_model import BadInputError
-from verification import check_certificate, prove_rate, prove_schedule
+from hfa_model import INPUTS, STATES, Aircraft, BadInputError
+from trim.point.named_condition import LEVEL_FLIGHT
+from verification import Family, check_certificate, prove_rate, prove_schedule
 from verification.arithmetic import PRECISION
+from verification.checker import checker
 from verification.checker.checker import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
@@ -239,3 +241,31 @@ def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(BadInputError):
         check_certificate(path)
+
+
+def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the trim's equations along each unknown, against central differences; pitch = alpha + gamma."""
+    path = tmp_path / "certificate.json"
+    flights = Family(Aircraft(), LEVEL_FLIGHT.changed(free=("alpha",), hold={"elevator_outer": 0.0}))
+    table = exact_table(14.0, 14.125)
+    ScheduleCertificate(flights, table, 14.0, 14.125, path, ORIGIN).finish(prove_schedule(flights, table, 14.0, 14.125))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    box, found = content["boxes"]["loop"][0], list[Any]()
+    monkeypatch.setattr(checker, "check_root", lambda _, derivative, __: found.append(derivative.range()))
+    checker.model_on(content["statement"], box)
+
+    point = dict.fromkeys((*STATES, *INPUTS), 0.0) | content["statement"]["imposed"]
+    point |= {name: numbers[0] for name, numbers in box["trim"].items()}
+    point |= {"dihedral": np.radians(np.mean(box["dihedral_deg"])), "pitch": point["alpha"] + point["gamma"]}
+
+    def rates(name: str, step: float) -> np.ndarray:
+        at = point | {name: point[name] + step}
+        at["pitch"] += step * (name == "alpha")
+        values = flights.aircraft.rates([at[each] for each in STATES], [at[each] for each in INPUTS])
+        return values[[STATES.index(each) for each in ("speed", "alpha", "pitch_rate", "dihedral_rate")]]
+
+    differences = np.transpose([(rates(name, 1e-5) - rates(name, -1e-5)) / 2e-5 for name in box["trim"]])
+    middle = np.array([[float(entry.mid()) for entry in row] for row in found[0].tolist()])
+    np.testing.assert_allclose(middle, differences, rtol=1e-3, atol=1e-3 * np.abs(differences).max())
