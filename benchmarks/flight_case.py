@@ -20,7 +20,6 @@ from controller.game.zero_sum import published_game
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.policy.critic_policy import CriticPolicy
 from controller.policy.signals import Harmonic, Signal, zero
-from controller.samples.stack_equations import GAME
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.published import published_models
 from verification.riccati.gare import solve_game
@@ -98,7 +97,7 @@ class FlightCase:
             "B": game.B,
             "RB": game.R_inverse_B_transposed,
             "scales": equations.scales,
-            "S": equations.S(GAME),
+            "S": equations.S,
             "Q": equations.Q,
             "regressors": stored.regressors,
             "residuals": stored.residuals,

@@ -60,27 +60,38 @@ class Basis:
         return np.where(row == column, 1.0, 0.5)
 
     @cached_property
+    def _orders(self) -> np.ndarray:
+        """p = 0 .. the highest exponent."""
+        return np.arange(self.exponents.max() + 1.0)
+
+    @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places of each factor z_c^p in the table of powers: of ψ_m (M, n), of ∂ψ_m/∂z_i (M, n, n) by (m, i, c).
+        """Places of each factor z_c^p in the table of powers: of ψ_m (M, k), of ∂ψ_m/∂z_i (M, n, k), k channels each.
 
         A derivative of a factor that is not there gets the exponent 0 and is multiplied by the exponent 0.
         """
-        place = np.arange(self.states) * (int(self.exponents.max()) + 1)
+        absent = self.exponents == 0
+        channels = np.argsort(absent, axis=1, kind="stable")[:, : np.count_nonzero(~absent, axis=1).max()]
+        place = np.arange(self.states) * len(self._orders)
         lowered = np.maximum(self.exponents[:, None, :] - np.eye(self.states, dtype=int)[None], 0)
-        return place + self.exponents, place + lowered
+        return (
+            np.take_along_axis(place + self.exponents, channels, axis=-1),
+            np.take_along_axis(place + lowered, channels[:, None, :], axis=-1),
+        )
 
-    def _powers(self, z: np.ndarray) -> np.ndarray:
-        """z_c^p for p = 0 .. the highest exponent, flat: (..., n (highest + 1))."""
-        powers = z[..., :, None] ** np.arange(int(self.exponents.max()) + 1)
-        return powers.reshape(*z.shape[:-1], -1)
+    def _products(self, z: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Of the powers of z (..., n) at these places: (..., *factors.shape[:-1])."""
+        powers = (z[..., :, None] ** self._orders).reshape(*z.shape[:-1], -1)
+        product: np.ndarray = powers[..., factors].prod(axis=-1)
+        return product
 
     def psi(self, z: np.ndarray) -> np.ndarray:
         """ψ(z): (..., n) -> (..., M)."""
-        return np.prod(self._powers(z)[..., self._factors[0]], axis=-1)
+        return self._products(z, self._factors[0])
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
         """∂ψ/∂z: (..., n) -> (..., M, n)."""
-        return self.exponents * np.prod(self._powers(z)[..., self._factors[1]], axis=-1)
+        return self.exponents * self._products(z, self._factors[1])
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
         """P of the quadratic part z'Pz of W'ψ(z): P_ii = W, P_ij = W/2; (n, n) symmetric."""

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.samples.stack_equations import GAME, StackEquations
+from controller.samples.stack_equations import StackEquations
 
 #: Residuals below this count as this in the curvature, which is infinite at 0.
 CURVATURE_FLOOR = 1e-14
+#: The smallest normal number: dividing 0 by it gives 0.
+TINY = float(np.finfo(float).tiny)
 #: Most Newton steps of one implicit step, and the relative step at which it has converged.
 MOST_STEPS, SETTLED = 60, 1e-10
 
@@ -30,7 +32,7 @@ class Sample(NamedTuple):
 
 def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
     """n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root"); the print does not tell which."""
-    squared = 1.0 + np.sum(regressors**2, axis=-1)
+    squared = 1.0 + (regressors**2).sum(axis=-1)
     return squared if kind == "squared" else np.sqrt(squared)
 
 
@@ -47,10 +49,10 @@ def bellman(
     The policies are those of the value `policy_weights`: B û + E d̂ = -½ S ∂ψ'W_p, and their cost is
     ¼ (∂ψ'W_p)' S (∂ψ'W_p). gradient: (N, M, n), ∂ψ_j. drifts: (N, n), F_j. costs: (N,), z'Qz.
     """
-    value_gradient = np.swapaxes(gradient, -1, -2) @ policy_weights
+    value_gradient = policy_weights @ gradient
     pushed = value_gradient @ S
     regressors = (gradient @ (drifts - 0.5 * pushed)[..., None])[..., 0]
-    return regressors, regressors @ weights + costs + 0.25 * np.sum(pushed * value_gradient, axis=-1)
+    return regressors, regressors @ weights + costs + 0.25 * (pushed * value_gradient).sum(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,24 +79,29 @@ class RecordedStack:
         """σ_j and the cost of the stored policies, both independent of the current weights."""
         e, policy = self.equations, self.frozen_weights
         assert policy is not None
-        return bellman(e.gradient, e.drifts, self._costs, e.S(GAME), np.zeros(e.basis.size), policy)
+        return bellman(e.gradient, e.drifts, self._costs, e.S, np.zeros(e.basis.size), policy)
 
     def raw(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """σ_j and e_j before normalisation."""
         e = self.equations
         if self.frozen_weights is None:
-            return bellman(e.gradient, e.drifts, self._costs, e.S(GAME), weights, weights)
+            return bellman(e.gradient, e.drifts, self._costs, e.S, weights, weights)
         regressors, costs = self._frozen
         return regressors, regressors @ weights + costs
 
     @cached_property
-    def _frozen_normaliser(self) -> np.ndarray:
-        return normaliser(self._frozen[0], self.kind)
+    def _frozen_sample(self) -> tuple[np.ndarray, np.ndarray]:
+        """n_j and σ̄_j of the stored policies."""
+        n = normaliser(self._frozen[0], self.kind)
+        return n, self._frozen[0] / n[:, None]
 
     def at(self, weights: np.ndarray) -> Sample:
         """σ̄_j and ē_j at the current weights."""
         regressors, residuals = self.raw(weights)
-        n = normaliser(regressors, self.kind) if self.frozen_weights is None else self._frozen_normaliser
+        if self.frozen_weights is not None:
+            n, normalised = self._frozen_sample
+            return Sample(normalised, residuals / n)
+        n = normaliser(regressors, self.kind)
         return Sample(regressors / n[:, None], residuals / n)
 
 
@@ -136,8 +143,8 @@ def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: floa
     magnitude = np.abs(residuals)
     low = magnitude ** (1.0 - eta)
     # |e|^(1+η) = |e|² / |e|^(1-η) costs no second power; at 0 both are 0.
-    high = np.divide(magnitude * magnitude, low, out=np.zeros_like(low), where=low > 0.0)
-    result: np.ndarray = np.sign(residuals) * ((alpha1 + 1.0) * low + (alpha2 + 1.0) * high)
+    high = magnitude * magnitude / np.maximum(low, TINY)
+    result: np.ndarray = np.copysign((alpha1 + 1.0) * low + (alpha2 + 1.0) * high, residuals)
     return result
 
 
@@ -158,7 +165,7 @@ def explicit_step_limit(sample: Sample, gamma: float, alpha1: float, alpha2: flo
 
     c_j: `curvatures`. It shrinks to 0 as any residual approaches 0.
     """
-    stiffness = curvatures(sample.residuals, alpha1, alpha2, eta, floor=np.finfo(float).tiny)
+    stiffness = curvatures(sample.residuals, alpha1, alpha2, eta, floor=TINY)
     with np.errstate(over="ignore"):
         fastest = gamma * float(np.linalg.norm(np.sqrt(stiffness)[:, None] * sample.regressors, 2)) ** 2
     return 2.0 / fastest if fastest > 0.0 else math.inf
@@ -180,16 +187,16 @@ def proximal_step(
     Returns a vector with entries that are not finite when the powers overflow.
     """
 
-    def objective(trial: np.ndarray) -> float:
-        magnitude = np.abs(at(trial).residuals)
+    def tried(trial: np.ndarray) -> tuple[float, Sample]:
+        sample = at(trial)
+        magnitude = np.abs(sample.residuals)
         powers = (alpha1 + 1.0) * magnitude ** (2.0 - eta) / (2.0 - eta)
         powers = powers + (alpha2 + 1.0) * magnitude ** (2.0 + eta) / (2.0 + eta)
-        return float(np.sum((trial - weights) ** 2) / (2.0 * gamma * step) + np.sum(powers))
+        return float(((trial - weights) ** 2).sum() / (2.0 * gamma * step) + powers.sum()), sample
 
     inertia = 1.0 / np.sqrt(gamma * step)
-    current, value = weights, objective(weights)
+    current, (value, sample) = weights, tried(weights)
     for _ in range(MOST_STEPS):
-        sample = at(current)
         push = signed_powers(sample.residuals, alpha1, alpha2, eta)
         magnitude = np.maximum(np.abs(sample.residuals), CURVATURE_FLOOR)
         root = np.sqrt((alpha1 + 1.0) * magnitude**-eta + (alpha2 + 1.0) * (1.0 + eta) * magnitude**eta)
@@ -200,11 +207,11 @@ def proximal_step(
         orthogonal, triangular = np.linalg.qr(rows)
         direction = np.linalg.solve(triangular, orthogonal.T @ right)
         fraction = 1.0
-        while (lower := objective(current + fraction * direction)) > value and fraction > 1e-12:
+        while (found := tried(current + fraction * direction))[0] > value and fraction > 1e-12:
             fraction *= 0.5
-        if not lower <= value:
+        if not found[0] <= value:
             return current
-        current, value = current + fraction * direction, lower
+        current, (value, sample) = current + fraction * direction, found
         if fraction * np.linalg.norm(direction) <= SETTLED * (1.0 + np.linalg.norm(current)):
             return current
     return current

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from controller.laws.published_equations import (
 from controller.laws.run import Memory, Run
 from controller.samples import recording
 from controller.samples.recording import Stack
-from controller.samples.stack_equations import GAME, StackEquations
+from controller.samples.stack_equations import StackEquations
 from hfa_model.support.errors import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
@@ -79,6 +79,14 @@ class PublishedSettings:
             raise BadInputError(f"gains are {self.gains}; they must be two numbers (alpha1, alpha2) of at least 0")
 
 
+class Flown(NamedTuple):
+    """The simulated state as a stack of one: ∂ψ (1, M, n), F = A z (1, n) and z'Qz (1,)."""
+
+    gradient: np.ndarray
+    drifts: np.ndarray
+    costs: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class PublishedLaw:
     """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46).
@@ -122,7 +130,7 @@ class PublishedLaw:
     def explicit_step_limit(self) -> float:
         """The largest stable explicit step at the start, with the current sample, s."""
         s, memory = self.settings, self.start()
-        sample = self._all_samples(memory["weights"], memory["error"])
+        sample = self._all_samples(memory["weights"], self._flown(memory["error"]))
         return explicit_step_limit(sample, s.gamma, *self.gains, s.eta)
 
     @property
@@ -176,23 +184,27 @@ class PublishedLaw:
         return {"weights": weights, "error": error}
 
     def _step(self, weights: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        s, (alpha1, alpha2) = self.settings, self.gains
+        s, (alpha1, alpha2), flown = self.settings, self.gains, self._flown(error)
         if s.integrator == "proximal":
-            new = proximal_step(
-                self._frozen_normaliser(weights, error), weights, s.step, s.gamma, alpha1, alpha2, s.eta
-            )
+            at = self._frozen_normaliser(weights, flown)
+            new = proximal_step(at, weights, s.step, s.gamma, alpha1, alpha2, s.eta)
         else:
-            slope = update_direction(self._all_samples(weights, error), s.gamma, alpha1, alpha2, s.eta)
+            slope = update_direction(self._all_samples(weights, flown), s.gamma, alpha1, alpha2, s.eta)
             new = weights + s.step * slope
-        if len(error) == 0:
+        if flown is None:
             return new, error
-        return new, error + s.step * self._error_rate(weights, error)
+        return new, error + s.step * self._error_rate(weights, flown)
 
-    def _current(self, weights: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """σ and e of the simulated state, F = A z."""
-        e, z = self.equations, error[None, :]
-        gradient = self.basis.gradient(z)
-        return bellman(gradient, z @ self._plant.T, np.sum((z @ e.Q) * z, axis=-1), e.S(GAME), weights, weights)
+    def _flown(self, error: np.ndarray) -> Flown | None:
+        """The simulated state, None when none is flown."""
+        if len(error) == 0:
+            return None
+        z = error[None, :]
+        return Flown(self.basis.gradient(z), z @ self._plant.T, ((z @ self.equations.Q) * z).sum(axis=-1))
+
+    def _current(self, weights: np.ndarray, flown: Flown) -> tuple[np.ndarray, np.ndarray]:
+        """σ and e of the simulated state."""
+        return bellman(*flown, self.equations.S, weights, weights)
 
     @cached_property
     def _plant(self) -> np.ndarray:
@@ -200,30 +212,31 @@ class PublishedLaw:
         scales = self.equations.scales
         return self.game.A * scales[None, :] / scales[:, None]
 
-    def _error_rate(self, weights: np.ndarray, error: np.ndarray) -> np.ndarray:
+    def _error_rate(self, weights: np.ndarray, flown: Flown) -> np.ndarray:
         """z' = A z + B û, û = -½ R⁻¹B' ∂ψ'W."""
-        gradient = self.basis.gradient(error).T @ weights
-        rate: np.ndarray = self._plant @ error - 0.5 * self.equations.S_control @ gradient
+        gradient = flown.gradient[0].T @ weights
+        rate: np.ndarray = flown.drifts[0] - 0.5 * self.equations.S_control @ gradient
         return rate
 
-    def _all_samples(self, weights: np.ndarray, error: np.ndarray) -> Sample:
+    def _all_samples(self, weights: np.ndarray, flown: Flown | None) -> Sample:
         stored = self.history.at(weights)
-        if len(error) == 0:
+        if flown is None:
             return stored
-        regressors, residuals = self._current(weights, error)
+        regressors, residuals = self._current(weights, flown)
         n = normaliser(regressors, self.settings.normalisation)
         return Sample(
-            np.vstack([regressors / n[:, None], stored.regressors]), np.concatenate([residuals / n, stored.residuals])
+            np.concatenate([regressors / n[:, None], stored.regressors]),
+            np.concatenate([residuals / n, stored.residuals]),
         )
 
-    def _frozen_normaliser(self, weights: np.ndarray, error: np.ndarray) -> Any:
+    def _frozen_normaliser(self, weights: np.ndarray, flown: Flown | None) -> Any:
         """W -> samples with the normaliser of the start of the step, so that ∂ē/∂W = σ̄ within it."""
 
         def raw(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             regressors, residuals = self.history.raw(trial)
-            if len(error):
-                now = self._current(trial, error)
-                regressors, residuals = np.vstack([now[0], regressors]), np.concatenate([now[1], residuals])
+            if flown is not None:
+                now = self._current(trial, flown)
+                regressors, residuals = np.concatenate([now[0], regressors]), np.concatenate([now[1], residuals])
             return regressors, residuals
 
         n = normaliser(raw(weights)[0], self.settings.normalisation)

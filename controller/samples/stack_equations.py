@@ -88,9 +88,10 @@ class StackEquations:
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
-    def S(self, problem: PartialGame) -> np.ndarray:
-        """S_s = S_u - s S_d/δ², (n, n)."""
-        return self.S_control - problem.share * self.S_disturbance
+    @cached_property
+    def S(self) -> np.ndarray:
+        """S_u - S_d/δ² of the game itself, (n, n)."""
+        return self.S_control - self.S_disturbance
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
         """Regressors and residuals of all samples at scaled weights (M,), which are not written to afterwards.

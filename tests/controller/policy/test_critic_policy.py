@@ -17,7 +17,6 @@ from controller.laws.published_equations import Sample, bellman, normaliser, upd
 from controller.laws.published_law import PublishedLaw, published_law
 from controller.policy.critic_policy import CriticPolicy, forcing
 from controller.policy.signals import zero
-from controller.samples.stack_equations import GAME
 from hfa_model import BadInputError, published_models
 from verification import solve_game
 
@@ -42,7 +41,7 @@ def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> 
     gradient = law.basis.gradient(y)
     drift = ((law.game.A @ z + r) / e.scales)[None, :]
     cost = np.einsum("ji,ji->j", y @ e.Q, y)
-    sigma, residual = bellman(gradient, drift, cost, e.S(GAME), W, W)
+    sigma, residual = bellman(gradient, drift, cost, e.S, W, W)
     n = normaliser(sigma, s.normalisation)
     stored = law.history.at(W)
     everything = Sample(
