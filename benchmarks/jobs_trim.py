@@ -12,10 +12,8 @@ from benchmarks.timing import in_turn
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
-from trim.linear.linear_model import linearize
+from trim.linear.linear_model import level_model
 from trim.linear.modes import track_modes
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
 from trim.sweeps.level_flights import level_conditions, solve_level_flights
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
@@ -71,7 +69,7 @@ def _one_point() -> Row:
 
     timing = in_turn(ours, peer, units=100, peer_units=20)
     aircraft = Aircraft(parameters)
-    exact = linearize(aircraft, find_operating_point(aircraft, level_flight(np.radians(10.0))))
+    exact = level_model(aircraft, np.radians(10.0))
     _, model = peer_point(system, np.radians(10.0))
     error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
     return Row(

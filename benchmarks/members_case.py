@@ -16,7 +16,7 @@ from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
-from trim.linear.linear_model import linearize
+from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from verification.riccati.gare import solve_game
@@ -44,7 +44,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
     aircraft = Aircraft(default_parameters().values)
-    model = linearize(aircraft, find_operating_point(aircraft, level_flight(float(np.radians(15.0)))))
+    model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
     scenario = Scenario(duration, uncertainty=_UNCERTAIN)
     return _plan(members, 15.0, "nonlinear", law, scenario, flight_envelope(aircraft.parameters, model.point))

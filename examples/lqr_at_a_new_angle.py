@@ -20,7 +20,7 @@ import control
 import numpy as np
 
 from hfa_model import Aircraft, default_parameters
-from trim import find_operating_point, level_flight, linearize
+from trim import find_operating_point, level_flight, level_model, linearize
 
 aircraft = Aircraft(default_parameters().values)
 point = find_operating_point(aircraft, level_flight(np.radians(10.0)))
@@ -49,6 +49,6 @@ for name, row in zip(plant.input_labels, u, strict=True):
     print(f"largest {name:15} {np.abs(shown).max():6.2f} {unit}")
 
 for degrees in (5.0, 15.0):
-    other = linearize(aircraft, find_operating_point(aircraft, level_flight(np.radians(degrees))))
+    other = level_model(aircraft, np.radians(degrees))
     abscissa = max(np.linalg.eigvals(other.A - other.B @ K).real)
     print(f"the same gain at {degrees:g} deg: slowest pole {abscissa:+.4f} 1/s")

@@ -55,7 +55,7 @@ class DampedPolicyIteration:
 
 
 aircraft = hfa_model.Aircraft()
-model = trim.linearize(aircraft, trim.find_operating_point(aircraft, trim.level_flight(5 * hfa_model.DEGREE)))
+model = trim.level_model(aircraft, 5 * hfa_model.DEGREE)
 game = controller.published_game(model)
 run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))
 history = controller.History(run.history["time"], W=run.history["weights"])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from trim.linear.entry_bands import entry_bands as entry_bands
     from trim.linear.linear_model import (
         LinearModel as LinearModel,
+        level_model as level_model,
         linear_model_report as linear_model_report,
         linearize as linearize,
     )

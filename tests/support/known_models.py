@@ -9,14 +9,14 @@ import numpy as np
 
 from controller import Game, published_game
 from hfa_model import Aircraft
-from trim import LinearModel, find_operating_point, level_flight, linearize
+from trim import LinearModel, level_model
 from verification import solve_game
 
 
 @lru_cache(maxsize=64)
 def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
     aircraft = Aircraft(dynamics=dynamics)
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(math.radians(degrees))))
+    return level_model(aircraft, math.radians(degrees))
 
 
 @lru_cache(maxsize=64)

@@ -14,10 +14,9 @@ from hfa_model.published import PublishedModel, published_models
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import TONES, Table, Toned, four_decimals
 from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel, level_model
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 #: Half units up to which an entry has each tone but the last: it prints the same, one off, at most two off.
 MOST_HALF_UNITS = (1.0, 2.0, 3.0)
@@ -75,7 +74,7 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 
 def regenerate(aircraft: Aircraft, published: PublishedModel) -> LinearModel:
     """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(published.dihedral)))
+    return level_model(aircraft, published.dihedral)
 
 
 def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:

@@ -18,7 +18,9 @@ from hfa_model.winds import DISTURBANCE_UNIT
 from trim.linear.bands import Bands
 from trim.linear.modes import modes_of, modes_table
 from trim.linear.output_model import UPDRAFT, OutputModel, output_model
+from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
@@ -279,3 +281,8 @@ def linearize(
         watched = output_model(aircraft, point, seen, STATES, disturbances or UPDRAFT, ground_drag=ground_drag)
     model = LinearModel(A, B, STATES, INPUTS, point, watched)
     return model if full else model.select(LINEAR_STATES)
+
+
+def level_model(aircraft: Aircraft, dihedral: float) -> LinearModel:
+    """A, B at the paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
+    return linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))

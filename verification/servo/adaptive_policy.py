@@ -19,9 +19,10 @@ from controller.policy.scheduled import DihedralTable
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from trim.linear.linear_model import level_model
 from trim.point.operating_point import OperatingPoint
 from verification.servo.adaptive_parts import Memory
-from verification.servo.reference_model import RATE, REGULATED, ReferenceModel, models_at, reference_model
+from verification.servo.reference_model import RATE, REGULATED, ReferenceModel, reference_model
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
@@ -91,7 +92,9 @@ def adaptive_law(
 ) -> FlownLaw:
     """The law of a kind from its nominal parameters. order: of the actuators. angles: of the tables, rad."""
     design = load_design(f"simvfa-{order}")
-    models = [reference_model(design_model(aircraft, model, design)) for model in models_at(aircraft, angles)]
+    models = [
+        reference_model(design_model(aircraft, level_model(aircraft, angle), design)) for angle in angles.tolist()
+    ]
     outputs = MeasuredOutputs(aircraft, point, (RATE, *REGULATED))
     policy = kind(commands, outputs, point.states.dihedral, angles, models, design.inputs)
     fastest = max(float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models)

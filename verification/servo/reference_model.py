@@ -13,9 +13,7 @@ from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import NoSolutionError
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.linear_model import LinearModel, level_model
 from verification.riccati.gare import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
@@ -114,14 +112,8 @@ def refuse_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
 
 def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
     """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`."""
-    return servo_of(aircraft, design, models_at(aircraft, dihedrals), [])
-
-
-def models_at(aircraft: Aircraft, dihedrals: np.ndarray) -> list[LinearModel]:
-    """Linear models of level flight at the angles, rad."""
-    return [
-        linearize(aircraft, find_operating_point(aircraft, level_flight(float(angle)))) for angle in dihedrals.tolist()
-    ]
+    models = [level_model(aircraft, dihedral) for dihedral in dihedrals.tolist()]
+    return servo_of(aircraft, design, models, [])
 
 
 def servo_of(

@@ -18,9 +18,7 @@ from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.jsonable import finite_or_none
 from hfa_model.support.telling import Progress, told
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.linear_model import LinearModel, level_model
 from verification.riccati.existence import minimum_delta
 from verification.riccati.gare import solve_game
 from verification.riccati.output_feedback import (
@@ -54,7 +52,7 @@ def design_controller(
     found, models = [], []
     for dihedral in told(dihedrals.tolist(), progress):
         try:
-            model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
+            model = level_model(aircraft, dihedral)
             models.append(model)
             found.append(controller_at(aircraft, model, design, feedback, value))
         except NoSolutionError as error:

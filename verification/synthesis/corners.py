@@ -16,9 +16,7 @@ from hfa_model.reporting.checks import Check, below, checks_block
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.telling import Progress, told
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.linear_model import LinearModel, level_model
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 
 #: Ends of the ranges: share of a command that arrives, and rad/s.
@@ -124,7 +122,7 @@ def check_corners(
     worst: list[Found] = []
     unstable = loops = 0
     for dihedral in told(angles.tolist(), progress):
-        model = linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
+        model = level_model(aircraft, dihedral)
         for corner, loop in corner_loops(aircraft, model, controller):
             abscissa, loops = loop.abscissa, loops + 1
             margins = [0.0, 0.0]

@@ -14,9 +14,7 @@ from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.linear_model import LinearModel, level_model
 from verification.riccati.gare_schur import quick_solution
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import controller_at, controller_table
@@ -34,11 +32,11 @@ class DesignEvaluation:
 
     def __init__(self, aircraft: Aircraft, tuning: Tuning) -> None:
         self._aircraft, self._tuning = aircraft, tuning
-        self._models = {angle: _model(aircraft, angle) for angle in (*tuning.angles, *dict(tuning.places))}
+        self._models = {angle: level_model(aircraft, angle) for angle in (*tuning.angles, *dict(tuning.places))}
         self._in_gusts = []
         for gust in tuning.gusts:
             flown = Aircraft(aircraft.parameters, gust.dynamics or aircraft.variant)
-            self._in_gusts.append((flown, _model(flown, gust.dihedral), gust))
+            self._in_gusts.append((flown, level_model(flown, gust.dihedral), gust))
 
     def at(self, values: np.ndarray) -> Evaluation:
         """Of values of the variables."""
@@ -115,10 +113,6 @@ class DesignEvaluation:
         table = tables[angle]
         plant = servo_plant(self._aircraft, self._models[angle], table, dict.fromkeys(table.inputs, actuator))
         return plant, servo_loop(plant, table)
-
-
-def _model(aircraft: Aircraft, angle: float) -> LinearModel:
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(angle)))
 
 
 def _margin(loop: ServoLoop) -> float:

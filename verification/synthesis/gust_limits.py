@@ -15,9 +15,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.errors import NoSolutionError
-from trim.linear.linear_model import linearize
-from trim.point.condition import level_flight
-from trim.point.solve import find_operating_point
+from trim.linear.linear_model import level_model
 from verification.flights.best_inputs import best_inputs
 from verification.synthesis.moving_air import LARGEST, gust_held
 from verification.synthesis.tuning import InGust
@@ -70,8 +68,8 @@ def gust_limits(
     ends = sorted({float(controller.dihedrals[0]), float(controller.dihedrals[-1])})
     controller.refuse_other(aircraft, ends[0], ends[-1])
     for dihedral in ends:
-        point = find_operating_point(aircraft, level_flight(dihedral))
-        model, envelope = linearize(aircraft, point), flight_envelope(aircraft.parameters, point)
+        model = level_model(aircraft, dihedral)
+        point, envelope = model.point, flight_envelope(aircraft.parameters, model.point)
         for sign in (1.0, -1.0):
             held = gust_held(aircraft, model, controller, InGust(dihedral, acting, LENGTH, sign))
             try:

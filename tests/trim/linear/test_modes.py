@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hfa_model import LINEAR_STATES, STATES, Aircraft
-from trim import find_operating_point, level_flight, linearize, modes_of
+from trim import find_operating_point, level_flight, level_model, linearize, modes_of
 from trim.linear.compare import eigenvalue_errors
 
 
@@ -71,7 +71,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
 def test_modes_of_the_aircraft(aircraft: Aircraft, degrees: float) -> None:
-    model = linearize(aircraft, find_operating_point(aircraft, level_flight(float(np.radians(degrees)))))
+    model = level_model(aircraft, float(np.radians(degrees)))
     modes = modes_of(model.A, model.states)
     names = [mode.name for mode in modes]
     assert len(set(names)) == len(names)

@@ -7,8 +7,9 @@ import pytest
 
 from controller import design_model, load_design
 from hfa_model import Aircraft, NoSolutionError
+from trim import level_model
 from verification import reference_servo
-from verification.servo.reference_model import ALPHAS, models_at, reference_model, refuse_zeros
+from verification.servo.reference_model import ALPHAS, reference_model, refuse_zeros
 
 ANGLES = np.radians([0.0, 11.0, 20.0])
 
@@ -21,7 +22,8 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
 
     Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; what is slower its stability proof does not cover.
     """
-    for model in models_at(published_aircraft, ANGLES):
+    for angle in ANGLES:
+        model = level_model(published_aircraft, angle)
         found = reference_model(design_model(published_aircraft, model, load_design(f"simvfa-{order}")))
         powers = [np.linalg.matrix_power(found.A, k) @ found.squared_up for k in range(order + 1)]
         B1 = sum(a * each for a, each in zip(ALPHAS[order], powers, strict=True))
@@ -47,7 +49,7 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft) -> None:
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
-    model = models_at(published_aircraft, ANGLES[1:2])[0]
+    model = level_model(published_aircraft, ANGLES[1])
     built = design_model(published_aircraft, model, load_design("simvfa-1"))
     found = reference_model(built)
     A, B, C, D = controller.at(ANGLES[1])

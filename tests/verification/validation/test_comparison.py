@@ -9,7 +9,7 @@ import pytest
 
 from hfa_model import Aircraft, Parameters
 from hfa_model.reporting.text import Table
-from trim import find_operating_point, level_flight, linearize
+from trim import level_model
 from verification import released_trims, validate
 from verification.validation import comparison
 from verification.validation.outside import outside_data, third_printed_model
@@ -67,7 +67,7 @@ def test_half_a_unit_of_the_last_printed_digit() -> None:
 
 def test_an_entry_that_is_printed_as_0_or_1_is_exact(published_aircraft: Aircraft) -> None:
     printed = next(each for each in third_printed_model() if each.name == "A(pitch, pitch_rate)")
-    model = linearize(published_aircraft, find_operating_point(published_aircraft, level_flight(math.radians(10.0))))
+    model = level_model(published_aircraft, math.radians(10.0))
     assert comparison._entry_difference(printed, model).half_units == 0.0
     A = model.A.copy()
     A[model.states.index("pitch"), model.states.index("pitch_rate")] += 1e-9
