@@ -100,8 +100,9 @@ class DeltaMin(NamedTuple):
 
     def advice(self, delta: float) -> str:
         """Where delta stands and what to change when a solution at this delta fails a test."""
-        if self.refused < delta < self.value and self.uncertain:
-            known = f"which rounding leaves between {self.refused:.7g} and {self.value:.7g}"
+        if self.refused < delta < self.value:  # there a value may exist or not
+            between = f"between {self.refused:.9g} and {self.value:.9g}"
+            known = f"which rounding leaves {between}" if self.uncertain else f"which lies {between}"
             return f"delta = {delta:.9g} is too close to delta_min, {known}; ask for a larger delta"
         if delta < self.value:
             return f"delta = {delta:.9g} is below delta_min = {self.value:.7g}; ask for a larger delta"
@@ -194,7 +195,7 @@ def lqr_obstacle(game: Game, failure: str) -> str:
     for value in eigenvalues:
         if abs(value.real) <= RANK * size and dependent(A.T, value, form.Q, size):
             return (
-                f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(value)} costs nothing; "
+                f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(1j * value.imag)} costs nothing; "
                 "give Q weight on it"
             )
     return f"the problem without disturbance (delta = inf) is not certified: {failure}; check the scaling of A, B, Q, R"

@@ -91,7 +91,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
 def _explanation(game: Game, reason: str, progress: Progress | None) -> str:
     """What failed and what delta would do; raises by itself when no delta would do."""
     smallest = minimum_delta(game, progress)
-    verdict = "no value of the game" if game.delta < smallest.value else "not certified"
+    verdict = "no value of the game" if game.delta <= smallest.refused else "not certified"
     return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
 
 

@@ -6,15 +6,19 @@ solution of algebraic Riccati equations I: continuous-time case, SPC 95_22 (1995
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
+from reference_riccati import reference_solution
 
 from controller import Game
-from hfa_model import NoSolutionError
+from hfa_model import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_game
 
 #: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of 1e16.
@@ -101,3 +105,67 @@ def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: flo
     expected, found = minimum_delta(plant), minimum_delta(replace(plant, E=size * plant.E))
     assert found.value == pytest.approx(expected.value * size, rel=3e-6)
     assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
+
+
+# Those without a known solution, with the parameters of the report: against 60 digits, or by what is left.
+
+_PRINTED = json.loads(Path(__file__).with_name("carex.json").read_bytes())["examples"]
+#: Examples that SciPy's own tests bring as files; 20 has 421 states.
+_FILES = (6, 15, pytest.param(18, marks=pytest.mark.slow), 19)
+
+
+def printed(number: int) -> Game:
+    example = _PRINTED[str(number)]
+    return equation(example["A"], example["B"], example["Q"], np.eye(np.shape(example["B"])[1]))
+
+
+def nearly_singular_weight(small: float) -> Game:
+    """Example 8: R is [[1 + small, 1], [1, 1]]."""
+    B, Q = [[0.1, 0.0], [0.001, 0.01]], [[100.0, 1000.0], [1000.0, 10000.0]]
+    return equation(np.diag([-0.1, -0.02]), B, Q, [[1.0 + small, 1.0], [1.0, 1.0]])
+
+
+def remainder(game: Game, P: np.ndarray) -> float:
+    """|A'P + P A + Q - P S P| relative to the largest of its terms, in digits beyond double."""
+    A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
+    terms = [A.T @ X, X @ A, Q, -X @ S @ X]
+    return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
+
+
+@pytest.mark.parametrize(
+    "game",
+    [pytest.param(nearly_singular_weight(small), id=f"8, {small:g}") for small in (1.0, 1e-3, 1e-6)]
+    + [pytest.param(printed(5), id="5")],
+)
+def test_an_equation_without_a_known_solution_is_solved_to_sixty_digits(game: Game) -> None:
+    P, reference = solve_game(game).P, reference_solution(game).P
+    units = 1.0 / np.sqrt(np.diag(reference))
+    for found, right in ((P, True), (P * (1.0 + 1e-9), False)):
+        assert (np.abs((found - reference) * np.outer(units, units)).max() <= 1e-12) == right
+
+
+@pytest.mark.parametrize("number", _FILES)
+def test_an_equation_of_30_to_100_states_is_met(number: int) -> None:
+    file = Path(scipy.linalg.__file__).parent / f"tests/data/carex_{number}_data.npz"
+    if not file.exists():
+        pytest.skip("this SciPy comes without its tests")
+    with np.load(file) as data:
+        game = equation(*(np.atleast_2d(data[name]) for name in "ABQR"))
+    P = solve_game(game).P
+    assert remainder(game, P) <= 1e-12
+    assert remainder(game, P * (1.0 + 1e-9)) > 1e-12
+    assert np.linalg.eigvals(game.A - game.S @ P).real.max() < 0.0
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q"),
+    [
+        *[(_PRINTED[number]["A"], _PRINTED[number]["B"], _PRINTED[number]["Q"]) for number in ("3", "4")],
+        ([[3.0, 1.0], [4.0, 2.0]], [[1.0], [1.0]], [[-11.0, -5.0], [-5.0, -2.0]]),
+    ],
+    ids=["3", "4", "11"],
+)
+def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object) -> None:
+    """Q has a negative eigenvalue, in 3 and 4 by the rounding of its print."""
+    with pytest.raises(BadInputError, match="Q is not positive semidefinite"):
+        equation(A, B, Q, np.eye(np.shape(B)[1]))
