@@ -23,13 +23,13 @@ _ENDS = {
     "_command_end": "",
     "_command_rate": "/s",
     "_command": "",
-    "_feedforward": "",
-    "_feedforward_lag": "",
     "_estimate": "",
     "_measured": "",
     "_integral": " s",
     "_position": "",
 }
+#: Of a feedforward: beyond them the stages are alike to rounding.
+_MOST_STAGES = 12
 _INPUT_RATES = {f"{name}_rate": f"{unit}/s" for name, unit in INPUT_UNITS._asdict().items()}
 
 
@@ -56,31 +56,39 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Feedforward:
-    """u_ff = share Γ w, the inputs that make the aircraft follow the command filter w of
-    r'' = ω² r_end - 2 ζ ω r' - ω² r exactly, when its actuators are `actuator`, through two lags,
-    (1 + lag d/dt)² u = u_ff: no surface sets out with a jump of its rate.
+    """u_ff = Σ_j Σ_k θ_jk z_jk,  lag z_jk' = z_j,k-1 - z_jk,  k = 1..stages,  z_j0 = r_end of the j-th command.
 
-    bandwidth ω: rad/s, damping ζ: 1, of the filter. share: 1, 0 for none. lag: s, 0 for none. known: from 0 to 1, the
-    share of r that the estimator takes for what it is, a command; the rest it takes for a disturbance, to be worked
-    off with the speed of the estimator. BadInputError for any other number.
+    θ makes the errors y - r after a step of one command small, on all `actuators` at once: the sum of importance times
+    weight times the mean square, no input moving faster than the rate of that command times the step.
+
+    lag: s. stages: whole. bandwidth ω: rad/s, damping ζ: 1, of the command filter r'' = ω² r_end - 2 ζ ω r' - ω² r.
+    actuators: by any name, each at every input. importance: of these, 1 without. weights: of outputs, 1 without. rates:
+    rad/s per unit of an output, inf without. BadInputError for a number that is none of these.
     """
 
-    share: float = 1.0
-    lag: float = 0.0
-    known: float = 0.0
+    lag: float = 3.0
+    stages: float = 6
     bandwidth: float = 0.5
     damping: float = 2.0
-    actuator: Actuator = Actuator()
+    actuators: Mapping[str, Actuator] = field(default_factory=lambda: {"designed": Actuator()})
+    importance: Mapping[str, float] = field(default_factory=dict)
+    weights: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse a filter that never arrives."""
-        for name in ("bandwidth", "damping"):
+        """Refuse a filter that never arrives, and a choice among nothing."""
+        for name in ("lag", "bandwidth", "damping"):
             refuse_unless_positive(f"the {name} of a feedforward", getattr(self, name))
-        for name, most in (("share", math.inf), ("lag", math.inf), ("known", 1.0)):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0.0 <= value <= most):
-                limits = "not be negative" if math.isinf(most) else "lie from 0 to 1"
-                raise BadInputError(f"the {name} of a feedforward is {value}; it must {limits}")
+        for name, value in self.rates.items():
+            refuse_unless_positive(f"the rate of {name} of a feedforward", value)
+        if not (1 <= self.stages <= _MOST_STAGES and self.stages == int(self.stages)):
+            raise BadInputError(
+                f"the stages of a feedforward are {self.stages}; give a whole number from 1 to {_MOST_STAGES}"
+            )
+        if not self.actuators:
+            raise BadInputError("a feedforward has no actuators to be made for; name one")
+        for name in self.importance:
+            refuse_unknown("the feedforward has no actuators", name, tuple(self.actuators))
 
 
 @dataclass(frozen=True)
@@ -111,6 +119,7 @@ class Design:
         """Name what is wrong before anything is built."""
         if not self.inputs:
             raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
+        answered = tuple({**self.feedforward.weights, **self.feedforward.rates}) if self.feedforward else ()
         outputs = (*OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
         for what, names, choices in (
             ("input", self.inputs, INPUTS),
@@ -121,6 +130,7 @@ class Design:
             ("sensor", tuple(self.sensors), (*self.plant_states, *self.integral_states, *outputs)),
             ("disturbance", tuple(self.disturbances), DISTURBANCES),
             ("lag of a sensor", tuple(self.sensor_lags), tuple(self.sensors)),
+            ("output of the feedforward", answered, self.integrals),
         ):
             for name in names:
                 refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
@@ -166,7 +176,7 @@ class Design:
 
 def signal_unit(name: str) -> str:
     """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says none."""
-    rest = name.removeprefix("model_").removesuffix(SHORT_PERIOD)
+    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_").removesuffix(SHORT_PERIOD)
     known = _INPUT_RATES | INPUT_UNITS._asdict()
     if rest in known:
         return known[rest]

@@ -23,6 +23,7 @@ NAMED = {
 }
 _KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta")
 _TABLES = ("actuators", "weights", "sensors", "sensor_lags", "feedforward")
+_OF_FEEDFORWARD = ("importance", "weights", "rates")
 
 
 def load_design(name: str) -> Design:
@@ -31,8 +32,9 @@ def load_design(name: str) -> Design:
     inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
     [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
     (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
-    intensity of its noise, [sensor_lags]: its lag in s. [feedforward]: share, lag (s), bandwidth (rad/s) and damping of
-    the command filter, [feedforward.actuator] as above.
+    intensity of its noise, [sensor_lags]: its lag in s. [feedforward]: lag (s), stages, bandwidth (rad/s) and damping
+    of the command filter, [feedforward.actuators.NAME] as above, [feedforward.importance]: NAME = number,
+    [feedforward.weights], [feedforward.rates]: output = number.
     BadInputError names the file, the entry and what is wrong with it.
     """
     return design_of(name, read_design(name))
@@ -60,10 +62,7 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
         integrals=names_of(name, data, "integrals"),
         disturbances=_disturbances(name, data),
         delta=float(delta),
-        actuators={
-            key: Actuator(**_fields(name, f"actuators.{shortened(key)}", table, Actuator))
-            for key, table in table_of(name, data, "actuators").items()
-        },
+        actuators=_actuators(name, "actuators", table_of(name, data, "actuators")),
         state_weights=_numbers(name, weights, "states", "weight"),
         input_weights=_numbers(name, weights, "inputs", "weight"),
         sensors=_numbers(name, data, "sensors", "noise"),
@@ -79,8 +78,19 @@ def _disturbances(where: str, data: Mapping[str, Any]) -> dict[str, float]:
 
 def _feedforward(where: str, data: Mapping[str, Any]) -> Feedforward:
     table = dict(table_of(where, data, "feedforward"))
-    actuator = Actuator(**_fields(where, "feedforward.actuator", table.pop("actuator", {}), Actuator))
-    return Feedforward(**_fields(where, "feedforward", table, Feedforward), actuator=actuator)
+    made: dict[str, Any] = {
+        key: _numbers(where, table, key, f"{key} of the feedforward, that") for key in _OF_FEEDFORWARD if key in table
+    }
+    if "actuators" in table:
+        made["actuators"] = _actuators(where, "feedforward.actuators", table_of(where, table, "actuators"))
+    plain = {key: value for key, value in table.items() if key not in made}
+    return Feedforward(**_fields(where, "feedforward", plain, Feedforward), **made)
+
+
+def _actuators(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
+    return {
+        key: Actuator(**_fields(where, f"{entry}.{shortened(key)}", table, Actuator)) for key, table in tables.items()
+    }
 
 
 def _fields(where: str, entry: str, table: Any, kind: type[Actuator | Feedforward]) -> dict[str, Any]:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.design.design import Design
+from controller.design.design import Actuator, Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.checks import Check
-from verification.synthesis.regulator import regulator
+from verification.synthesis.command_shaping import FedBack, best_feedforward, stage_rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,52 +36,74 @@ def measurements(design: Design, feedback: str) -> tuple[str, ...]:
 
 
 def commands_of(design: Design) -> tuple[str, ...]:
-    """What the controller must be told of the commands: r, and for a feedforward r' and r_end too."""
-    signals = COMMAND_SIGNALS if design.feedforward else COMMAND_SIGNALS[:1]
-    return tuple(f"{name}{signal}" for signal in signals for name in design.integrals)
+    """What the controller must be told of the commands: r, and for a feedforward r_end too."""
+    value, _, end = COMMAND_SIGNALS
+    return tuple(
+        f"{name}{signal}" for signal in (value, *[end] * bool(design.feedforward)) for name in design.integrals
+    )
 
 
 def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearController) -> LinearController:
-    """e' = y - r for the integrals, which are the last states of `found`; with a feedforward what it adds.
+    """e' = y - r for the integrals, which are the last states of `found`; with a feedforward its stages before them.
 
-    (1 + lag d/dt)² u_ff = share Γ w, and the integrals of the estimator are told known r. found.B, found.D: of the
-    measurements; the result's of [measurements; commands].
+    found.B, found.D: of the measurements; the result's of [measurements; commands].
     """
     design, q, m = built.design, len(built.design.integrals), len(built.inputs)
     n, p, shaping = len(found.A), found.B.shape[1], design.feedforward
     names = measurements(design, "output" if n > q else "state")
-    told = np.zeros((n, len(commands_of(design))))
-    B, D = np.hstack([found.B, told]), np.hstack([found.D, np.zeros((m, told.shape[1]))])
+    B, D = np.hstack([found.B, np.zeros((n, q))]), np.hstack([found.D, np.zeros((m, q))])
     for k, output in enumerate(design.integrals):
         B[n - q + k, names.index(output)], B[n - q + k, p + k] = 1.0, -1.0
+    plain = replace(found, B=B, D=D)
     if shaping is None:
-        return replace(found, B=B, D=D)
-    if n > q:
-        estimates = slice(n - 2 * q, n - q)
-        B[estimates, p : p + q] -= shaping.known * np.eye(q)
-    if shaping.share == 0.0:
-        return replace(found, B=B, D=D)
-    acting = replace(
-        design,
-        actuators=dict.fromkeys(design.inputs, shaping.actuator),
-        sensors=dict.fromkeys(design.integrals, 1.0),
+        return plain
+    loops = [
+        _fed_back(
+            _with_actuator(aircraft, built, names, actuator), plain, design.integrals, shaping.importance.get(name, 1.0)
+        )
+        for name, actuator in shaping.actuators.items()
+    ]
+    best = best_feedforward(loops, design.integrals, built, shaping)
+    rates, into = (np.kron(np.eye(q), part) for part in stage_rates(shaping))
+    count = len(rates)
+    return replace(
+        found,
+        A=np.block([[rates, np.zeros((count, n))], [np.zeros((n, count)), found.A]]),
+        B=np.block([[np.zeros((count, p + q)), into.reshape(q, count).T], [B, np.zeros((n, q))]]),
+        C=np.hstack([best.gains, found.C]),
+        D=np.hstack([D, np.zeros((m, q))]),
+        W=np.vstack([np.zeros((count, m)), found.W]),
+        checks=(*found.checks, *best.checks),
+    )
+
+
+def _with_actuator(aircraft: Aircraft, built: DesignModel, names: tuple[str, ...], actuator: Actuator) -> DesignModel:
+    """The plant that measures `names`, with this actuator at every input."""
+    design = replace(
+        built.design,
+        actuators=dict.fromkeys(built.inputs, actuator),
+        sensors=dict.fromkeys(names, 1.0),
         integrals=(),
         state_weights={},
         disturbances={"states": 1.0},
         sensor_lags={},
         feedforward=None,
     )
-    exact = regulator(design_model(aircraft, built.model, acting), shaping)
-    u = np.hstack([np.zeros((m, p)), shaping.share * exact.inputs])
-    if shaping.lag == 0.0:
-        return replace(found, B=B, D=D + u)
-    once, nothing = np.eye(m) / shaping.lag, np.zeros((m, m))
-    lags = np.block([[-once, nothing], [once, -once]])
-    return replace(
-        found,
-        A=np.block([[lags, np.zeros((2 * m, n))], [np.zeros((n, 2 * m)), found.A]]),
-        B=np.vstack([once @ u, np.zeros((m, p + told.shape[1])), B]),
-        C=np.hstack([nothing, np.eye(m), found.C]),
-        D=D,
-        W=np.vstack([nothing, nothing, found.W]),
+    return design_model(aircraft, built.model, design)
+
+
+def _fed_back(plant: DesignModel, plain: LinearController, outputs: tuple[str, ...], importance: float) -> FedBack:
+    """The loop of a plant whose inputs act through actuators, with a controller without a feedforward."""
+    p, nothing = len(plant.C), np.zeros((len(plain.A), len(plant.inputs)))
+    return FedBack(
+        A=np.block(
+            [[plant.A + plant.B @ plain.D[:, :p] @ plant.C, plant.B @ plain.C], [plain.B[:, :p] @ plant.C, plain.A]]
+        ),
+        told=np.vstack([plant.B @ plain.D[:, p:], plain.B[:, p:]]),
+        moved=np.vstack([plant.B, nothing]),
+        errors=np.hstack(
+            [plant.C[[plant.sensors.index(name) for name in outputs]], np.zeros((len(outputs), len(plain.A)))]
+        ),
+        positions=tuple(plant.states.index(f"{name}_position") for name in plant.inputs),
+        importance=importance,
     )

@@ -162,9 +162,9 @@ def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, 
 
 
 def _states(design: Design, feedback: str) -> tuple[str, ...]:
-    lagged = bool(design.feedforward and design.feedforward.share and design.feedforward.lag)
+    stages = range(1, int(design.feedforward.stages) + 1) if design.feedforward else ()
     return (
-        *(f"{name}_{stage}" for stage in ("feedforward_lag", "feedforward") for name in design.inputs if lagged),
+        *(f"{name}_command_end_lag_{stage}" for name in design.integrals for stage in stages),
         *(f"{name}_estimate" for name in design.states if feedback == "output"),
         *design.integral_states,
     )

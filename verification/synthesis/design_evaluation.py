@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -44,9 +45,9 @@ class DesignEvaluation:
 
     def held(self, entries: Mapping[str, Any]) -> tuple[float, ...]:
         """Of the entries of a design file, the largest peak stood in each gust of the search, ft/s, as `gust_held`."""
-        design = design_of(self._tuning.name, entries)
+        still = replace(design_of(self._tuning.name, entries), feedforward=None)
         return tuple(
-            gust_held(flown, model, quick_controller(flown, model, design), gust)
+            gust_held(flown, model, quick_controller(flown, model, still), gust)
             for flown, model, gust in self._in_gusts
         )
 
@@ -55,8 +56,12 @@ class DesignEvaluation:
         tuning = self._tuning
         try:
             design = design_of(tuning.name, entries)
-            tables = {angle: quick_controller(self._aircraft, model, design) for angle, model in self._models.items()}
-            in_gusts = [quick_controller(flown, model, design) for flown, model, _ in self._in_gusts]
+            still, commanded = replace(design, feedforward=None), {case.dihedral for case in tuning.cases}
+            tables = {
+                angle: quick_controller(self._aircraft, model, design if angle in commanded else still)
+                for angle, model in self._models.items()
+            }
+            in_gusts = [quick_controller(flown, model, still) for flown, model, _ in self._in_gusts]
         except (BadInputError, NoSolutionError, np.linalg.LinAlgError):
             return Evaluation(2.0 * LOST, math.inf)
         corners = (

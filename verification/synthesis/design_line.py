@@ -116,18 +116,10 @@ def design_line(
 ) -> DesignLine:
     """entries: of the design file named `toward`. The flights, gusts and corners are those of the search."""
     evaluation, points = DesignEvaluation(aircraft, tuning), []
-    first, second = _with_feedforward(tuning.start, entries), _with_feedforward(entries, tuning.start)
     for number, share in enumerate(SHARES, 1):
-        design = between(first, second, share)
+        design = between(tuning.start, entries, share)
         found = evaluation.of(design)
         points.append(OnTheLine(share, found, evaluation.held(design) if found.errors else ()))
         if progress is not None:
             progress(number, len(SHARES))
     return DesignLine(tuning, toward, tuple(points))
-
-
-def _with_feedforward(entries: Mapping[str, Any], other: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A design without [feedforward] is one of share 0 of that of the other."""
-    if "feedforward" in entries or "feedforward" not in other:
-        return entries
-    return {**entries, "feedforward": {**other["feedforward"], "share": 0.0, "known": 0.0}}

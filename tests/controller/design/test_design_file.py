@@ -40,14 +40,17 @@ def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
     updraft = 2.0
     commands = 3.0
     [feedforward]
-    share = 0.5
-    actuator = {order = 2, bandwidth = 1.5}
+    lag = 0.5
+    actuators.weak = {order = 2, bandwidth = 1.5}
+    importance.weak = 2.0
+    rates.dihedral = 0.3
     """
     own.write_text(text, encoding="utf-8")
     design = load_design(str(own))
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
     assert design.sensor_lags == {"pitch_rate": 0.1}
-    assert design.feedforward == Feedforward(share=0.5, actuator=Actuator(2, 1.5, damping=0.7, effectiveness=1.0))
+    weak = {"weak": Actuator(2, 1.5, damping=0.7, effectiveness=1.0)}
+    assert design.feedforward == Feedforward(0.5, actuators=weak, importance={"weak": 2.0}, rates={"dihedral": 0.3})
     assert load_design("simvfa-1").disturbances == {"states": 1.0}
     assert load_design("simvfa-1").feedforward is None
 
@@ -65,8 +68,11 @@ def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
         ("[actuators.throttle]\nlag = 3", "unknown entry actuators.throttle.lag; choose from order, bandwidth"),
         ("[actuators.throttle]\nbandwidth = '3'", "actuators.throttle.bandwidth is '3'; give a number"),
         ("feedforward = 1", "feedforward is 1; make it the table [feedforward]"),
-        ("[feedforward]\ngain = 1", "unknown entry feedforward.gain; choose from share, lag"),
-        ("[feedforward]\nactuator = 1", "feedforward.actuator is 1; make it the table"),
+        ("[feedforward]\ngain = 1", "unknown entry feedforward.gain; choose from lag, stages"),
+        ("[feedforward]\nactuators = 1", "actuators is 1; make it the table"),
+        ("[feedforward.actuators]\nweak = 1", "feedforward.actuators.weak is 1; make it the table"),
+        ("[feedforward]\nlag = '1'", "feedforward.lag is '1'; give a number"),
+        ("[feedforward.rates]\ndihedral = 'x'", "the rates of the feedforward, that of dihedral is 'x'; give a number"),
         ("[disturbance]\nupdraft = 'x'", "the intensity of updraft is 'x'; give a number"),
         ("delta = -1", "delta is -1; give a positive number"),
         ("delta = true", "delta is True"),

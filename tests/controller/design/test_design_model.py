@@ -210,12 +210,28 @@ def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"share": -1.0}, {"bandwidth": 0.0}, {"damping": math.inf}, {"lag": -0.1}, {"known": 1.1}]
+    ("changes", "message"),
+    [
+        ({"bandwidth": 0.0}, "the bandwidth of a feedforward is 0.0; it must"),
+        ({"damping": math.inf}, "the damping of a feedforward is inf; it must"),
+        ({"lag": -0.1}, "the lag of a feedforward is -0.1; it must"),
+        ({"stages": 2.5}, "the stages of a feedforward are 2.5; give a whole number from 1 to 12"),
+        ({"stages": 13}, "the stages of a feedforward are 13; give"),
+        ({"actuators": {}}, "a feedforward has no actuators to be made for; name one"),
+        ({"importance": {"weak": 1.0}}, "the feedforward has no actuators 'weak'; choose from designed"),
+        ({"rates": {"dihedral": 0.0}}, "the rate of dihedral of a feedforward is 0.0; it must"),
+    ],
 )
-def test_what_is_no_feedforward_is_refused(changes: dict) -> None:
-    (name,) = changes
-    with pytest.raises(BadInputError, match=f"the {name} of a feedforward is .*; it must"):
+def test_what_is_no_feedforward_is_refused(changes: dict, message: str) -> None:
+    with pytest.raises(BadInputError) as caught:
         Feedforward(**changes)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("entry", ["weights", "rates"])
+def test_a_feedforward_answers_integrated_outputs(entry: str) -> None:
+    with pytest.raises(BadInputError, match="unknown output of the feedforward 'dihedrl'; choose from dihedral"):
+        replace(load_design("simvfa-1"), feedforward=Feedforward(**{entry: {"dihedrl": 1.0}}))
 
 
 @pytest.mark.parametrize("changes", [{"order": 3}, {"effectiveness": 0.0}, {"bandwidth": -1.0}, {"damping": math.nan}])

@@ -15,7 +15,6 @@ from verification.riccati.output_feedback import closed_loop
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.command_path import LinearController, measurements
 from verification.synthesis.controllers import controller_at, design_controller
-from verification.synthesis.regulator import regulator
 from verification.synthesis.servo_loop import servo_plant
 
 ANGLES = np.radians([9.0, 11.0])
@@ -51,38 +50,38 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Airc
 
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
 def test_output_feedback_has_the_poles_of_the_central_controller(published_aircraft: Aircraft, delta: float) -> None:
-    design = measured_servo(delta=delta, feedforward=Feedforward(lag=0.5))
+    design = measured_servo(delta=delta, feedforward=Feedforward(lag=0.5, stages=2))
     built = design_model(published_aircraft, model_at(11.0), design)
     problem = OutputGame(built.game(), built.C, built.D, built.V)
     exact = solve_output_feedback(problem)
     loop, found = whole(published_aircraft, design, "output")
     poles = np.linalg.eigvals(closed_loop(problem, (exact.Ak, exact.Bk, exact.Ck))[0])
-    same_poles(loop, np.concatenate([poles, [-2.0] * 4]))  # and two lags of each input of the feedforward
+    same_poles(loop, np.concatenate([poles, [-2.0] * 4]))  # and two stages of each command
     assert found.delta_min < delta
 
 
 @pytest.mark.parametrize("feedback", ["state", "output"])
-def test_the_feedforward_and_what_the_estimator_is_told(published_aircraft: Aircraft, feedback: str) -> None:
-    shaping = Feedforward(share=0.5, known=0.25)
+def test_a_feedforward_is_added_to_what_is_fed_back(published_aircraft: Aircraft, feedback: str) -> None:
     plain, told = (
         controller_at(published_aircraft, model_at(11.0), measured_servo(feedforward=each), feedback)
-        for each in (None, shaping)
+        for each in (None, Feedforward(stages=3))
     )
-    p = len(measurements(measured_servo(), feedback))
-    np.testing.assert_array_equal(told.B[:, :p], plain.B[:, :p])
+    p, n = len(measurements(measured_servo(), feedback)), len(plain.A)
     np.testing.assert_array_equal(plain.B[-2:, p:], -np.eye(2))
-    np.testing.assert_array_equal(told.B[-2:, p:], -np.eye(2, 6))
-    if feedback == "output":
-        np.testing.assert_array_equal(told.B[-4:-2, p:], -0.25 * np.eye(2, 6))
-    outputs = measured_servo(sensors={"dihedral": 1.0, A_Z: 1.0}, integrals=(), state_weights={}, feedforward=None)
-    exact = regulator(design_model(published_aircraft, model_at(11.0), outputs), shaping)
-    np.testing.assert_allclose(told.D[:, p:], 0.5 * exact.inputs)
+    for part, rows, columns in (("A", n, n), ("B", n, p + 2), ("C", 2, n), ("D", 2, p + 2), ("W", n, 2)):
+        place = slice(-columns, None) if part in "AC" else slice(columns)
+        np.testing.assert_array_equal(getattr(told, part)[-rows:, place], getattr(plain, part))
+    assert not told.A[6:, :6].any()
+    assert not told.B[:6, : p + 2].any()
+    assert not told.W[:6].any()
+    rest = np.linalg.solve(told.A[:6, :6], -told.B[:6, p + 2 :])  # r_end after some time, stage by stage
+    np.testing.assert_allclose(rest, np.kron(np.eye(2), np.ones((3, 1))))
 
 
 def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_aircraft: Aircraft) -> None:
     ends = np.column_stack([np.radians([1.0, 2.0, -1.0]), [-1.0, 1.0, 0.0]])
     errors = []
-    for shaping in (None, Feedforward()):
+    for shaping in (None, Feedforward(weights={A_Z: 0.0})):
         design = measured_servo(feedforward=shaping)
         table = design_controller(published_aircraft, design, np.radians([11.0]))
         plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
@@ -93,7 +92,8 @@ def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_
 def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft) -> None:
     output = design_controller(published_aircraft, measured_servo(), ANGLES)
     assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
-    assert output.commands[:3] == ("dihedral_command", f"{A_Z}_command", "dihedral_command_rate")
+    assert output.commands[:3] == ("dihedral_command", f"{A_Z}_command", "dihedral_command_end")
+    assert output.states[5:7] == ("dihedral_command_end_lag_6", f"{A_Z}_command_end_lag_1")
     assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
     assert output.command_filter == (0.5, 2.0)
     assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES)

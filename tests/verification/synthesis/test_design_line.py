@@ -66,20 +66,6 @@ def test_a_line_flies_the_designs_on_it(
     assert [each.get_text() for each in axes.texts] == ["0", "0.5"]
 
 
-def test_a_design_without_feedforward_has_none_of_that_of_the_other(
-    published_aircraft: Aircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tuning = replace(small(tmp_path), gusts=())
-    shaped = {**tuning.start, "feedforward": {"share": 2.0, "lag": 3.0, "known": 0.1}}
-    monkeypatch.setattr(module, "SHARES", (0.0, 1.0))
-    evaluation = DesignEvaluation(published_aircraft, tuning)
-    wanted = [evaluation.of(each).cost for each in (tuning.start, shaped)]
-    for start, toward in ((tuning.start, shaped), (shaped, tuning.start)):
-        line = design_line(published_aircraft, replace(tuning, start=start), "other", toward)
-        assert [point.evaluation.cost for point in line.points] == pytest.approx(wanted)
-        wanted.reverse()
-
-
 def test_an_unstable_design_is_said_and_not_drawn(
     published_aircraft: Aircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
