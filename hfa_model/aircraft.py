@@ -147,4 +147,4 @@ def check_in_range(x: State) -> None:
     if not 0.0 <= x.altitude <= HIGHEST_ALTITUDE:
         raise BadInputError(f"altitude is {x.altitude:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
     if not abs(x.dihedral) < np.pi / 2:
-        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must lie within -90 and 90 deg")
+        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")

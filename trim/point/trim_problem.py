@@ -14,6 +14,9 @@ from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, St
 from trim.point.condition import SCALES, VARIABLES, TrimCondition, describe
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 
+#: An entry of the scaled Jacobian up to which a variable does not move an equation.
+_NOTHING = 1e-12
+
 
 @dataclass(frozen=True)
 class TrimProblem:
@@ -58,7 +61,7 @@ class TrimProblem:
     def count(self, guess: np.ndarray) -> tuple[int, int]:
         """Equations that the unknowns can move, and unknowns."""
         jacobian = self.linearization(guess)[1]
-        return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > 1e-12)), len(self.condition.free)
+        return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > _NOTHING)), len(self.condition.free)
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest scaled unknowns."""
@@ -147,7 +150,14 @@ class TrimProblem:
         equations, count = (0, 0) if can_balance else self.count(unknowns)
         if equations > count:
             why += f"; {equations} equations for {count} unknowns, set more free"
+        if idle := self._idle(unknowns):
+            why += f"; {' and '.join(idle)} moves none of them, set something else free"
         return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
+
+    def _idle(self, unknowns: np.ndarray) -> list[str]:
+        """The free variables that no equation feels: their columns of the Jacobian are 0."""
+        felt = np.abs(self.linearization(unknowns)[1]).max(axis=0)
+        return [name for name, most in zip(self.condition.free, felt, strict=True) if most <= _NOTHING]
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
         """The limits that the unknowns lie at, and what is wanted instead."""

@@ -226,7 +226,7 @@ def test_a_warm_start_takes_the_same_point(aircraft: Aircraft, degrees: float) -
         ({"altitude": 300_000.0}, "altitude is 300000 ft; it must lie between 0 ft and 65000 ft"),
         ({"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}}, "the atmosphere covers 0 to 65000 ft"),
         ({"dihedral": np.radians(95.0)}, "dihedral is 95 deg; it must lie between -60 deg and 60 deg"),
-        ({"dihedral": np.radians(95.0), "limits": {"dihedral": (-3.0, 3.0)}}, "it must lie within -90 and 90 deg"),
+        ({"dihedral": np.radians(95.0), "limits": {"dihedral": (-3.0, 3.0)}}, "must be above -90 and below 90 deg"),
         ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
         ({"speed": float("inf")}, "speed is inf; give a finite number"),
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
