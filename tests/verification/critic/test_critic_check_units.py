@@ -13,6 +13,7 @@ from game_files import stored
 from controller import Game, basis
 from hfa_cli.main import DONE, FAILED
 from verification import Candidate, CriticCheck, check_critic, from_gain, from_value, from_weights, solve_game
+from verification.critic import critic_check
 
 QUADRATIC = basis("quadratic", 2)
 #: Units of the second state.
@@ -35,6 +36,13 @@ def failed(check: CriticCheck) -> set[str]:
     return {row.name for row in check.checks if not row.ok}
 
 
+@pytest.fixture
+def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search for a cause, which takes most of the time and no part in the verdict, is left out."""
+    monkeypatch.setattr(critic_check, "diagnose", lambda *_: "")
+
+
+@pytest.mark.usefixtures("no_cause")
 @pytest.mark.parametrize(("state", "of_input"), [(1.0, 1.0), *product((1e-8, 1e8), (1e-3, 1e3))])
 def test_a_wrong_column_or_row_of_the_gain_is_seen(state: float, of_input: float) -> None:
     game = game_in(state, of_input)
@@ -46,6 +54,7 @@ def test_a_wrong_column_or_row_of_the_gain_is_seen(state: float, of_input: float
             assert failed(wrong) >= {"K_balanced_error", "policy_rel_error"}
 
 
+@pytest.mark.usefixtures("no_cause")
 @pytest.mark.parametrize("state", UNITS)
 def test_a_wrong_entry_of_the_value_is_seen(state: float) -> None:
     game = game_in(state)

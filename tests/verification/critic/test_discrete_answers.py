@@ -39,14 +39,20 @@ def assert_named(game: Game, exact: GameSolution, candidates: dict[str, Candidat
         assert said.endswith(words), said
 
 
-@pytest.mark.parametrize(
-    ("design", "kind", "dt"),
-    [(False, "dlqr", 0.02), (False, "lqrd", 0.05), (False, "euler", 0.005), (True, "dlqr", 0.02), (True, "lqrd", 0.05)],
-)
+#: Of the plant alone or of a design with actuators, which kind, the sample time.
+ANSWERS = [
+    (False, "dlqr", 0.02),
+    (False, "lqrd", 0.05),
+    (False, "euler", 0.005),
+    (True, "dlqr", 0.02),
+    (True, "lqrd", 0.05),
+]
+
+
+@pytest.mark.parametrize(("design", "kind", "dt"), ANSWERS)
 def test_an_answer_of_discrete_time_is_named_with_its_sample_time(
     game: Game, design: bool, kind: str, dt: float
 ) -> None:
-    """Of the plant alone and of a design with actuators."""
     game = with_actuators(game, 20.0, None) if design else game
     exact = solve_game(game)
     S, K = discrete_lqr(game, dt, kind)
@@ -57,6 +63,15 @@ def test_an_answer_of_discrete_time_is_named_with_its_sample_time(
     }
     assert_named(game, exact, {f"{words} at dt = {dt:g} s": from_gain(game, K)})
     assert_named(game, exact, wrong)
+
+
+@pytest.mark.parametrize(
+    ("design", "kind", "dt"), [ANSWERS[0], *(pytest.param(*each, marks=pytest.mark.slow) for each in ANSWERS[1:])]
+)
+def test_what_is_only_near_such_an_answer_gets_no_cause(game: Game, design: bool, kind: str, dt: float) -> None:
+    game = with_actuators(game, 20.0, None) if design else game
+    exact = solve_game(game)
+    S, K = discrete_lqr(game, dt, kind)
     for right in (from_gain(game, noisy(K)), from_value(game, noisy(S)), from_value(game, noisy(S * dt))):
         assert diagnose(game, exact, right, LIMIT) == ""
 
