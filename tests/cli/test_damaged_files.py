@@ -124,7 +124,7 @@ def _try_stores(folder: Path, cases: range) -> Counter[str]:
 
 
 def test_a_damaged_store_is_repaired_or_refused(tmp_path: Path) -> None:
-    outcomes = _try_stores(tmp_path, range(20))
+    outcomes = _try_stores(tmp_path, range(12))
     assert outcomes["repaired"] > 2
     assert outcomes["refused"] > 2
 

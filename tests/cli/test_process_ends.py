@@ -48,7 +48,7 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
     try:
         assert until(lambda: len(workers(run.pid)) == 2)
         seen = workers(run.pid)
-        time.sleep(1.0)
+        time.sleep(0.3)
         # A terminal gives Ctrl-C to every process of the run.
         (os.killpg if number == signal.SIGINT else os.kill)(run.pid, number)
         out, err = run.communicate(timeout=30)

@@ -83,7 +83,7 @@ def assert_every_start_ends_right(indices: range) -> None:
     assert 0.05 * len(indices) < stabilizing < 0.95 * len(indices)
 
 
-@pytest.mark.parametrize("starts", [40, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("starts", [16, pytest.param(1000, marks=pytest.mark.slow)])
 def test_random_starts_end_at_the_solution(starts: int) -> None:
     assert_every_start_ends_right(range(starts))
 
@@ -104,7 +104,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
     assert np.all(result.weights[0] == pytest.approx(100.0))
 
 
-@pytest.mark.parametrize("games", [10, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("games", [6, pytest.param(24, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scaled", [False, True])
 def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
     rng = np.random.default_rng(5)

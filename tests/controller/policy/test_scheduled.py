@@ -133,7 +133,7 @@ def through_the_change(
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope, frozen=frozen)
 
 
-@pytest.mark.parametrize(("start", "end"), [(5.0, 15.0), (15.0, 5.0)])
+@pytest.mark.parametrize(("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)])
 def test_the_schedule_flies_the_change(
     published_aircraft: Aircraft, certified: CertifiedSchedule, start: float, end: float
 ) -> None:

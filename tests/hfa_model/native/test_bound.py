@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +14,7 @@ from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law, pu
 from controller.monte_carlo.stored_members import fly_members
 from hfa_model import Aircraft, State, default_parameters
 from hfa_model.native.bound import cached_per_thread
-from trim import SweepPlan, find_operating_point, level_flight, linearize, stream_sweep
-from trim.sweeps import stored_sweep
+from trim import find_operating_point, level_flight, linearize
 from trim.sweeps.stored_sweep import run_points
 from verification import solve_game
 
@@ -36,10 +35,10 @@ def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]
 def test_a_sweep(compile_code: bool) -> None:
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)
-        values = np.column_stack([np.radians(rng.uniform(0.0, 20.0, 1000)), rng.uniform(25.0, 75.0, 1000)])
+        values = np.column_stack([np.radians(rng.uniform(0.0, 20.0, 400)), rng.uniform(25.0, 75.0, 400)])
         return run_points(("dihedral", "speed"), values, PARAMETERS, "published", compile_code)
 
-    assert differing(chunk, range(20)) == []
+    assert differing(chunk, range(12)) == []
 
 
 def test_a_monte_carlo() -> None:
@@ -70,7 +69,7 @@ def test_memory_that_threads_share_is_noticed() -> None:
         def chunk(number: int) -> Rows:
             memory = memory_of()
             memory[:] = number
-            np.linalg.svd(np.random.default_rng(number).normal(size=(300, 300)))  # lets other threads run
+            time.sleep(0.002)  # lets other threads run
             return {"number": memory.copy()}
 
         return chunk
@@ -79,15 +78,3 @@ def test_memory_that_threads_share_is_noticed() -> None:
     assert differing(chunk_with(lambda: shared), range(20)) != []
     own = cached_per_thread(None)(lambda: np.zeros(3))
     assert differing(chunk_with(own), range(20)) == []
-
-
-def test_a_worker_with_four_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(stored_sweep, "CHUNK", 500)
-    dihedrals = tuple(np.radians(np.linspace(0.0, 20.0, 2500)).tolist())
-    plan = SweepPlan({"dihedral": dihedrals, "speed": (60.0, 64.0, 68.0, 72.0)}, PARAMETERS, "published")
-    serial = stream_sweep(plan, tmp_path / "serial.zarr")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=True, dashboard_address=":0") as cluster:
-        spread = stream_sweep(plan, tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
-    for name in ("status", "states", "inputs", "A", "B", "eigenvalues"):
-        assert serial.read(name).tobytes() == spread.read(name).tobytes(), name

@@ -63,7 +63,7 @@ def test_the_inset_shows_the_first_second_where_no_later_curve_runs(
         np.testing.assert_array_equal(drawn.get_xydata(), points[points[:, 0] <= 1.0])
         for name in ("color", "linewidth", "marker"):
             assert getattr(drawn, f"get_{name}")() == getattr(line, f"get_{name}")(), name
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     box = inset.get_tightbbox().transformed(axes.transData.inverted())
     later = np.concatenate([limit.get_ydata(), *(line.get_ydata()[line.get_xdata() > 1.0] for line in lines)])
     assert later.max() < min(box.y0, box.y1) or later.min() > max(box.y0, box.y1)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hfa_model import Aircraft
-from hfa_model.reporting.figure import save
 from trim import OperatingPoint, find_operating_point, level_flight, trim_figure
 from trim.point.trim_figure import panels_from_the_front
 
@@ -55,12 +53,3 @@ def test_arrows_are_to_scale(published_aircraft: Aircraft, degrees: float) -> No
     assert [each.get_text() for each in axes.texts].count(label) == 2
     # The arc points up where the moment lifts the outer panel; a flat wing has none.
     assert [math.copysign(1.0, arc[1]) for arc in drawn[6:]] == ([math.copysign(1.0, moment)] * 2 if degrees else [])
-
-
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_the_same_trim_is_the_same_file(
-    published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path, suffix: str
-) -> None:
-    for name in ("a", "b"):
-        save(trim_figure(published_aircraft, point), tmp_path / f"{name}{suffix}")
-    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()

@@ -120,7 +120,7 @@ def test_the_disturbance_alone_costs_less_than_the_game_promises() -> None:
 # Integration. ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("law", [EXACT_FF, CERTIFIED_FF])
+@pytest.mark.parametrize("law", [pytest.param(EXACT_FF, marks=pytest.mark.slow), CERTIFIED_FF])
 def test_the_fixed_step_agrees_with_an_adaptive_integrator(law: str) -> None:
     """The paper's step against DOP853 at rtol 1e-10, restarted where a gain changes: 1e-6 on every state."""
     from scipy.integrate import solve_ivp

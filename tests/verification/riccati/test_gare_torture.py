@@ -71,9 +71,9 @@ def _what_scipy_says(game: Game) -> str:
 
 @pytest.mark.parametrize("scaled", [False, True])
 def test_subset_of_random_games(scaled: bool) -> None:
-    count = _judge(24, scaled=scaled, seed=1)
+    count = _judge(12, scaled=scaled, seed=1)
     assert count["refused at the edge"] == 0
-    assert min(count["accepted, rightly"], count["refused, rightly"]) >= 6
+    assert min(count["accepted, rightly"], count["refused, rightly"]) >= 3
 
 
 @pytest.mark.slow
