@@ -110,6 +110,19 @@ def test_structured_bound_is_exact_for_two_factors() -> None:
     assert _structured_bound(np.array([[3.0 - 4.0j]])) == 5.0
 
 
+@pytest.mark.parametrize("size", [2, 5, 8])
+@pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
+def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(size: int, scale: float) -> None:
+    """A unitary M in other units: 1, where all singular values meet. A triangular one: its diagonal, D without end."""
+    rng = np.random.default_rng(size)
+    for _ in range(10):
+        M = rng.standard_normal((size, size)) + 1j * rng.standard_normal((size, size))
+        units = np.exp(3.0 * rng.standard_normal(size))
+        unitary = np.linalg.qr(M)[0] * units / units[:, None]
+        assert _structured_bound(scale * unitary) == pytest.approx(scale, rel=1e-8)
+        assert _structured_bound(scale * np.triu(M)) == pytest.approx(scale * np.abs(np.diag(M)).max(), rel=1e-6)
+
+
 def test_weak_gain_has_smaller_margins_and_unstable_loops_none(game: Game) -> None:
     K = solve_game(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
