@@ -104,3 +104,13 @@ def test_matrices_of_taylor_models_multiply() -> None:
     c0, c1, c2, rest = product.parts
     assert (c0, c1, c2) == (A * B, A * A + B * B, B * A)
     assert rest == 0 * A
+
+
+def test_a_number_over_a_taylor_model_and_a_taylor_model_over_a_number() -> None:
+    """2 / (3 + s / 5) and its inverse, at random s."""
+    model = TaylorModel(arb(3), arb(0.2))
+    for found, exact in ((2 / model, lambda s: 2 / (3 + s / 5)), (model / 2, lambda s: (3 + s / 5) / 2)):
+        c0, c1, c2, rest = found.parts
+        for s in np.random.default_rng(6).uniform(-1.0, 1.0, 20).tolist():
+            assert abs(float((c0 + c1 * s + c2 * arb(s) ** 2).mid()) - exact(s)) <= float(rest.rad()) + 1e-12
+        assert float(rest.rad()) < 1e-3

@@ -108,6 +108,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     assert np.all(np.abs(record.errors - other.states).max(axis=0) <= 1e-5 * scale)
     energy = np.trapezoid(np.sum(other.disturbances**2, axis=1), other.times)
     assert record.metrics.cost == pytest.approx(other.cost[-1] + case.game.delta**2 * energy, rel=1e-3)
+    assert record.metrics.attenuation == pytest.approx(record.metrics.cost / energy, rel=1e-3)
 
 
 def test_the_disturbance_alone_costs_less_than_the_game_promises() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from controller import published_game
@@ -11,6 +12,7 @@ from verification import analyse_game
 from verification.page import main_job
 from verification.page.job_report import angle_report, point_report, verdicts
 from verification.page.main_job import AngleResult, MainJob
+from verification.page.page_html import slider
 
 
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
@@ -50,3 +52,12 @@ def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
     assert four_decimals(point.model.A[3, 1]) in text
     assert "phugoid" in text
     assert "No trim: " in point_report(job, job.points[-1]).text()
+
+
+def test_the_slider_begins_at_the_first_angle_that_was_asked_for(job: MainJob) -> None:
+    shown = [f"{point.dihedral_deg:g}" for point in job.points]
+    for asked in (1, 2):
+        text = slider(replace(job, angles=(AngleResult(job.points[asked]),)))
+        assert re.findall(r'data-angle="([\d.]+) deg">', text) == [shown[asked]]
+        assert f'value="{asked}" aria-valuetext="{shown[asked]} deg"' in text
+    assert 'value="0"' in slider(job)

@@ -7,7 +7,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 
-from verification.servo.cases import CASES, DURATION, REGULATED, simvfa_commands
+from verification.servo.cases import ANGLES, CASES, DURATION, OWN_ANGLES, REGULATED, TRIM_DEG, simvfa_commands
 
 
 def test_the_commands_are_sixteen_steps_of_seventy_seconds() -> None:
@@ -29,3 +29,11 @@ def test_faults_act_from_the_start() -> None:
         "order-2": [],
         "order-2-fault": [(0.0, 0.2, 0.5, 0.8)],
     }
+
+
+def test_tables_hold_every_angle_that_is_commanded() -> None:
+    """SimVFA has one of 0 to 20 deg, by the degree; ours has a degree of room and more beyond the commands."""
+    assert np.degrees(ANGLES).tolist() == pytest.approx(range(21))
+    commanded = TRIM_DEG + np.degrees(simvfa_commands().values[:, 0])
+    assert np.degrees(OWN_ANGLES[0]) <= commanded.min() - 1.0
+    assert np.degrees(OWN_ANGLES[-1]) >= commanded.max() + 1.0

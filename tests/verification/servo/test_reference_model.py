@@ -9,6 +9,7 @@ from controller import design_model, load_design
 from hfa_model import Aircraft, NoSolutionError
 from trim import level_model
 from verification import reference_servo
+from verification.servo import reference_model as module
 from verification.servo.reference_model import ALPHAS, reference_model, refuse_zeros
 
 ANGLES = np.radians([0.0, 11.0, 20.0])
@@ -45,6 +46,21 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
 
         assert min(real_part(frequency) for frequency in np.geomspace(0.12, 1e5, 40)) > 0.0
         assert (min(real_part(frequency) for frequency in np.logspace(-3, -1, 20)) > 0.0) == (order == 2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_sign_of_the_third_input_changes_nothing(
+    published_aircraft: Aircraft, order: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An LQR gives it with either sign; tables over the angles need one."""
+    built = design_model(published_aircraft, level_model(published_aircraft, ANGLES[1]), load_design(f"simvfa-{order}"))
+    found, third_row = reference_model(built), module._third_row
+    monkeypatch.setattr(module, "_third_row", lambda *given: -third_row(*given))
+    other = reference_model(built)
+    assert other.S[2].sum() > 0.0
+    for name in ("squared_up", "S", "R_inverse", "L"):
+        expected = getattr(found, name)
+        np.testing.assert_allclose(getattr(other, name), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft) -> None:
