@@ -31,11 +31,13 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     """A binary stream whose content becomes `path` when the block ends without an error; else nothing remains.
 
     Writes to a temporary file beside the target, then renames. BadInputError when the folder does not exist
-    or cannot be written.
+    or cannot be written, or the target is a folder, or a FIFO or a device, which a file would replace.
     """
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
+    if target.exists() and not target.is_file():
+        raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
     with ExitStack() as around:
         try:
             temporary = around.enter_context(temporary_file(target.parent, f".{target.name}.", ".part"))

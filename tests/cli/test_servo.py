@@ -110,4 +110,5 @@ def test_a_case_is_flown_with_a_controller_beside(folder: Path) -> None:
     laws = [flight["law"] for flight in data["cases"][0]["flights"]]
     assert laws == ["servo.npz", "paper"]
     assert_refused(hfa(*words, "--law", "none"), 2, "there is no law 'none' for order 1; choose from simvfa-1, ")
+    assert_refused(hfa("servo", "order-1", "-o", "out", "--duration", "1e5"), 2, "commands of a case end after 1051 s")
     assert_refused(hfa("servo", "order-3", "-o", "out"), 2, "choose from order-1, order-1-fault")

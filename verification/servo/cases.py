@@ -78,7 +78,9 @@ def simvfa_commands() -> CommandSteps:
 
 
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
-    """The flight of a case."""
+    """The flight of a case, s long; BadInputError where that is longer than the commands."""
+    if duration > DURATION:
+        raise BadInputError(f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s")
     return Scenario(
         duration=duration,
         step=STEP,

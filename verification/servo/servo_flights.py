@@ -45,6 +45,7 @@ def fly_case(
 ) -> tuple[ServoFlight, ...]:
     """Every law, or those named in `only`, through the commands and the fault of a case of `CASES`."""
     case, commands = CASES[name], simvfa_commands()
+    scenario = scenario_of(case, commands, duration)
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
     envelope = flight_envelope(aircraft.parameters, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
@@ -53,7 +54,7 @@ def fly_case(
         if progress is not None:
             progress(f"{name}, {law}", count, len(laws))
         made = make(Flown(aircraft, point, commands))
-        result = fly_law(NonlinearPlant(aircraft, point), made, scenario_of(case, commands, duration), envelope)
+        result = fly_law(NonlinearPlant(aircraft, point), made, scenario, envelope)
         gone = result.departure
         flights.append(
             ServoFlight(

@@ -29,13 +29,44 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
         ("solve", "--model"),
         ("verify", "--dihedral", "15", "--weights"),
         ("monte-carlo", "--dihedral", "15", "--gain"),
+        ("solve", "--dihedral", "15", "--design"),
+        ("design", "--tune"),
+        ("design", "--dihedral", "11", "-o", "a.npz", "--design"),
+        ("prove", "--check"),
+        ("prove", "critic", "--dihedral", "15"),
+        ("prove", "schedule", "--dihedral", "14:15", "--table"),
+        ("prove", "schedule", "--dihedral", "14:15", "--resume", "-o"),
+        ("fly", "--dihedral", "11", "--actuators", "0.5:60", "--controller"),
+        ("export", "--dihedral", "11", "--c", "folder", "--controller"),
+        ("servo", "order-1", "-o", "folder", "--controller"),
+        ("lpv", "--dihedral", "14:14.1", "--parameters"),
+        ("report", "--dihedral", "5", "--claims"),
     ],
-    ids=lambda words: words[-1],
+    ids=lambda words: f"{words[0]} {words[-1]}",
 )
 @pytest.mark.parametrize("suffix", [".json", ".mat"])
 def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...], suffix: str) -> None:
     os.mkfifo(tmp_path / f"fifo{suffix}")
     assert_refused(hfa(*words, str(tmp_path / f"fifo{suffix}")), 2, "fifo")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("trim", "--dihedral", "15", "-o"),
+        ("trim", "--dihedral", "15", "--picture"),
+        ("export", "--formats"),
+        ("export", "--dihedral", "15", "--fmu"),
+        ("lpv", "--dihedral", "14:14.01", "-o"),
+    ],
+    ids=lambda words: f"{words[0]} {words[-1]}",
+)
+def test_no_result_takes_the_place_of_a_fifo(tmp_path: Path, words: tuple[str, ...]) -> None:
+    suffix = {"--picture": ".png", "--fmu": ".fmu"}.get(words[-1], ".c" if words[0] == "lpv" else ".json")
+    fifo = tmp_path / f"fifo{suffix}"
+    os.mkfifo(fifo)
+    assert_refused(hfa(*words, str(fifo)), 2, "it is not a regular file; name another")
+    assert fifo.is_fifo()
 
 
 def test_a_text_of_a_gigabyte_is_refused_by_its_size(tmp_path: Path) -> None:
