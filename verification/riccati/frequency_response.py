@@ -105,7 +105,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 
 
 def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
-    """Largest σ_max(C (jω I - A + B K)⁻¹ E) on a logarithmic grid, then on finer ones about it; inf when not Hurwitz."""
+    """Largest σ_max(C (jω I - A + B K)⁻¹ E) on a logarithmic grid, then on finer ones; inf when not Hurwitz."""
     loop = game.A - game.B @ K
     found = spectrum(loop)
     if found.abscissa >= 0.0:
