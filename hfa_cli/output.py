@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trim.point.operating_point import OperatingPoint
+    from verification.published.regeneration import Regeneration
+    from verification.validation.comparison import Validation
 
 
 def show(
@@ -40,6 +42,12 @@ def show(
         print(report.text(_style()))
     else:
         print(report.json() if arguments.json else FORMATS[form](report))
+
+
+def show_verdict(found: Regeneration | Validation, arguments: argparse.Namespace) -> int:
+    """Print the report of a comparison and write it where -o says; the exit code, 1 when a check has failed."""
+    show(found.report(), arguments, target=arguments.output)
+    return 0 if found.ok else 1
 
 
 def stated(report: Report, arguments: argparse.Namespace) -> Report:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
+from controller.design.dihedral_table import shares
 from controller.game.array_file import read_arrays
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
@@ -106,16 +107,9 @@ class ScheduledController(ByValue):
                 if name not in known:
                     raise BadInputError(f"controller {self.name}: unknown {what} {shown(name)}")
 
-    def weights(self, dihedral: float) -> np.ndarray:
-        """Share of each angle of the table in the matrices at η, (N,): two neighbours, or one end."""
-        weights: np.ndarray = np.array(
-            [np.interp(dihedral, self.dihedrals, column) for column in np.eye(len(self.dihedrals))]
-        )
-        return weights
-
     def at(self, dihedral: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, C, D at η, rad."""
-        share = self.weights(dihedral)
+        share = shares(self.dihedrals, dihedral)
         A, B, C, D = (np.tensordot(share, stack, 1) for stack in (self.A, self.B, self.C, self.D))
         return A, B, C, D
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.design.dihedral_table import shares
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
 from hfa_model.support.errors import BadInputError, said_of
@@ -74,9 +75,7 @@ class GainTable:
 
     def at(self, dihedral: float) -> np.ndarray:
         """K, (5, n), at a dihedral, rad."""
-        angles = self.dihedral_deg
-        share = np.array([np.interp(np.degrees(dihedral), angles, column) for column in np.eye(len(angles))])
-        return np.asarray(np.tensordot(share, self.K, axes=1))
+        return np.asarray(np.tensordot(shares(self.dihedral_deg, np.degrees(dihedral)), self.K, axes=1))
 
 
 def load_gains(path: Path) -> GainTable:

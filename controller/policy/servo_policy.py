@@ -10,13 +10,13 @@ import casadi as ca
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
+from controller.design.dihedral_table import DihedralTable
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.policy.commands import CommandSteps
 from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen, Unvaried
-from controller.policy.scheduled import DihedralTable
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from trim.linear.output_model import output_model
 from trim.point.operating_point import OperatingPoint
@@ -156,10 +156,7 @@ def servo_law(
     """
     told = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:
-        if name not in told:
-            raise BadInputError(
-                f"controller {controller.name} follows no command of {name}; choose from {', '.join(told)}"
-            )
+        refuse_unknown(f"controller {controller.name} follows no command of", name, told)
     at = point.states.dihedral
     reached = np.append(at + commands.values[:, np.array(commands.names) == "dihedral"], at)
     if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle

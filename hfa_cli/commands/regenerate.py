@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.output import show
+from hfa_cli.output import show_verdict
 from verification.published.regeneration import regenerate_all
 
 
@@ -17,6 +17,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Regenerate and compare; exit 1 when a check fails."""
-    found = regenerate_all(options.aircraft_of(arguments))
-    show(found.report(), arguments, target=arguments.output)
-    return 0 if found.ok else 1
+    return show_verdict(regenerate_all(options.aircraft_of(arguments)), arguments)

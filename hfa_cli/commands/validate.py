@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.output import show
+from hfa_cli.output import show_verdict
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,4 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare and report; exit 1 when a difference is beyond its limit."""
     from verification.validation.comparison import validate
 
-    found = validate(options.aircraft_of(arguments))
-    show(found.report(), arguments, target=arguments.output)
-    return 0 if found.ok else 1
+    return show_verdict(validate(options.aircraft_of(arguments)), arguments)

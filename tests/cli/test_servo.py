@@ -50,7 +50,7 @@ def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
         (("--dynamics", "newton"), "designed for published dynamics"),
         (("--fault", "0:0.5"), "effectiveness after a fault is 0"),
         (("--fault", "0.2"), "give EFFECTIVENESS:BANDWIDTH[:BEGIN]"),
-        (("--command", "speed=1:1"), "follows no command of speed"),
+        (("--command", "speed=1:1"), "follows no command of 'speed'"),
         (("--command", "vertical_acceleration_short_period=1"), "give NAME=TIME:VALUE"),
         (("--command", "vertical_acceleration_short_period=2:1,1:0"), "the times must increase"),
         (("--law", "exact"), "takes the place of a law"),
@@ -109,6 +109,6 @@ def test_a_case_is_flown_with_a_controller_beside(folder: Path) -> None:
     data = json.loads(hfa(*words, "--resume", "--json").out)
     laws = [flight["law"] for flight in data["cases"][0]["flights"]]
     assert laws == ["servo.npz", "paper"]
-    assert_refused(hfa(*words, "--law", "none"), 2, "there is no law 'none' for order 1; choose from simvfa-1, ")
+    assert_refused(hfa(*words, "--law", "none"), 2, "order 1 has no law 'none'; choose from simvfa-1, ")
     assert_refused(hfa("servo", "order-1", "-o", "out", "--duration", "1e5"), 2, "commands of a case end after 1051 s")
     assert_refused(hfa("servo", "order-3", "-o", "out"), 2, "choose from order-1, order-1-fault")

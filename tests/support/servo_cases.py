@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from known_models import model_at as model_at
-
 from controller import Design, load_design
 from controller.design.design import Feedforward
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.errors import BadInputError, shown
+from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.support.files import finite_number, names_of, read_named, table_of
 from hfa_model.vectors import UNITS
 from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
@@ -121,10 +121,7 @@ def load_condition(name: str) -> NamedCondition:
 def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, float]:
     """The variable that a key names, and the factor from its unit."""
     name = key.removesuffix("_deg")
-    if name not in (*VARIABLES, *also):
-        raise BadInputError(
-            f"{where}: unknown trim variable {shown(key)}; choose from {', '.join((*VARIABLES, *also))}"
-        )
+    refuse_unknown(f"{where}: unknown trim variable", name, (*VARIABLES, *also))
     if name == key:
         return name, 1.0
     if not UNITS[name].startswith("rad"):

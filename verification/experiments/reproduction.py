@@ -8,7 +8,7 @@ from typing import Any
 
 from hfa_model.jobs.workers import workers
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import refuse_unknown
 from hfa_model.support.jsonable import jsonable
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment_flights import FlightRecord, simulate_plan
@@ -30,8 +30,7 @@ def experiments(name: str) -> tuple[Experiment, ...]:
     """The experiment of a section, or all of them. Raises BadInputError for another name."""
     if name == ALL:
         return tuple(EXPERIMENTS.values())
-    if name not in EXPERIMENTS:
-        raise BadInputError(f"there is no experiment {name!r}; choose from {', '.join((*EXPERIMENTS, ALL))}")
+    refuse_unknown("there is no experiment", name, (*EXPERIMENTS, ALL))
     return (EXPERIMENTS[name],)
 
 

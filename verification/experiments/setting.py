@@ -13,7 +13,7 @@ from controller.policy.signals import Harmonic, Signal
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import refuse_unknown
 from hfa_model.vectors import LINEAR_STATES
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
@@ -86,8 +86,7 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
 
     Raises BadInputError for an unknown source of matrices.
     """
-    if matrices not in MATRICES:
-        raise BadInputError(f"unknown matrices {matrices!r}; choose from {', '.join(MATRICES)}")
+    refuse_unknown("unknown matrices", matrices, MATRICES)
     aircraft = Aircraft(default_parameters().values, "published")
     cases = []
     for published in published_models():

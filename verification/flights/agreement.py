@@ -22,6 +22,8 @@ from trim.point.operating_point import OperatingPoint
 SIZES = (0.001, 0.002, 0.004, 0.008, 0.016)
 #: 1 ft/s, 1 deg and 1 deg/s at once: every state takes part.
 DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
+#: s, of each flight of the slope study.
+DURATION = 5.0
 LOWEST_SLOPE, HIGHEST_SLOPE = 1.9, 2.1
 #: Largest difference from the adaptive integrator, as a fraction of the largest deviation of that state.
 INTEGRATION = 1e-6
@@ -56,21 +58,13 @@ class DeviationStudy:
         return tuple(found)
 
 
-def deviation_study(
-    aircraft: Aircraft,
-    point: OperatingPoint,
-    law: FlownLaw,
-    *,
-    model: LinearizedAircraft | None = None,
-    duration: float = 5.0,
-) -> DeviationStudy:
+def deviation_study(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw) -> DeviationStudy:
     """The closed loop released from `SIZES` times `DIRECTION`, nonlinear against linear.
 
-    model: the linear prediction; the exact derivatives at the point unless given. x_nl - x_lin = O(size²) because the
-    two loops agree to first order (Taylor).
+    x_nl - x_lin = O(size²) because the two loops agree to first order (Taylor).
     """
-    prediction = LinearizedAircraft.at(aircraft, point) if model is None else model
-    loops = [_released(plant, law.policy) for plant in (NonlinearPlant(aircraft, point), prediction)]
+    plants = NonlinearPlant(aircraft, point), LinearizedAircraft.at(aircraft, point)
+    loops = [_released(plant, law.policy) for plant in plants]
     step, tick = 0.001, 50
     errors = []
     for size in SIZES:
@@ -80,7 +74,7 @@ def deviation_study(
                 law.constants,
                 step=step,
                 steps_per_tick=tick,
-                ticks=max(1, round(duration / step / tick)),
+                ticks=round(DURATION / step / tick),
             ).states
             for loop in loops
         )

@@ -184,19 +184,15 @@ def fly_schedule(
     scenario: Scenario,
     envelope: Envelope,
     *,
-    frozen: bool = False,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
     """The nonlinear aircraft along the trims of a change of dihedral; the scenario's own reference is replaced.
 
-    The change begins at a grid point, whose trim is the one that deviations count from. frozen: keep the gain of
-    that point throughout, with the trims still scheduled: what scheduling the gain is worth.
+    The change begins at a grid point, whose trim is the one that deviations count from.
     """
-    schedule, begin = certified.schedule, certified.at(change.start)
-    if frozen:
-        schedule = replace(schedule, gains=np.broadcast_to(begin.gain, schedule.gains.shape))
-    reference = ScheduledReference(schedule, change, begin.point)
-    plant = NonlinearPlant(with_errors(aircraft, scenario), begin.point)
+    begin = certified.at(change.start).point
+    reference = ScheduledReference(certified.schedule, change, begin)
+    plant = NonlinearPlant(with_errors(aircraft, scenario), begin)
     return fly_law(
         plant,
         FlownLaw("scheduled", ScheduledPolicy(reference), np.zeros((1, 0)), np.zeros(0)),

@@ -12,10 +12,10 @@ import numpy as np
 
 from controller.design.design_file import load_design
 from controller.design.design_model import design_model
+from controller.design.dihedral_table import DihedralTable
 from controller.policy.commands import CommandSteps
 from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen, Unvaried
-from controller.policy.scheduled import DihedralTable
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES

@@ -22,7 +22,7 @@ from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, shown
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
@@ -166,6 +166,5 @@ def laws_of(
     found |= {name: _given(controller) for name, controller in controllers.items()}
     found["paper"] = _paper
     for name in only:
-        if name not in found:
-            raise BadInputError(f"there is no law {shown(name)} for order {order}; choose from {', '.join(found)}")
+        refuse_unknown(f"order {order} has no law", name, found)
     return {name: made for name, made in found.items() if name in (only or found)}

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
@@ -106,18 +104,14 @@ class CornerCheck(Reported):
 
 
 def check_corners(
-    aircraft: Aircraft,
-    controller: ScheduledController,
-    dihedrals: np.ndarray | None = None,
-    *,
-    progress: Progress | None = None,
+    aircraft: Aircraft, controller: ScheduledController, *, progress: Progress | None = None
 ) -> CornerCheck:
     """Close the loop at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
 
-    dihedrals: rad, of level trims; None for the angles of the controller. The plant is linear at each of them.
-    BadInputError when the controller is for another aircraft or other angles.
+    The plant is linear, about the level trim at each angle of the controller. BadInputError when the controller is for
+    another aircraft.
     """
-    angles = controller.dihedrals if dihedrals is None else dihedrals
+    angles = controller.dihedrals
     controller.refuse_other(aircraft, float(angles.min()), float(angles.max()))
     worst: list[Found] = []
     unstable = loops = 0

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
-from hfa_model.support.errors import BadInputError, shown
+from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
 from hfa_model.variants import variant_named
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
@@ -50,10 +50,7 @@ def load_tuning(path: str) -> Tuning:
     design = design_of(data["design"], start)
     objective = {name: finite_number(path, f"objective.{name}", size) for name, size in _some(path, data, "objective")}
     for name in objective:
-        if name not in design.integrals:
-            raise BadInputError(
-                f"{path}: objective {name} is not integrated; choose from {', '.join(design.integrals)}"
-            )
+        refuse_unknown(f"{path}: objective: unknown integral", name, design.integrals)
     cases = data.get("cases")
     if not isinstance(cases, list) or not cases:
         raise BadInputError(f"{path}: there are no [[cases]]; give at least one")
@@ -132,8 +129,7 @@ def _turbulence(where: str, name: str, table: Any, states: tuple[str, ...]) -> I
     _known(where, name, table, _TURBULENCE)
     objective = {key: finite_number(where, f"{name}.objective", size) for key, size in _some(where, table, "objective")}
     for key in objective:
-        if key not in states:
-            raise BadInputError(f"{where}: {name}: {key} is no state of the plant; choose from {', '.join(states)}")
+        refuse_unknown(f"{where}: {name}: unknown state of the plant", key, states)
     intensity = _number(where, table, "intensity", 3.0, positive=True)
     scale = _number(where, table, "scale", 1750.0, positive=True)
     return InTurbulence(*_place(where, name, table), intensity, scale, objective)

@@ -169,7 +169,7 @@ def test_controllers_that_do_not_fit_are_refused(published_aircraft: Aircraft, p
     with pytest.raises(BadInputError, match="designed for published dynamics"):
         servo_law(made, commands(0.01), Aircraft(published_aircraft.parameters, "newton"), point)
     other = replace(commands(0.01), names=("speed",))
-    with pytest.raises(BadInputError, match="follows no command of speed; choose from dihedral"):
+    with pytest.raises(BadInputError, match="follows no command of 'speed'; choose from dihedral"):
         servo_law(made, other, published_aircraft, point)
     law = servo_law(replace(made, measurements=(Z, "dihedral")), commands(0.01), published_aircraft, point)
     assert isinstance(law.policy, ServoPolicy)

@@ -18,6 +18,7 @@ from hfa_cli.main import BAD_INPUT, DONE
 from hfa_model import LINEAR_STATES, STATES, Input, NoSolutionError
 from hfa_model.vectors import STATE_SCALES
 from trim import CONTROL_LIMITS, find_operating_point, level_flight
+from verification.flights import agreement
 from verification.flights.agreement import (
     AT_REST,
     INTEGRATION,
@@ -31,17 +32,28 @@ N = len(LINEAR_STATES)
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
+@pytest.fixture
+def two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of flight, in which the slopes are as they are after five."""
+    monkeypatch.setattr(agreement, "DURATION", 2.0)
+
+
+@pytest.mark.usefixtures("two_seconds")
 def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -> None:
-    study = deviation_study(at_15.aircraft, at_15.point, at_15.law, duration=2.0)
+    study = deviation_study(at_15.aircraft, at_15.point, at_15.law)
     assert np.all((study.slopes > 1.9) & (study.slopes < 2.1)), study.slopes
     assert all(check.ok for check in study.checks())
     assert study.errors[0].max() < 1e-4
 
 
-def test_a_prediction_for_another_dihedral_is_wrong_to_first_order(newton: FlownCase) -> None:
+@pytest.mark.usefixtures("two_seconds")
+def test_a_prediction_for_another_dihedral_is_wrong_to_first_order(
+    newton: FlownCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
     other = find_operating_point(newton.aircraft, level_flight(float(np.radians(15.5))))
     wrong = LinearizedAircraft.at(newton.aircraft, other)
-    study = deviation_study(newton.aircraft, newton.point, newton.law, model=wrong, duration=2.0)
+    monkeypatch.setattr(agreement, "LinearizedAircraft", SimpleNamespace(at=lambda *_: wrong))
+    study = deviation_study(newton.aircraft, newton.point, newton.law)
     failed = {check.name for check in study.checks() if not check.ok}
     assert failed >= {f"slope_{name}_at_least" for name in ("alpha", "pitch", "pitch_rate", "dihedral")}
     assert study.slopes[STATES.index("pitch_rate")] == pytest.approx(1.0, abs=0.15)

@@ -233,7 +233,7 @@ def test_every_variant_of_ours_flies(published_aircraft: Aircraft, monkeypatch: 
         apart = float(np.abs(exact - frozen).max())
         assert 1e-8 < apart < 1e-3
         np.testing.assert_allclose(learned, [exact, frozen], atol=1e-3 * apart)
-    with pytest.raises(BadInputError, match="there is no law 'simvfa-1' for order 2; choose from simvfa-2, simvfa"):
+    with pytest.raises(BadInputError, match="order 2 has no law 'simvfa-1'; choose from simvfa-2, simvfa"):
         laws_of(2, {}, ("simvfa-1",))
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from servo_cases import measured_servo, model_at
+from known_models import model_at
+from servo_cases import measured_servo
 
 from hfa_model import Aircraft
 from hfa_model.support.errors import BadInputError, NoSolutionError
