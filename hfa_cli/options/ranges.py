@@ -40,9 +40,8 @@ def value_range(name: str, text: str) -> Range:
         raise ArgumentTypeError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
     intervals = (stop - start) / step
     if intervals >= MOST_POINTS:
-        raise ArgumentTypeError(
-            f"is a range of {intervals + 1:.3g} points; at most {MOST_POINTS:,} are allowed, take a larger step"
-        )
+        said = f"{np.floor(intervals) + 1.0:,.15g}"
+        raise ArgumentTypeError(f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step")
     unit = quantity(name, "1")
     return Steps(start * unit, step * unit, math.floor(intervals + 1e-9) + 1)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 def jsonable(value: Any) -> Any:
     """Mappings, lists, tuples, arrays, texts and numbers for `json`; a number that is not finite becomes None."""
-    if isinstance(value, float):  # most values are, and the other questions take longer
+    if isinstance(value, (float, np.floating)):  # most values are, and the other questions take longer
         return finite_or_none(value)
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]
@@ -21,10 +21,10 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         values = value.tolist()
         return values if value.dtype == float and np.isfinite(value).all() else jsonable(values)
-    return jsonable(value.item()) if isinstance(value, np.generic) else value
+    return value.item() if isinstance(value, np.generic) else value
 
 
-def finite_or_none(value: float) -> float | None:
+def finite_or_none(value: float | np.floating[Any]) -> float | None:
     """JSON has no infinity: None stands for a number that is not finite."""
     return float(value) if math.isfinite(value) else None
 

@@ -160,9 +160,10 @@ def test_bad_parameters_files(
     [
         ("", "nothing to sweep"),
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
+        ("--dihedral 0:1:1e-300", "1e+300 points"),
         ("--dihedral 0:20:0", "step is 0"),
         ("--dihedral 0:20:-1", "step is -1"),
-        ("--dihedral 0:1000:1e-6", "1e+09 points"),
+        ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 0:1:1e-320", "points"),
         ("--dihedral 0:20", "dihedral is LOW:HIGH, which is for --samples"),
         ("--dihedral 0:20:1:1", "'0:20:1:1'"),

@@ -80,7 +80,7 @@ class SweepPlan:
             raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
         if self.count > MOST_POINTS:
             raise BadInputError(
-                f"the sweep has {self.count:.3g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
+                f"the sweep has {self.count:,.15g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
             )
         variant_named(self.dynamics)
         for corner in (np.argmin, np.argmax):

@@ -34,5 +34,12 @@ def test_committed_results_have_one_record_a_line(path: Path) -> None:
     assert len(text.splitlines()) < 300
 
 
+def test_numbers_of_every_width_are_numbers() -> None:
+    kinds = (np.float16, np.float32, np.longdouble, np.int8, np.uint64)
+    found = jsonable([[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)])
+    assert found == [*[[3, [3]]] * len(kinds), None, True]
+    assert {type(number) for number, _ in found[:5]} == {float, int}
+
+
 def test_what_is_not_finite_is_null() -> None:
     assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {"a": [None, 3, True, None, "x"]}
