@@ -1,8 +1,9 @@
-"""The design `servo` of the package: certified, stable at all corners, better than the published servo, learnable."""
+"""The designs of three measurements: certified, stable at all corners, better than the published servo."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,8 @@ from controller import Actuator, Design, ScheduledController, design_model, load
 from controller.design.design import Feedforward
 from controller.flight.actuators import LONGEST_STEP
 from hfa_model import Aircraft
-from verification.servo.cases import STEP
+from verification.servo.cases import OWN_ANGLES, STEP
+from verification.servo.servo_flights import fly_case
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.corners import check_corners, corner_loops
@@ -25,22 +27,27 @@ from verification.synthesis.servo_loop import servo_plant
 #: SimVFA's commands, deg and ft/s², 70 s each; its faults: effectiveness 0.2 and bandwidth 0.5 rad/s.
 DIHEDRAL = [1, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0]
 ACCELERATION = [-1, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0]
+#: Ours that measure as much as that servo does -> what they miss in linear flight as a share of what is asked. On the
+#: nonlinear aircraft that of `servo-gusts` is smaller, and within it (test_servo_flights).
+OURS = {"servo": 1.0, "servo-gusts": 1.03}
 ENDS = np.column_stack([np.radians(DIHEDRAL), ACCELERATION])
 
 
 @cache
-def servo() -> ScheduledController:
-    return design_controller(Aircraft(), load_design("servo"), np.radians([11.0]))
+def servo(name: str = "servo") -> ScheduledController:
+    return design_controller(Aircraft(), load_design(name), np.radians([11.0]))
 
 
-def test_it_measures_what_the_published_servo_measures() -> None:
-    assert servo().measurements == ("pitch_rate", "dihedral", A_Z)
-    assert servo().inputs == ("aileron_outer", "elevator_center")
-    assert all(check["ok"] for row in servo().about["angles"] for check in row["checks"])
+@pytest.mark.parametrize("name", OURS)
+def test_it_measures_what_the_published_servo_measures(name: str) -> None:
+    assert servo(name).measurements == ("pitch_rate", "dihedral", A_Z)
+    assert servo(name).inputs == ("aileron_outer", "elevator_center")
+    assert all(check["ok"] for row in servo(name).about["angles"] for check in row["checks"])
 
 
-def test_every_corner_is_stable_at_eleven_degrees(published_aircraft: Aircraft) -> None:
-    found = check_corners(published_aircraft, servo())
+@pytest.mark.parametrize("name", OURS)
+def test_every_corner_is_stable_at_eleven_degrees(published_aircraft: Aircraft, name: str) -> None:
+    found = check_corners(published_aircraft, servo(name))
     assert (found.unstable, found.loops) == (0, 32)
 
 
@@ -88,16 +95,30 @@ def test_who_holds_dihedral_and_acceleration_tightly_leaves_the_phugoid_undamped
     assert np.abs(transmission_zeros(dynamics, degrees, ("dihedral", "pitch")).imag).max() < 1e-6
 
 
+@pytest.mark.parametrize("name", OURS)
 @pytest.mark.parametrize(
     ("order", "effectiveness", "bandwidth", "error"),
     [(1, 1.0, 2.0, 0.20), (1, 0.2, 0.5, 0.25), (2, 1.0, 2.0, 0.25), (2, 0.2, 0.5, 0.30)],
 )
 def test_in_linear_flight_it_follows_the_published_commands_within_the_rate(
-    published_aircraft: Aircraft, order: int, effectiveness: float, bandwidth: float, error: float
+    published_aircraft: Aircraft, order: int, effectiveness: float, bandwidth: float, error: float, name: str
 ) -> None:
     """The servo of SimVFA has 0.38 and 0.69 deg with order 1, 0.45 deg and a lost flight with order 2."""
-    actuators = dict.fromkeys(servo().inputs, Actuator(order, bandwidth, 0.7, effectiveness))
-    plant = servo_plant(published_aircraft, model_at(11.0), servo(), actuators)
-    found = fly_commands(plant, servo(), ENDS, 70.0, Feedforward())
-    assert math.degrees(found.errors["dihedral"]) <= error
+    actuators = dict.fromkeys(servo(name).inputs, Actuator(order, bandwidth, 0.7, effectiveness))
+    plant = servo_plant(published_aircraft, model_at(11.0), servo(name), actuators)
+    found = fly_commands(plant, servo(name), ENDS, 70.0, Feedforward())
+    assert math.degrees(found.errors["dihedral"]) <= OURS[name] * error
     assert math.degrees(found.rate) <= 1.0
+
+
+#: rms error of dihedral of `servo-gusts` without its feedforward, deg.
+WITHOUT = {"order-1": 0.143, "order-1-fault": 0.420, "order-2": 0.142, "order-2-fault": 0.427}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", WITHOUT)
+def test_what_servo_gusts_misses_without_its_feedforward(published_aircraft: Aircraft, case: str) -> None:
+    design = replace(load_design("servo-gusts"), feedforward=None)
+    plain = {"plain": design_controller(published_aircraft, design, OWN_ANGLES)}
+    (flight,) = fly_case(published_aircraft, case, plain, only=("plain",))
+    assert np.degrees(flight.tracked[0].rms) == pytest.approx(WITHOUT[case], abs=6e-4)

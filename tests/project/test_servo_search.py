@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -50,7 +51,9 @@ def row(factor: float) -> str:
     return f"| {factor:g} | {' | '.join(f'{each:.2f}' for each in figures)} |"
 
 
-@pytest.mark.parametrize("design", ["servo", pytest.param("servo_gusts", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "design", ["servo", "servo_gusts_commands", pytest.param("servo_gusts", marks=pytest.mark.slow)]
+)
 def test_what_is_shipped_keeps_the_constraints_of_its_search(design: str) -> None:
     tuning, evaluation = searched("published", design)
     found = evaluation.at(tuning.first_values())
@@ -81,6 +84,15 @@ def test_the_lines_are_those_of_the_document(number: int) -> None:
     for row in table.rows:
         if row[0] in {"-0.1", "0", "0.1", "0.2", "0.5", "0.9", "1", "1.1"}:
             assert f"| {' | '.join(row).strip()} |" in text
+
+
+@pytest.mark.parametrize(("design", "worst"), [("servo-gusts", "0.499"), ("servo", "0.306")])
+def test_the_worst_error_on_the_line_without_a_feedforward(design: str, worst: str) -> None:
+    tuning = replace(load_tuning(str(ROOT / "docs" / "results" / "servo_line.toml")), gusts=())
+    entries = {key: value for key, value in read_design(design).items() if key != "feedforward"}
+    found = DesignEvaluation(Aircraft(), tuning).of(entries)
+    assert f"{math.degrees(max(errors['dihedral'] for errors in found.errors)):.3f}" == worst
+    assert f"{worst} deg" in (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -70,10 +70,10 @@ THEIRS = {
 }
 
 
-#: What each of ours stays below, rms of dihedral in deg, in the order of `CASES`. That of `servo` was asked;
-#: `servo-gusts` pays for the gusts with the faults.
-OURS = {"servo": (0.20, 0.25, 0.25, 0.30), "servo-gusts": (0.20, 0.43, 0.25, 0.43), "servo-states": (0.25,) * 4}
-OURS |= {f"servo {kind}": OURS["servo"] for kind in ("frozen", "learned", "learned frozen")}
+#: What ours stay below, rms of dihedral in deg, in the order of `CASES`; of those from three measurements it was asked.
+ASKED = (0.20, 0.25, 0.25, 0.30)
+OURS = {"servo": ASKED, "servo-gusts": ASKED, "servo-states": (0.25,) * 4}
+OURS |= {f"servo {kind}": ASKED for kind in ("frozen", "learned", "learned frozen")}
 
 
 @pytest.mark.slow
@@ -96,10 +96,10 @@ def test_the_numbers_of_simvfa_come_out_again(published_aircraft: Aircraft, case
 
 #: Seed of the steps, effectiveness and bandwidth of the fault -> rms error of dihedral, deg, as docs/servo.md has it.
 UNSEEN = {
-    (1, 1.0, 2.0): (0.348, 0.348, 0.089),
-    (1, 0.58, 0.86): (0.411, 0.380, 0.118),
-    (2, 1.0, 2.0): (0.432, 0.432, 0.104),
-    (2, 0.26, 1.09): (0.679, 0.510, 0.202),
+    (1, 1.0, 2.0): (0.348, 0.348, 0.089, 0.115),
+    (1, 0.58, 0.86): (0.411, 0.380, 0.118, 0.066),
+    (2, 1.0, 2.0): (0.432, 0.432, 0.104, 0.145),
+    (2, 0.26, 1.09): (0.679, 0.510, 0.202, 0.155),
 }
 
 
@@ -116,7 +116,8 @@ def test_steps_and_faults_that_no_one_has_tuned_on(
     fault = ActuatorFault(0.0, effectiveness, bandwidth)
     monkeypatch.setattr(servo_flights, "simvfa_commands", lambda: CommandSteps(REGULATED, times, ends, 0.5, 2.0))
     monkeypatch.setitem(CASES, "order-1", CASES["order-1"]._replace(faults=(fault,)))
-    flights = fly_case(published_aircraft, "order-1", {}, 1000.0, only=("simvfa-1", "simvfa-1 adaptive", "servo"))
+    laws = ("simvfa-1", "simvfa-1 adaptive", "servo", "servo-gusts")
+    flights = fly_case(published_aircraft, "order-1", {}, 1000.0, only=laws)
     assert all(flight.lost_at is None for flight in flights)
     np.testing.assert_allclose([errors(flight)[0] for flight in flights], UNSEEN[given], atol=2e-3)
 
