@@ -150,6 +150,8 @@ def check_target(path: str | Path | None, suffixes: tuple[str, ...] = SUFFIXES) 
         raise BadInputError(f"{path}: the folder {target.parent} does not exist; create it first")
     if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
         raise BadInputError(f"{path}: it is a folder; name a file")
+    if target.exists() and not target.is_dir() and not target.is_file():
+        raise BadInputError(f"{path}: it is not a regular file; name another")
     return target
 
 

@@ -45,6 +45,44 @@ def test_too_little_memory_is_one_line_before_anything_is_loaded(tmp_path: Path,
     )
 
 
+#: Where HOME is: a line of sh before the command.
+NO_HOME = {
+    "unset": "unset HOME XDG_CACHE_HOME",
+    "missing": 'export HOME="$PWD/nowhere"; unset XDG_CACHE_HOME',
+    "read-only": 'export HOME="$PWD/home"; unset XDG_CACHE_HOME',
+}
+
+
+@pytest.mark.parametrize("home", NO_HOME)
+@pytest.mark.parametrize(
+    ("words", "written"),
+    [
+        ("trim --dihedral 15 --picture a.png", "a.png"),
+        ("monte-carlo --dihedral 15 --law exact --members 3 --duration 0.1 -o a.zarr", "a.zarr"),
+    ],
+    ids=["a picture", "machine code"],
+)
+def test_without_a_home_that_can_be_written_the_result_is_there(
+    tmp_path: Path, home: str, words: str, written: str
+) -> None:
+    """Caches of machine code and of fonts are done without; nothing appears where HOME was."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    if home == "read-only":
+        mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "ro", "none", folder], capture_output=True)
+        if mounted.returncode:
+            pytest.skip("only who may mount can make a disk that not even root can write")
+    try:
+        done = shell(f'{NO_HOME[home]}; exec "$0" "$@"', *words.split(), folder=tmp_path)
+    finally:
+        if home == "read-only":
+            subprocess.run(["umount", "--lazy", folder], check=True)
+    assert done.returncode == DONE, done.stderr
+    assert all(line.startswith("hfa: ") for line in done.stderr.splitlines()), done.stderr
+    assert {path.name for path in tmp_path.iterdir()} - {"nowhere"} == {"home", written}
+    assert list(folder.iterdir()) == []
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 400 KB."""

@@ -82,6 +82,18 @@ def test_a_test_that_cannot_fail_is_seen_and_one_that_can_finds_the_mistakes(tmp
     assert "tests:" not in again, "nothing is tried twice"
 
 
+@pytest.mark.slow
+def test_a_test_file_that_is_gone_finds_nothing(tmp_path: Path) -> None:
+    """What is known of it stays in the folder; asked for it, pytest fails whatever the mistake is."""
+    gone = tmp_path / "tests/toy/test_gone.py"
+    toy(tmp_path, "assert larger")
+    gone.write_text("from toy.one import larger\n\n\ndef test_it():\n    assert larger(1, 1)\n")
+    assert "test_gone.py: 1 tests" in toy(tmp_path, "assert larger")
+    gone.unlink()
+    (tmp_path / "out/outcomes.json").unlink()
+    assert "4 mutants, 0 killed" in toy(tmp_path, "assert larger")
+
+
 def test_the_script_loads_nothing_of_the_project_before_it_is_copied() -> None:
     code = "import sys, mutants; print([each for each in mutants.PACKAGES if each in sys.modules])"
     run = [sys.executable, "-c", code]

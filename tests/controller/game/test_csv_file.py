@@ -65,6 +65,7 @@ def test_a_critic_alone(tmp_path: Path) -> None:
     ("texts", "said"),
     [
         ({"plant": PLAIN[0]}, "A.csv with B.csv beside it"),
+        ({"B": PLAIN[1], "A": PLAIN[0]}, "A.csv with B.csv beside it"),
         ({"A": "0,1\n-2\n"}, "rows that differ in length"),
         ({"A": "x,y,z\n0,1\n-2,-3\n"}, "not one name for each column"),
         ({"A": "0,1\n-2,x\n"}, "A has an entry 'x'"),

@@ -51,6 +51,7 @@ _TREES = {
     "names": np.array(["speed", "", "pitch rate"], dtype=object),
     "deep": {"block": {"text": "x", "empty": "", "names": np.array(["a"], dtype=object)}, "count": 3.0},
     "mixed": np.array(["a", 3.0], dtype=object),
+    "tall": np.array([np.array(["ab", "cd"]), "e"], dtype=object),
     "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
 }
 
@@ -72,7 +73,7 @@ def test_cells_of_text_and_structures(packed: bool) -> None:
     block = found["deep"]["block"]
     assert (block["text"].tolist(), block["names"].tolist(), block["empty"].size) == (["x"], ["a"], 0)
     assert found["deep"]["count"] == 3.0
-    assert {found[name].dtype.kind for name in ("mixed", "many")} == {"O"}
+    assert {found[name].dtype.kind for name in ("mixed", "tall", "many")} == {"O"}
 
 
 def test_structures_within_structures_end_somewhere() -> None:

@@ -252,6 +252,21 @@ def test_names_that_are_none_are_left_out(tmp_path: Path, key: str, damaged: obj
     assert (found.names, found.provenance) == ({}, {})
 
 
+def test_names_that_do_not_fit_are_left_out_and_the_user_is_told(tmp_path: Path) -> None:
+    content = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0, "states": ["x", "y", "z"], "inputs": ["push"]}
+    found = stored_game(_json(tmp_path / "plant.json", content))
+    (note,) = [note for note in found.notes if "name" in note.partition(": ")[2]]
+    assert note.endswith("plant.json: states has not one name for each; they are called x1 and so on")
+    assert found.names == {"inputs": ("push",)}
+
+
+def test_a_structure_is_looked_into_only_where_nothing_stands_outside(tmp_path: Path) -> None:
+    inside = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0}
+    assert stored_game(_json(tmp_path / "in.json", {"model": inside})).game.delta == 9.0
+    with pytest.raises(BadInputError, match="there is no B"):
+        stored_game(_json(tmp_path / "half.json", {"A": A2, "model": inside}))
+
+
 # Diagonals on the command line ----------------------------------------------------------------------------------
 
 

@@ -14,6 +14,7 @@ from controller import LAWS, CertifiedSettings, Game, LearningResult, learn, ran
 from controller.game.basis import BASES
 from controller.laws.certified import certified_law
 from hfa_model import INPUTS, LINEAR_STATES, BadInputError
+from hfa_model.vectors import LINEAR_UNITS
 
 #: A short run of each law.
 RUNS: dict[str, dict[str, Any]] = {
@@ -142,3 +143,7 @@ def test_a_report_names_states_and_inputs_or_numbers_them() -> None:
     named = result.report(LINEAR_STATES, INPUTS).text()
     assert INPUTS[-1] in named
     assert f"u{m} " not in named
+    units = result.report(LINEAR_STATES, INPUTS, state_units=LINEAR_UNITS).data["weight_units"]
+    assert len(units) == result.weights.shape[1]
+    assert units[:2] == ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"]
+    assert "weight_units" not in result.report().data
