@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import json
 import math
@@ -84,6 +85,22 @@ def test_the_lines_are_those_of_the_document(number: int) -> None:
     for row in table.rows:
         if row[0] in {"-0.1", "0", "0.1", "0.2", "0.5", "0.9", "1", "1.1"}:
             assert f"| {' | '.join(row).strip()} |" in text
+
+
+@pytest.mark.parametrize(("importance", "rates"), [(0.3, 1), (1, 1), (1.8, 1), (4, 1), (1.8, 1.5), (1.8, 2)])
+def test_what_the_feedforward_chooses(importance: float, rates: float) -> None:
+    tuning, evaluation = searched("published", "servo_gusts_commands")
+    entries = copy.deepcopy(dict(tuning.start))
+    chosen = entries["feedforward"]
+    chosen["importance"] = dict.fromkeys(chosen["importance"], importance)
+    chosen["rates"] = {name: rates * value for name, value in chosen["rates"].items()}
+    found = evaluation.of(entries)
+    whole, failing = found.errors[:2]
+    row = f"| {importance:g} | {rates:g} | " + " | ".join(
+        f"{np.degrees(each['dihedral']):.3f}" for each in (whole, failing)
+    )
+    row += f" | {whole[A_Z]:.2f} | {failing[A_Z]:.2f} | {math.degrees(max(found.rates)):.2f} |"
+    assert row in (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("design", "worst"), [("servo-gusts", "0.499"), ("servo", "0.306")])
