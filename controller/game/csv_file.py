@@ -15,6 +15,10 @@ from hfa_model.support.files import LARGEST_TEXT, regular_file
 #: Of a plant, whose matrices lie in files beside A.csv, and of a critic.
 PLANT, CRITIC = ("A", "B", "E", "Q", "R", "delta"), ("W", "P", "K")
 _LONG = ("matrix", "row", "column", "value")
+#: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
+_STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
+#: Names of the rows and of the columns of each matrix.
+_Names = dict[str, tuple[list[str], list[str]]]
 
 
 def read_csv(path: str | Path) -> dict[str, Any]:
@@ -32,12 +36,13 @@ def read_csv(path: str | Path) -> dict[str, Any]:
             f"a table without columns {', '.join(_LONG)} holds the matrix that its name says: A.csv with B.csv beside "
             "it, or K.csv, P.csv, W.csv"
         )
-    found: dict[str, Any] = {}
+    names: _Names = {}
+    matrices = {}
     for each in PLANT if name == "A" else (name,):
         place = Path(path).with_name(each + Path(path).suffix)
         if place == Path(path) or place.is_file():
-            found |= _plain(each, rows if place == Path(path) else _rows(place))
-    return found
+            names[each], matrices[each] = _plain(each, rows if place == Path(path) else _rows(place))
+    return _named(names) | matrices
 
 
 def holds_matrices(path: str | Path) -> bool:
@@ -62,16 +67,17 @@ def _long(rows: list[list[str]]) -> dict[str, Any]:
         if (row, column) in entries.setdefault(name, {}):
             raise ValueError(f"{name}({row}, {column}) comes twice")
         entries[name][row, column] = value
-    found: dict[str, Any] = {}
+    names: _Names = {}
+    matrices = {}
     for name, cells in entries.items():
         if name not in (*PLANT, *CRITIC):
             continue  # offsets and outputs
-        names = [list(dict.fromkeys(pair[side] for pair in cells)) for side in (0, 1)]
-        if len(cells) != len(names[0]) * len(names[1]):
-            raise ValueError(f"{name} has {len(cells)} entries for {len(names[0])} rows and {len(names[1])} columns")
-        matrix = [[cells[row, column] for column in names[1]] for row in names[0]]
-        found |= _named(name, names[0], names[1]) | {name: _numbers(name, matrix)}
-    return _column_units(rows) | found
+        along, across = (list(dict.fromkeys(side)) for side in zip(*cells, strict=True))
+        names[name] = along, across
+        if len(cells) != len(along) * len(across):
+            raise ValueError(f"{name} has {len(cells)} entries for {len(along)} rows and {len(across)} columns")
+        matrices[name] = _numbers(name, [[cells[row, column] for column in across] for row in along])
+    return _column_units(rows) | _named(names) | matrices
 
 
 def _column_units(rows: list[list[str]]) -> dict[str, list[str]]:
@@ -85,10 +91,12 @@ def _column_units(rows: list[list[str]]) -> dict[str, list[str]]:
     return {"state_units": units} if len(units) == len(last) else {}
 
 
-def _plain(name: str, rows: list[list[str]]) -> dict[str, Any]:
-    """A matrix with or without names."""
+def _plain(name: str, rows: list[list[str]]) -> tuple[tuple[list[str], list[str]], np.ndarray]:
+    """Names of rows and columns, empty where there are none, and the matrix."""
+    if any(len(row) == 1 and re.search("[;\t]", row[0]) for row in rows):
+        raise ValueError(f"{name} has its cells between semicolons or tabs; separate them by commas")
     columns: list[str] = []
-    if rows and not all(map(is_number, rows[0][1:] or rows[0])):
+    if rows and not any(map(is_number, rows[0])):
         columns, rows = rows[0], rows[1:]
     beside = [row[0] for row in rows] if rows and not any(is_number(row[0]) for row in rows) else []
     if beside:
@@ -97,16 +105,30 @@ def _plain(name: str, rows: list[list[str]]) -> dict[str, Any]:
         raise ValueError(f"{name} has no entries")
     if len({len(row) for row in (*rows, *([columns] if columns else []))}) > 1:
         raise ValueError(f"{name} has rows that differ in length, or not one name for each column")
-    return _named(name, beside, columns) | {name: _numbers(name, rows)}
+    return (beside, columns), _numbers(name, rows)
 
 
-def _named(name: str, rows: list[str], columns: list[str]) -> dict[str, list[str]]:
-    """Names and units of the states, from A, and of the inputs, from B."""
-    words, kind = {"A": (rows or columns, "state"), "B": (columns, "input")}.get(name, ([], ""))
-    parts = [re.fullmatch(r"(.*?)\s*(?:\[(.*)\])?", word.strip()) for word in words]
-    units = [match[2] for match in parts if match and match[2]]
-    found = {f"{kind}s": [match[1] for match in parts if match]} if words else {}
-    return found | ({f"{kind}_units": units} if words and len(units) == len(words) else {})
+def _named(names: _Names) -> dict[str, list[str]]:
+    """Names and units of states, from A, and inputs, from B. ValueError where the states are in another order."""
+    found: dict[str, list[str]] = {}
+    states, inputs = names.get("A", ([], [])), names.get("B", ([], []))[1]
+    for kind, words in (("state", states[0] or states[1]), ("input", inputs)):
+        units = [unit for _, unit in map(_parts, words) if unit]
+        found |= {f"{kind}s": [name for name, _ in map(_parts, words)]} if words else {}
+        found |= {f"{kind}_units": units} if words and len(units) == len(words) else {}
+    known = found.get("states", [])
+    for matrix, side in ((each, side) for each in names for side in _STATES.get(each, ())):
+        here = [name for name, _ in map(_parts, names[matrix][side])]
+        if here != known and sorted(here) == sorted(known):
+            where = f"the {('rows', 'columns')[side]} of {matrix}"
+            raise ValueError(f"{where} are {', '.join(here)} and A has {', '.join(known)}; give one order")
+    return found
+
+
+def _parts(words: str) -> tuple[str, str | None]:
+    """Name and unit of "speed [ft/s]"."""
+    name, unit = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", words.strip(), re.DOTALL)[0]
+    return name, unit
 
 
 def _numbers(name: str, rows: list[list[str]]) -> np.ndarray:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,6 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find what controls it, write, say what was written."""
     if not any(options.given(arguments, name) for name in _TARGETS):
         raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE, --matlab FILE or --formats FILE")
+    if arguments.matlab is not None and not re.fullmatch(r"[A-Za-z]\w*", arguments.matlab.stem, re.ASCII):
+        raise BadInputError(
+            f"--matlab {arguments.matlab}: a function is called by its file's name; choose letters, digits and _, as in"
+            " hfa_models.m"
+        )
     provenance()  # before anything is written: it finds what is wrong with options that nothing below reads
     written: list[Path] = []
     notes: tuple[str, ...] | list[str] = []

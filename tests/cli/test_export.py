@@ -46,6 +46,7 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
         ((), ("nothing to write", "--c FOLDER")),
         (("--fmu", "aircraft.zip"), ("aircraft.zip: unknown suffix '.zip'; use one of .fmu",)),
         (("--matlab", "models.mat"), ("models.mat: unknown suffix '.mat'; use one of .m",)),
+        (("--matlab", "2-models.m"), ("2-models.m: a function is called by its file's name", "as in hfa_models.m")),
         (("--c", "missing/folder"), ("missing/folder: cannot make the folder",)),
         (("--c", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
         (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
