@@ -77,8 +77,13 @@ def stored_game(
     settings = published_data()["game"]
     names = _names(stored, shape_A[0], shape_B[1])
     notes += tuple(
-        f"{path}: {key} has not one name for each; they are called {letter}1 and so on"
-        for key, letter in (("states", "x"), ("inputs", "u"))
+        f"{path}: {key} has not one {instead}"
+        for key, instead in (
+            ("states", "name for each; they are called x1 and so on"),
+            ("inputs", "name for each; they are called u1 and so on"),
+            ("state_units", "unit for each; none is used"),
+            ("input_units", "unit for each; none is used"),
+        )
         if key in stored and key not in names
     )
     scales = aircraft_scales(names, shape_A[0])
@@ -128,7 +133,8 @@ def _refuse_discrete(path: str | Path, dt: Any) -> None:
 def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:
     sizes = {"states": states, "state_units": states, "inputs": inputs, "input_units": inputs}
     found = {key: words(stored, key) for key in sizes}
-    return {key: said for key, said in found.items() if len(said) == sizes[key]}
+    once = {key: said if key.endswith("units") else tuple(dict.fromkeys(said)) for key, said in found.items()}
+    return {key: said for key, said in once.items() if len(found[key]) == len(said) == sizes[key]}
 
 
 def _notes(path: str | Path, stored: dict[str, Any], given: dict[str, Any]) -> tuple[str, ...]:

@@ -252,11 +252,21 @@ def test_names_that_are_none_are_left_out(tmp_path: Path, key: str, damaged: obj
     assert (found.names, found.provenance) == ({}, {})
 
 
-def test_names_that_do_not_fit_are_left_out_and_the_user_is_told(tmp_path: Path) -> None:
-    content = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0, "states": ["x", "y", "z"], "inputs": ["push"]}
-    found = stored_game(_json(tmp_path / "plant.json", content))
-    (note,) = [note for note in found.notes if "name" in note.partition(": ")[2]]
-    assert note.endswith("plant.json: states has not one name for each; they are called x1 and so on")
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({"states": ["x", "y", "z"]}, "states has not one name for each; they are called x1 and so on"),
+        ({"state_labels": ["x", "x"]}, "states has not one name for each; they are called x1 and so on"),
+        ({"state_units": ["ft"]}, "state_units has not one unit for each; none is used"),
+    ],
+)
+def test_names_that_do_not_fit_are_left_out_and_the_user_is_told(
+    tmp_path: Path, names: dict[str, list[str]], said: str
+) -> None:
+    content = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0, "inputs": ["push"]}
+    found = stored_game(_json(tmp_path / "plant.json", content | names))
+    (note,) = [note for note in found.notes if "has not one" in note]
+    assert note.endswith(f"plant.json: {said}")
     assert found.names == {"inputs": ("push",)}
 
 
