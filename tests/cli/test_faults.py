@@ -93,6 +93,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "--lazy", tmp_path], check=True)
 
 
+@pytest.mark.slow  # three processes; what a full disk leaves is tried below, what resumes in test_stream.py
 def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     small_disk: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -13,8 +13,9 @@ from scipy.io import savemat
 from hfa_model import INPUTS, LINEAR_STATES
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
-@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("solve", "json"), ("solve", "npz"), ("solve", "mat"), ("learn", "npz"), ("verify", "mat")]
+)
 def test_a_linear_model_keeps_its_names(tmp_path: Path, command: str, suffix: str) -> None:
     plant = tmp_path / f"plant.{suffix}"
     assert hfa("linearize", "--dihedral", "12", "-o", str(plant)).code == 0

@@ -27,7 +27,7 @@ proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processe
     ("name", "number", "code", "said"),
     [
         ("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
-        ("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
+        pytest.param("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         ("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
         ("sweep", signal.SIGKILL, -signal.SIGKILL, None),
     ],

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from cli import Result, Terminal, hfa
 
-from controller.study import study_rows
+from controller.study import published_study, study_rows
+from controller.study.published_study import PlannedRun, Reference, StudyRun
 from controller.study.study_rows import STUDY
 from hfa_cli.main import DONE, INTERRUPTED
 
@@ -59,7 +60,25 @@ QUICK = ("study", "--only", "theorem gains, explicit", "--folder", "rows", "--re
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str]:
+def runs() -> Iterator[list[PlannedRun]]:
+    """Every run that is asked for; each is made once."""
+    asked: list[PlannedRun] = []
+    known: dict[str, StudyRun] = {}
+    run = published_study._run
+
+    def remembered(reference: Reference, planned: PlannedRun) -> StudyRun:
+        asked.append(planned)
+        if (key := repr(planned)) not in known:
+            known[key] = run(reference, planned)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(published_study, "_run", remembered)
+        yield asked
+
+
+@pytest.fixture(scope="module")
+def whole(runs: list[PlannedRun], tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str]:
     """What a row said, and its file."""
     folder = tmp_path_factory.mktemp("study")
     with contextlib.chdir(folder):
@@ -78,13 +97,17 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str]:
         lambda text: "[1]",
     ],
 )
-def test_a_row_that_is_not_todays_is_run_again(whole: tuple[Result, str], damage: Callable[[str], str]) -> None:
+def test_a_row_that_is_not_todays_is_run_again(
+    whole: tuple[Result, str], runs: list[PlannedRun], damage: Callable[[str], str]
+) -> None:
     said, text = whole
     file = Path("rows", "theorem-gains-explicit.json")
     file.parent.mkdir()
     file.write_text(damage(text), encoding="utf-8")
+    runs.clear()
     assert file.read_text(encoding="utf-8") != text
     assert hfa(*QUICK) == said
+    assert len(runs) == 48
     assert file.read_text(encoding="utf-8") == text
 
 

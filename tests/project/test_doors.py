@@ -89,6 +89,7 @@ def test_each_use_in_the_readme_takes_eight_lines_and_four_imports() -> None:
         assert {name for line in lines for name in line.removeprefix("import ").split(", ")} <= set(PACKAGES)
 
 
+@pytest.mark.slow  # mypy reads all packages again; `make lint` reads them with their types
 def test_a_type_checker_sees_the_types(tmp_path: Path) -> None:
     script = tmp_path / "user.py"
     names = "trim.sweep", "trim.linearize", "hfa_model.Aircraft", "controller.learn", "verification.solve_game"

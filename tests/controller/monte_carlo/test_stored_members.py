@@ -54,6 +54,7 @@ def deadly(small_chunks: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     return tmp_path / "died"
 
 
+@pytest.mark.slow  # test_stream.py and test_workers.py have both, on sweeps
 def test_two_processes_give_the_bits_of_one_and_a_killed_one_loses_nothing(
     plan: MonteCarlo, deadly: Path, tmp_path: Path
 ) -> None:

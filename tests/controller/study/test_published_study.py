@@ -26,7 +26,8 @@ from hfa_model import BadInputError, NoSolutionError
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "docs" / "results" / "published_study.json"
-QUICK = ("theorem gains, explicit", "learning alone, frozen, implicit")
+QUICK = "theorem gains, explicit"
+FINISHED = "learning alone, frozen, implicit"
 #: An unstable flight learns along: what it ends at hangs on rounding, whether it overflows does not.
 CHAOTIC = ("gains by hand, raw, W(0) = 100", "gains by hand, scaled, W(0) = 100")
 
@@ -37,8 +38,9 @@ def committed() -> dict[str, StudyRow]:
 
 
 @pytest.fixture(scope="module")
-def quick() -> dict[str, StudyRow]:
-    return {row.name: row for row in published_study(QUICK)}
+def quick() -> StudyRow:
+    (row,) = published_study((QUICK,))
+    return row
 
 
 def assert_same_outcome(found: StudyRow, stored: StudyRow) -> None:
@@ -106,9 +108,8 @@ def test_the_file_comes_back_bit_by_bit(committed: dict[str, StudyRow]) -> None:
     assert study_data(tuple(committed.values())) == stored
 
 
-def test_quick_rows_run_again_come_out_the_same(committed: dict[str, StudyRow], quick: dict[str, StudyRow]) -> None:
-    for name in QUICK:
-        assert_same_outcome(quick[name], committed[name])
+def test_a_quick_row_run_again_comes_out_the_same(committed: dict[str, StudyRow], quick: StudyRow) -> None:
+    assert_same_outcome(quick, committed[QUICK])
 
 
 @pytest.mark.slow
@@ -118,7 +119,7 @@ def test_every_row_run_again_comes_out_the_same(committed: dict[str, StudyRow]) 
 
 
 def test_another_outcome_is_seen(committed: dict[str, StudyRow]) -> None:
-    row = committed[QUICK[1]]
+    row = committed[FINISHED]
     assert_same_outcome(row, row)
     for change in ({"overflow": "lost"}, {"certified": True}, {"P_error": 0.2}, {"K_error": 2.0}, {"alpha2": 1.0}):
         with pytest.raises(AssertionError):
@@ -210,5 +211,5 @@ def test_study_rows_say_what_they_hold() -> None:
     assert empty.span("alpha2") == (2.0, 2.0)
 
 
-def test_processes_share_the_runs(quick: dict[str, StudyRow]) -> None:
-    assert published_study(QUICK[1:], processes=2) == (quick[QUICK[1]],)
+def test_processes_share_the_runs(quick: StudyRow) -> None:
+    assert repr(published_study((QUICK,), processes=2)) == repr((quick,))  # its numbers that are none are not equal

@@ -23,8 +23,6 @@ def test_the_part_of_a_design_s_answer_that_fits_the_plant_is_named(
     design = solve_game(with_actuators(game, 20.0 if damping is None else 12.0, damping))
     for candidate in (from_gain(game, design.K[:, :n]), from_value(game, design.P[:n, :n])):
         assert words in diagnose(game, exact, candidate, LIMIT)
-    noise = np.random.default_rng(5).standard_normal((5, n))
-    assert diagnose(game, exact, from_gain(game, design.K[:, :n] * (1.0 + 0.01 * noise)), LIMIT) == ""
 
 
 @pytest.mark.parametrize("bandwidth", [1.5, 2.0, 20.0, 50.0])
@@ -37,7 +35,9 @@ def test_the_value_behind_slow_and_fast_actuators_of_second_order_is_named(game:
 ENGINE_AND_SURFACES = (None, 0.7, 0.7, 0.7, 0.7)
 
 
-@pytest.mark.parametrize("dampings", [(None,) * 5, ENGINE_AND_SURFACES, (0.7, None, None, 0.7, None)])
+@pytest.mark.parametrize(
+    "dampings", [(None,) * 5, ENGINE_AND_SURFACES, pytest.param((0.7, None, None, 0.7, None), marks=pytest.mark.slow)]
+)
 def test_the_gain_behind_actuators_that_differ_is_named_with_each(
     game: Game, dampings: tuple[float | None, ...]
 ) -> None:

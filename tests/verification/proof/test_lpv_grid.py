@@ -50,6 +50,7 @@ def test_the_error_stays_below_its_bound_and_not_far(grid: LpvGrid) -> None:
     assert 0.51 * grid.error["inputs"] < max(trims) <= grid.error["inputs"]
 
 
+@pytest.mark.slow  # the bound is compared with true errors above
 def test_half_the_step_has_a_quarter_of_the_error(grid: LpvGrid) -> None:
     finer = coarsest_grid(family(), 14.0, 14.5, grid.error["A"] / 4)
     assert finer.dihedral_deg[1] - 14.0 == (grid.dihedral_deg[1] - 14.0) / 2

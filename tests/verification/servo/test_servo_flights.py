@@ -43,8 +43,9 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
     return float(np.degrees(angle.rms)), acceleration.rms
 
 
-def test_two_steps_with_a_fault(published_aircraft: Aircraft) -> None:
+def test_two_steps_with_a_fault(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first 120 s of the case: the adaptive law misses less than the LQR, and the paper's policy is lost."""
+    monkeypatch.setattr(cases, "OWN_ANGLES", np.radians([9.0, 13.0]))
     names = ("simvfa-1", "simvfa-1 adaptive", "servo", "paper")
     lqr, adaptive, ours, paper = fly_case(published_aircraft, "order-1-fault", {}, 120.0, only=names)
     assert tuple(each.law for each in (lqr, adaptive, ours, paper)) == names
@@ -180,6 +181,7 @@ def test_a_case_is_kept_in_the_units_asked_for_and_read_back(
     missed = tuple(Tracked(name, times, times + 0.5) for name in REGULATED)
     flown = ServoFlight("one", times, missed, 0.1, None, None, dict.fromkeys(("surface", "state"), times))
     monkeypatch.setattr(servo_flights, "fly_case", lambda *_: (flown,))
+    monkeypatch.setattr(servo_flights, "servo_figure", lambda *_: new_figure(1.0, 1.0))
     words = (published_aircraft, "order-1", {}, tmp_path, ORIGIN)
     english = run_case(*words)
     for _ in range(2):  # in other units it is flown again, and then kept

@@ -48,7 +48,7 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Airc
     same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
 
 
-@pytest.mark.parametrize("delta", [np.inf, 200.0])
+@pytest.mark.parametrize("delta", [pytest.param(np.inf, marks=pytest.mark.slow), 200.0])
 def test_output_feedback_has_the_poles_of_the_central_controller(published_aircraft: Aircraft, delta: float) -> None:
     design = measured_servo(delta=delta, feedforward=Feedforward(lag=0.5, stages=2))
     built = design_model(published_aircraft, model_at(11.0), design)
