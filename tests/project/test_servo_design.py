@@ -12,10 +12,11 @@ from known_models import model_at
 from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z
 
-from controller import Actuator, Design, ScheduledController, design_model, load_design
+from controller import Actuator, CommandSteps, Design, ScheduledController, design_model, load_design
 from controller.design.design import Feedforward
 from controller.flight.actuators import LONGEST_STEP
 from hfa_model import Aircraft
+from verification.servo import servo_flights
 from verification.servo.cases import OWN_ANGLES, STEP
 from verification.servo.servo_flights import fly_case
 from verification.synthesis.command_flight import fly_commands
@@ -111,7 +112,8 @@ def test_in_linear_flight_it_follows_the_published_commands_within_the_rate(
     assert math.degrees(found.rate) <= 1.0
 
 
-#: rms error of dihedral of `servo-gusts` without its feedforward, deg.
+#: rms error of dihedral of `servo-gusts`, deg: with `newton` dynamics, and without its feedforward.
+NEWTON = {"order-1": 0.178, "order-1-fault": 0.258, "order-2": 0.181, "order-2-fault": 0.276}
 WITHOUT = {"order-1": 0.143, "order-1-fault": 0.420, "order-2": 0.142, "order-2-fault": 0.427}
 
 
@@ -122,3 +124,34 @@ def test_what_servo_gusts_misses_without_its_feedforward(published_aircraft: Air
     plain = {"plain": design_controller(published_aircraft, design, OWN_ANGLES)}
     (flight,) = fly_case(published_aircraft, case, plain, only=("plain",))
     assert np.degrees(flight.tracked[0].rms) == pytest.approx(WITHOUT[case], abs=6e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", NEWTON)
+def test_what_servo_gusts_misses_with_newton_dynamics(case: str) -> None:
+    (flight,) = fly_case(Aircraft(dynamics="newton"), case, {}, only=("servo-gusts",))
+    assert np.degrees(flight.tracked[0].rms) == pytest.approx(NEWTON[case], abs=6e-4)
+    assert np.degrees(flight.fastest) < 1.0
+
+
+#: Case and dynamics -> rms error of `servo-gusts` in calm air on the steps of docs/results/servo_turbulence.json, deg
+#: (the fault of order 2 has another damping there, 0.7).
+CALM = {
+    ("order-1", "published"): 0.104,
+    ("order-1", "newton"): 0.121,
+    ("order-1-fault", "published"): 0.197,
+    ("order-1-fault", "newton"): 0.222,
+    ("order-2", "published"): 0.105,
+    ("order-2-fault", "published"): 0.202,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("given", CALM)
+def test_what_turbulence_is_compared_with(monkeypatch: pytest.MonkeyPatch, given: tuple[str, str]) -> None:
+    case, dynamics = given
+    ends = np.column_stack([np.radians([1.0, 2.0, 1.0]), [-1.0, -2.0, -1.0]])
+    steps = CommandSteps(("dihedral", A_Z), np.array([1.0, 71.0, 141.0]), ends)
+    monkeypatch.setattr(servo_flights, "simvfa_commands", lambda: steps)
+    (flight,) = fly_case(Aircraft(dynamics=dynamics), case, {}, 211.0, only=("servo-gusts",))
+    assert np.degrees(flight.tracked[0].rms) == pytest.approx(CALM[given], abs=3e-3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import pytest
 from documents import ROOT
@@ -22,15 +23,24 @@ def test_the_document_has_the_stored_results() -> None:
     assert len(data["cases"]) == 4
 
 
+def what_flew(run: dict[str, Any]) -> str:
+    """The law and what its command says of the actuators."""
+    command = run["provenance"]["command"]
+    order, fault = ", order 2" * ("--actuators 0.5:60:2" in command), ", fault" * ("--fault 0.2:0.5:0" in command)
+    return f"{run['law']}{order}{fault}"
+
+
 def test_the_document_has_the_stored_turbulence() -> None:
     data = json.loads(RESULTS.with_name("servo_turbulence.json").read_text(encoding="utf-8"))
     text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
-    assert [(run["law"], run["dynamics"]) for run in data["runs"]] == [
-        (law, dynamics) for law in ("servo", "servo-gusts") for dynamics in ("published", "newton")
-    ]
+    both = {"servo", "servo-gusts", "servo-gusts, fault"}
+    expected = {(law, dynamics) for law in both for dynamics in ("published", "newton")}
+    expected |= {("servo-gusts, order 2", "published"), ("servo-gusts, order 2, fault", "published")}
+    assert {(what_flew(run), run["dynamics"]) for run in data["runs"]} == expected
+    assert len(data["runs"]) == len(expected)
     for run in data["runs"]:
         errors = " | ".join(f"{math.degrees(error):.2f}" for error in run["rms_error"]["dihedral"])
-        flown = f"{run['law']} | {run['dynamics']} | {run['duration']:g} s"
+        flown = f"{what_flew(run)} | {run['dynamics']} | {run['duration']:g} s"
         assert f"| {flown} | {run['held']} of {run['members']} | {errors} |" in text
 
 
