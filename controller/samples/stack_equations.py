@@ -120,9 +120,12 @@ class StackEquations:
 
     def _policies(self, half_gradient: np.ndarray, problem: PartialGame) -> tuple[np.ndarray, np.ndarray]:
         """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and what they cost."""
-        inputs, gusts = half_gradient @ self.control, half_gradient @ self.disturbance
-        pushed = inputs @ self.control.T - problem.share * (gusts @ self.disturbance.T)
-        return pushed, _squares(inputs) - problem.share * _squares(gusts)
+        inputs = half_gradient @ self.control
+        pushed, cost = inputs @ self.control.T, _squares(inputs)
+        if problem.share == 0.0:
+            return pushed, cost
+        gusts = half_gradient @ self.disturbance
+        return pushed - problem.share * (gusts @ self.disturbance.T), cost - problem.share * _squares(gusts)
 
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
