@@ -13,8 +13,9 @@ from scipy.optimize import minimize
 
 from controller import Game
 from hfa_model import NoSolutionError
-from verification import disk_margin, loop_margins, solve_game
-from verification.riccati.frequency_response import best_scaling, scaled_norm
+from verification import disk_margin, loop_margins, minimum_delta, solve_game
+from verification.riccati.balancing import in_units
+from verification.riccati.frequency_response import best_scaling, bounded_real_gain, scaled_norm
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
@@ -137,3 +138,18 @@ def _structured_bound(M: np.ndarray) -> float:
 
 def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
     return float(np.linalg.eigvals(game.A - (game.B * factors) @ K).real.max())
+
+
+def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
+    """Gain and phase of each loop, the disk, poles, gains; and what a search brackets, as far as that goes."""
+    units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+    si = in_units(game, units)
+    here, there = solve_game(game), solve_game(si)
+    exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
+    exact += [(disk_margin(si, there.K), disk_margin(game, here.K))]
+    exact += [(np.sort_complex(there.closed_loop_eigenvalues), np.sort_complex(here.closed_loop_eigenvalues))]
+    for found, expected in exact:
+        np.testing.assert_allclose(np.array(found), np.array(expected), rtol=1e-12)
+    assert bounded_real_gain(si, there.K) == pytest.approx(bounded_real_gain(game, here.K), rel=1e-8)
+    assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=1e-6)
+    assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K itself has units

@@ -20,6 +20,7 @@ from reference_riccati import reference_solution
 from controller import Game
 from hfa_model import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_game
+from verification.riccati.existence import has_value
 
 #: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of 1e16.
 EXACT = 1e-14
@@ -95,8 +96,10 @@ def test_a_servo_with_small_time_constants_is_certified(small: float) -> None:
 def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> None:
     """Example 14 with 1e-6: the slowest poles of the optimum are 5e-13 left of the axis."""
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
+    game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
     with pytest.raises(NoSolutionError, match="eigenvalue within rounding of the imaginary axis at 1 rad/s"):
-        solve_game(equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]]))
+        solve_game(game)
+    assert has_value(game) is None  # neither yes nor no: the search for delta_min must not lean on it
 
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
