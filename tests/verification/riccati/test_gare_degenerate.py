@@ -61,9 +61,9 @@ def test_a_defective_plant(value: float, seed: int) -> None:
     assert error(elsewhere(block, seed)) <= EXACT
 
 
-@pytest.mark.parametrize("rank", [1, 2, 3])
+@pytest.mark.parametrize("rank", [1, 2, 3, 4])
 def test_Q_of_every_rank(rank: int) -> None:
-    """What is paid for is a part of the states in random directions."""
+    """What is paid for, in random directions of four; nothing at all is in `test_gare.py`."""
     rng = np.random.default_rng(rank)
     C = rng.standard_normal((rank, 4))
     A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
