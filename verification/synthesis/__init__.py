@@ -1,1 +1,1 @@
-"""The certified controllers of a design at every angle: their loops, corners and the search for their weights."""
+"""The certified controllers of a design at every angle: loops, feedforward, corners and a search for their weights."""

@@ -62,10 +62,11 @@ def best_feedforward(
 
     e: without a feedforward, e_ik: of a stage alone. The loop is linear, so that errors and rates of the inputs'
     positions a are linear in θ and the program is convex: what its dual attains certifies that no θ is better.
-    NoSolutionError when no θ keeps the rates.
+    NoSolutionError when no θ keeps the rates, or none does anything.
     """
     m, count = len(plant.inputs), int(feedforward.stages)
-    responses = [_responses(loop, feedforward) for loop in loops]
+    with np.errstate(over="ignore", invalid="ignore"):
+        responses = [_responses(loop, feedforward) for loop in loops]
     weights = np.sqrt([feedforward.weights.get(name, 1.0) for name in outputs])
     gains, checks = np.zeros((m, len(outputs) * count)), []
     for j, name in enumerate(outputs):
@@ -114,7 +115,12 @@ def _smallest(errors: np.ndarray, rates: np.ndarray, fastest: float, name: str) 
     And how far its cost may lie above the smallest, as a share of |e_0|², or a rate above its limit, as a share.
     """
     E, e = errors[:, 1:], errors[:, 0]
-    size = 1.0 / np.linalg.norm(E, axis=0)
+    moved = np.linalg.norm(E, axis=0)
+    if not (np.all(np.isfinite(moved)) and np.all(moved > 0.0)):
+        raise NoSolutionError(
+            f"a feedforward of this lag and weight moves the errors of {name} by nothing, or by infinity"
+        )
+    size = 1.0 / moved
     H, g = size[:, None] * (E.T @ E) * size, size * (E.T @ e)
     H += _LEAST * np.eye(len(H))
     bounded = math.isfinite(fastest)

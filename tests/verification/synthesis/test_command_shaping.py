@@ -105,6 +105,19 @@ def test_the_certificate_fails_where_an_answer_is_not_the_best(
     assert not any(check.ok for check in made(published_aircraft, design()).checks)
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"lag": 1e300},
+        {"weights": {"dihedral": 0.0, A_Z: 0.0}},
+        {"actuators": {"wild": Actuator(bandwidth=1e6, effectiveness=1e6)}},
+    ],
+)
+def test_a_feedforward_that_moves_nothing_is_said(published_aircraft: Aircraft, changed: dict[str, Any]) -> None:
+    with pytest.raises(NoSolutionError, match="moves the errors of dihedral by nothing, or by infinity"):
+        made(published_aircraft, design(**changed))
+
+
 def test_a_rate_that_cannot_be_kept_is_said(published_aircraft: Aircraft) -> None:
     with pytest.raises(NoSolutionError, match=r"no feedforward keeps the inputs below 0.001 for each unit of dihedral"):
         made(published_aircraft, design(rates={"dihedral": 1e-3}))
