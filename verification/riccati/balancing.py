@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,7 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return scaled, scaling
 
 
+@lru_cache(maxsize=16)
 def balanced_units(game: Game) -> np.ndarray:
     """Units u, (n,), powers of two: with z_i = u_i y_i the Hamiltonian of the game in y is balanced.
 
@@ -69,7 +70,9 @@ def balanced_units(game: Game) -> np.ndarray:
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
     _, scaling = balanced(H)
-    return np.exp2(np.round(0.5 * (np.log2(scaling[:n]) - np.log2(scaling[n:]))))
+    units = np.exp2(np.round(0.5 * (np.log2(scaling[:n]) - np.log2(scaling[n:]))))
+    units.setflags(write=False)  # the same array for whoever asks about this game
+    return units
 
 
 def in_units(game: Game, units: np.ndarray) -> Game:
