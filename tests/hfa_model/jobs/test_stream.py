@@ -31,21 +31,24 @@ def small_chunks(monkeypatch):
     monkeypatch.setattr(stored_sweep, "CHUNK", 30)
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The sweep in one run, in one chunk."""
+    return stream_sweep(_plan(), tmp_path_factory.mktemp("whole") / "whole.zarr")
+
+
 def _same(first, second) -> bool:
     names = SweepJob(_plan()).layout.arrays
     return all(np.array_equal(first.read(name), second.read(name), equal_nan=name != "status") for name in names)
 
 
-def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks):
-    one = stream_sweep(_plan(), tmp_path / "one.zarr")
+def test_two_processes_give_the_bits_of_one(tmp_path, small_chunks, whole):
     two = stream_sweep(_plan(), tmp_path / "two.zarr", count=2)
-    assert status_counts(one, 160)["missing"] == status_counts(two, 160)["missing"] == 0
-    assert _same(one, two)
+    assert status_counts(whole, 160)["missing"] == status_counts(two, 160)["missing"] == 0
+    assert _same(whole, two)
 
 
-def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, monkeypatch):
-    whole = stream_sweep(_plan(), tmp_path / "whole.zarr")
-
+def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, whole, monkeypatch):
     class Stop(Exception):
         pass
 
@@ -83,8 +86,7 @@ def test_a_store_is_not_continued_by_another_version(tmp_path, small_chunks, mon
     assert open_store(tmp_path / "a.zarr").missing() == []  # any version reads it
 
 
-def test_a_worker_that_does_not_see_the_store_sends_its_rows(tmp_path, small_chunks, monkeypatch):
-    whole = stream_sweep(_plan(), tmp_path / "whole.zarr")
+def test_a_worker_that_does_not_see_the_store_sends_its_rows(tmp_path, small_chunks, whole, monkeypatch):
     sent = []
 
     def from_afar(path, *task):
@@ -111,7 +113,7 @@ def test_a_worker_does_not_write_into_a_copy_of_the_store(tmp_path, small_chunks
     assert isinstance(run_and_write(tmp_path / "a.zarr", mark, *task), dict)
 
 
-def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chunks):
+def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chunks, whole):
     script = textwrap.dedent(
         f"""
         import sys
@@ -136,14 +138,13 @@ def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chu
     killed = open_store(tmp_path / "killed.zarr")
     assert 0 < len(killed.missing()) < 6
     resumed = stream_sweep(_plan(), tmp_path / "killed.zarr", resume=True)
-    assert _same(resumed, stream_sweep(_plan(), tmp_path / "whole.zarr"))
+    assert _same(resumed, whole)
 
 
-def test_a_dask_cluster_gives_the_same_bits(tmp_path, monkeypatch):
+def test_a_dask_cluster_gives_the_same_bits(tmp_path, whole, monkeypatch):
     """Its workers run several chunks at a time, each in a thread."""
     monkeypatch.setattr(stored_sweep, "CHUNK", 8)
     distributed = pytest.importorskip("distributed")
-    serial = stream_sweep(_plan(), tmp_path / "serial.zarr")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=4, processes=True, dashboard_address=":0") as cluster:
         spread = stream_sweep(_plan(), tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
-    assert _same(serial, spread)
+    assert _same(whole, spread)

@@ -127,7 +127,7 @@ def test_a_finished_case_is_kept_and_known_again(
     published_aircraft: Aircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[tuple[str, int, int]] = []
-    own = {"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[9:15])}
+    own = {"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[10:14])}
     settings: dict[str, Any] = {"duration": 4.0, "only": ("simvfa-2", "ours", "paper")}
     first = run_case(
         published_aircraft,
@@ -146,7 +146,7 @@ def test_a_finished_case_is_kept_and_known_again(
     monkeypatch.setattr("verification.servo.servo_flights.servo_figure", lambda *_: pytest.fail("drawn again"))
     assert run_case(published_aircraft, "order-2", own, tmp_path / "out", ORIGIN, resume=True, **settings) == first
     others = (
-        ({"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[8:15])}, settings),
+        ({"ours": reference_servo(published_aircraft, "simvfa-2", ANGLES[9:14])}, settings),
         (own, {"duration": 4.0}),
     )
     for controllers, changed in others:
