@@ -21,7 +21,7 @@ from verification.riccati.gare_schur import quick_solution, schur_solution
 DERIVATIONS_AGREE = 1e-8
 TOLERANCE = 1e-6
 #: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
-_CLEAR = 0.01
+_CLEAR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
