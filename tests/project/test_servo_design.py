@@ -52,13 +52,22 @@ def test_every_corner_is_stable_at_eleven_degrees(published_aircraft: Aircraft, 
     assert (found.unstable, found.loops) == (0, 32)
 
 
+#: Of `servo-gusts`, smallest disk margins at inputs and sensors: with its own actuators, at the worst corner.
+MARGINS = {"published": (0.78, 0.45, 0.095, 0.0137), "newton": (0.78, 0.77, 0.0286, 0.0249)}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("design", ["servo", "servo-gusts", "servo-states"])
 def test_every_corner_is_stable_at_every_angle(dynamics: str, design: str) -> None:
     aircraft, angles = Aircraft(dynamics=dynamics), np.radians(np.arange(21.0))
-    found = check_corners(aircraft, design_controller(aircraft, load_design(design), angles))
+    controller = design_controller(aircraft, load_design(design), angles)
+    found = check_corners(aircraft, controller)
     assert (found.unstable, found.loops) == (0, 672)
+    if design == "servo-gusts":
+        kinds = ("margin_at_inputs", "margin_at_sensors")
+        own = [min(row[kind]["disk"] for row in controller.about["angles"]) for kind in kinds]
+        assert [*own, found.at_inputs.value, found.at_sensors.value] == pytest.approx(MARGINS[dynamics], rel=0.03)
 
 
 @pytest.mark.parametrize("design", ["servo", "servo-gusts", "servo-states"])
