@@ -104,11 +104,13 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
-    """|A'P + PA + Q - PSP| / (2 |A'P| + |Q| + |PSP|) in coordinates z / scales, Frobenius norms."""
+    """|A'P + PA + Q - PSP| / (2 |A'P| + |Q| + |PSP|) in coordinates z / scales, Frobenius norms; 0 where nothing costs
+    anything that a number can hold."""
     outer = np.outer(scales, scales)
     terms = (2.0 * game.A.T @ P, game.Q, P @ game.S @ P)
     total = sum(float(np.linalg.norm(term * outer)) for term in terms)
-    return float(np.linalg.norm(refinement.riccati_residual(*_scaled(game, scales), P * outer))) / total
+    left = float(np.linalg.norm(refinement.riccati_residual(*_scaled(game, scales), P * outer)))
+    return left / total if total > 0.0 else left
 
 
 def newton_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:

@@ -83,6 +83,16 @@ def test_extreme_plants_are_answered_at_once(tmp_path: Path, changes: dict[str, 
 
 
 @pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("law", ["certified", "irl"])
+def test_a_cost_that_no_number_holds_is_not_learnt(tmp_path: Path, law: str) -> None:
+    """Its norm is 0, and so is all that a residual is compared with."""
+    plant = small(tmp_path / "plant.json", Q=[[1e-320, 0.0], [0.0, 1e-320]])
+    result = hfa("learn", "--model", plant, "--law", law)
+    assert result.code in (FAILED, 2)
+    assert [line for line in result.err.splitlines() if not line.startswith("hfa: ")] == []
+
+
+@pytest.mark.filterwarnings("default")
 def test_warnings_of_libraries_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import warnings
 
