@@ -101,3 +101,10 @@ def test_refusals_name_the_choices() -> None:
         basis("paper", 4)
     with pytest.raises(BadInputError, match="at least 1 state"):
         basis("quadratic", 0)
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_a_basis_is_shared_and_cannot_be_changed(name: str) -> None:
+    functions = basis(name, 6)
+    with pytest.raises(ValueError, match="read-only"):
+        functions.exponents[0, 0] = 7

@@ -127,6 +127,8 @@ def test_explicit_steps_are_stable_below_the_limit_and_not_above() -> None:
 
     assert growth(0.99 * limit) < 1.0
     assert growth(1.01 * limit) > 1.0
+    # The slower the law, the longer the step, without end.
+    assert explicit_step_limit(sample, 1e-6 * gamma, a1, a2, eta) == pytest.approx(1e6 * limit)
     at_rest = Sample(sample.regressors, np.zeros(9))
     assert explicit_step_limit(at_rest, gamma, a1, a2, eta) < 1e-200
     assert explicit_step_limit(Sample(np.zeros((2, 4)), np.ones(2)), gamma, a1, a2, eta) == np.inf

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,3 +27,8 @@ def test_one_gain_stays_and_several_follow_each_other_and_the_last_stays() -> No
 def test_another_shape_is_refused(gains: np.ndarray) -> None:
     with pytest.raises(BadInputError, match=r"the gain has shape .*; give 5 x 6 finite numbers"):
         gain_law("bad", gains)
+
+
+def test_what_is_no_gain_has_no_gains() -> None:
+    law = gain_law("one", GAINS[0])
+    assert replace(law, policy=None).gains.shape == (0, 5, 6)  # type: ignore[arg-type]

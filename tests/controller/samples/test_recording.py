@@ -58,6 +58,12 @@ def test_natural_spread_changes_with_the_units_of_the_states() -> None:
     assert natural_spread(other) / units == pytest.approx(natural_spread(game), rel=1e-6)
 
 
+def test_a_plant_without_motion_of_its_own_has_a_spread_all_the_same() -> None:
+    """A = 0: β is 0.1 1/s, X = (B R⁻¹B' + EE'/δ²) / (2 β)."""
+    game = Game([[0.0]], [[2.0]], [[3.0]], [[1.0]], [[4.0]], 6.0)
+    assert natural_spread(game) == pytest.approx([np.sqrt((1.0 + 0.25) / 0.2)], rel=1e-12)
+
+
 def test_natural_spread_solves_its_equation() -> None:
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
