@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -111,6 +112,16 @@ def test_the_page_shows_what_was_found() -> None:
 def test_every_survivor_has_its_cause_and_a_reason() -> None:
     without = [each for each in found()["survivors"] if each["cause"] == OPEN or not each["reason"]]
     assert without == []
+
+
+def test_every_survivor_is_where_the_file_says() -> None:
+    moved = []
+    for each in found()["survivors"]:
+        path, _, name = ROOT / each["module"], *each["function"].rpartition(".")[1:]
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        if not re.search(rf"^ *(def|class) {name}\b" if name else ".", text, re.MULTILINE):
+            moved.append(f"{each['module']} {each['function']}")
+    assert moved == []
 
 
 def test_a_new_survivor_is_open_and_a_known_one_keeps_its_cause() -> None:
