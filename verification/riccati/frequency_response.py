@@ -36,6 +36,8 @@ DISK_AT_INFINITY = 2.0
 SWEEPS = 6
 #: Most steps of that search, and most trials of the length of one: at a kink no length is left in the end.
 MAX_STEPS, MAX_TRIALS = 1000, 40
+#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not overflow on the way.
+FARTHEST = 5.0
 #: Condition of the modes up to which responses keep ten digits when summed over them.
 WELL_CONDITIONED = 1e6
 
@@ -184,7 +186,9 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
         if np.abs(slope).max(initial=0.0) <= TOLERANCE * size:
             break
         way = -inverse @ slope
-        way /= max(1.0, np.abs(way).max())  # where D is best at infinity, exp(log D) must not get there at once
+        if np.abs(way).max() > FARTHEST:  # no curvature is left: steepest descent again
+            inverse = np.eye(len(free)) / size
+            way = -inverse @ slope
         falls, share, low, high = slope @ way, 1.0, 0.0, math.inf
         for _ in range(MAX_TRIALS):
             there, slope_there = _norm_and_slope(free + share * way, M)

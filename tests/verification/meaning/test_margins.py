@@ -111,7 +111,7 @@ def test_structured_bound_is_exact_for_two_factors() -> None:
     assert _structured_bound(np.array([[3.0 - 4.0j]])) == 5.0
 
 
-@pytest.mark.parametrize("size", [2, 5, 8])
+@pytest.mark.parametrize("size", [2, 3, 5, 8])
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(size: int, scale: float) -> None:
     """A unitary M in other units: 1, where all singular values meet. A triangular one: its diagonal, D without end."""
@@ -121,7 +121,9 @@ def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(size: i
         units = np.exp(3.0 * rng.standard_normal(size))
         unitary = np.linalg.qr(M)[0] * units / units[:, None]
         assert _structured_bound(scale * unitary) == pytest.approx(scale, rel=1e-8)
-        assert _structured_bound(scale * np.triu(M)) == pytest.approx(scale * np.abs(np.diag(M)).max(), rel=1e-6)
+        for triangular in (np.triu(M), np.triu(M.real) * units, np.triu(M.real) * units[:, None]):
+            exact = scale * np.abs(np.diag(triangular)).max()
+            assert _structured_bound(scale * triangular) == pytest.approx(exact, rel=1e-5)
 
 
 def test_weak_gain_has_smaller_margins_and_unstable_loops_none(game: Game) -> None:

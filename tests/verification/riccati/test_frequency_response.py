@@ -56,6 +56,16 @@ def test_gain_of_a_first_order_loop_in_closed_form() -> None:
     assert swept_gain(game, K) == SweptGain(pytest.approx(exact, rel=1e-12), 0.0)
 
 
+@pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
+def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
+    """1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s, which no grid holds, nor its width where ζ is small."""
+    oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
+    game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
+    found = swept_gain(game, np.zeros((1, 2)))
+    assert found.gain == pytest.approx(1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9)
+    assert found.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
+
+
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
     game, P = first
     K = -game.gain(P)
