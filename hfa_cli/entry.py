@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 _SAID = {signal.SIGINT: b"hfa: interrupted\n", signal.SIGTERM: b"hfa: terminated\n"}
 _BAD_INPUT = 2
+#: s: how long a run that a signal has ended waits for threads of libraries.
+_PATIENCE = 5.0
 
 
 def main() -> int:
@@ -20,6 +22,7 @@ def main() -> int:
 
     Until the command runs nothing needs cleaning up: a signal is one line and the end. While it runs, `hfa_cli.main`
     answers. Once it has run, what it made is there: a first signal changes nothing, a second does not wait for threads.
+    After a signal threads have `_PATIENCE`: that of a pool may wait for ever for the rest of what a worker was sending.
     """
     _open_closed_streams()
     # Who began us with a signal ignored (nohup) wants it ignored.
@@ -37,6 +40,8 @@ def main() -> int:
             signal.signal(number, handler)
         code = run()
         _answer(before, _end_next)
+        if code > 128:
+            _end_within(_PATIENCE, code)
     except KeyboardInterrupt:  # between two handlers
         _end(signal.SIGINT)
     return code
@@ -56,6 +61,14 @@ def _open_closed_streams() -> None:
 def _answer(numbers: Iterable[int], handler: Callable[[int, object], None]) -> None:
     for number in numbers:
         signal.signal(number, handler)
+
+
+def _end_within(seconds: float, code: int) -> None:
+    import threading
+
+    timer = threading.Timer(seconds, os._exit, (code,))
+    timer.daemon = True
+    timer.start()
 
 
 def _end_next(number: int, _: object) -> None:

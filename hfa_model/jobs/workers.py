@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -20,13 +21,15 @@ _AHEAD = 2
 _MOST_DEATHS = 3
 #: Seconds without a result after which it is asked whether any worker is left.
 _PATIENCE = 30.0
-#: Seconds within which terminated workers are gone.
-_ENDED = 10.0
+#: Seconds that workers have to end by themselves, and within which it is seen that they have.
+_GONE, _ENDED = 1.0, 10.0
 #: Within which a scheduler must answer.
 _ANSWER = "10s"
 _ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
 
 Task = tuple[Any, ...]
+#: In a worker: it is to end.
+_leaving = threading.Event()
 
 
 class Workers:
@@ -82,7 +85,7 @@ class Workers:
 
         def submit(key: int, task: Task) -> None:
             with held_back(), blocked_in_children():  # it may start a process
-                future = executor.submit(function, *task)
+                future = executor.submit(_worked, function, *task)
             futures[future] = key
             future.add_done_callback(finished.put)
 
@@ -152,8 +155,12 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
     try:
         yield lambda: ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
     except BaseException:
-        for process in set(multiprocessing.active_children()) - others:
+        ours = set(multiprocessing.active_children()) - others
+        for process in ours:
             process.terminate()
+        for process in ours:
+            process.join(_GONE)
+            process.kill()  # what computes for longer
         # The thread that looks after them closes its pipe once they are gone; an interpreter that ends meanwhile writes
         # into it, and says so.
         for thread in threading.enumerate():
@@ -163,9 +170,12 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
 
 
 def _end_with_parent() -> None:
-    """End this worker when the process that started it is gone, however that ended."""
+    """End this worker when the process that started it is gone, however that ended; on SIGTERM between two tasks.
+
+    Half a message would keep the thread that reads it, and so the process that started this one, for ever.
+    """
     import multiprocessing
-    import os
+    import signal
 
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -175,6 +185,15 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    signal.signal(signal.SIGTERM, lambda *_: _leaving.set())
+
+
+def _worked(function: Callable[..., Any], *task: Any) -> Any:
+    """`function(*task)`; a worker that is to end neither begins nor sends it."""
+    result = None if _leaving.is_set() else function(*task)
+    if _leaving.is_set():
+        os._exit(1)
+    return result
 
 
 def _dask_losses() -> tuple[type[BaseException], ...]:

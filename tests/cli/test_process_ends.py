@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -59,6 +60,25 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
     if said is not None:
         assert err == said
         assert list((tmp_path / "temporary").iterdir()) == []
+
+
+#: A command that a signal has ended, but not the thread of a library.
+STUCK = """
+import sys, threading, time
+import hfa_cli.main
+from hfa_cli import entry
+
+def main():
+    threading.Thread(target=time.sleep, args=(60.0,)).start()
+    return hfa_cli.main.TERMINATED
+
+hfa_cli.main.main, entry._PATIENCE = main, 0.1
+sys.exit(entry.main())
+"""
+
+
+def test_a_thread_that_never_ends_does_not_keep_a_run_that_a_signal_ended() -> None:
+    assert subprocess.run([sys.executable, "-c", STUCK], timeout=20.0, check=False).returncode == TERMINATED
 
 
 def test_warnings_of_libraries_do_not_precede_a_refusal(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -106,3 +108,31 @@ def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
     results = dict(crew.run(_die_once, [(value, (flag, value)) for value in range(8)]))
     assert os.path.exists(flag)
     assert results == {value: value * value for value in range(8)}
+
+
+#: Leaves the pool while its workers send 24 MB each, a moment later each time; the process then waits for its threads.
+_LEAVES = """
+import sys, time
+import numpy as np
+from hfa_model.jobs.workers import workers
+
+if __name__ == "__main__":
+    for moment in (0.0, 0.01, 0.03, 0.05):
+        try:
+            with workers(2) as pool:
+                for key, _ in pool.run(np.zeros, ((k, (3_000_000,)) for k in range(1000))):
+                    if key == 6:
+                        time.sleep(moment)
+                        raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            print("left")
+"""
+
+
+def test_a_pool_that_is_left_while_its_workers_send_ends(tmp_path: Path) -> None:
+    """Half a message would keep the thread that reads it for ever."""
+    (tmp_path / "leaves.py").write_text(_LEAVES, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "leaves.py"], cwd=tmp_path, capture_output=True, text=True, timeout=30.0, check=True
+    )
+    assert (run.stdout, run.stderr) == (4 * "left\n", "")
