@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -22,7 +23,7 @@ _MOST_DEATHS = 3
 #: Seconds without a result after which it is asked whether any worker is left.
 _PATIENCE = 30.0
 #: Seconds that workers have to end by themselves, and within which it is seen that they have.
-_GONE, _ENDED = 1.0, 10.0
+_GONE, _ENDED = 0.5, 10.0
 #: Within which a scheduler must answer.
 _ANSWER = "10s"
 _ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
@@ -152,8 +153,15 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
     # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
+    waiting_for_workers = []
+
+    def make() -> ProcessPoolExecutor:
+        executor = ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
+        waiting_for_workers.append(executor._call_queue)  # type: ignore[attr-defined]
+        return executor
+
     try:
-        yield lambda: ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
+        yield make
     except BaseException:
         ours = set(multiprocessing.active_children()) - others
         for process in ours:
@@ -161,6 +169,9 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
         for process in ours:
             process.join(_GONE)
             process.kill()  # what computes for longer
+        if sys.version_info < (3, 11, 5):  # its pools go on writing to workers that are gone
+            for queue in waiting_for_workers:
+                queue._reader.close()
         # The thread that looks after them closes its pipe once they are gone; an interpreter that ends meanwhile writes
         # into it, and says so.
         for thread in threading.enumerate():
