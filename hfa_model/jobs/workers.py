@@ -153,11 +153,12 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
     # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
-    waiting_for_workers = []
+    never_closed: list[Any] = []
 
     def make() -> ProcessPoolExecutor:
         executor = ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent)
-        waiting_for_workers.append(executor._call_queue)  # type: ignore[attr-defined]
+        if sys.version_info < (3, 11, 5):  # its pools go on writing to workers that are gone
+            never_closed.append(executor._call_queue._reader)  # type: ignore[attr-defined]
         return executor
 
     try:
@@ -169,9 +170,8 @@ def _pool(count: int) -> Iterator[Callable[[], Executor]]:
         for process in ours:
             process.join(_GONE)
             process.kill()  # what computes for longer
-        if sys.version_info < (3, 11, 5):  # its pools go on writing to workers that are gone
-            for queue in waiting_for_workers:
-                queue._reader.close()
+        for pipe in never_closed:
+            pipe.close()
         # The thread that looks after them closes its pipe once they are gone; an interpreter that ends meanwhile writes
         # into it, and says so.
         for thread in threading.enumerate():
