@@ -14,6 +14,7 @@ from typing import Any
 
 from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
+from hfa_cli.printing import drop_output
 from hfa_model.jobs.interrupts import Terminated, ended_by_signals
 from hfa_model.support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_model.support.version import toolchain_version
@@ -72,8 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain("terminated", TERMINATED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        _drop_output()  # the reader of our output left (`hfa ... | head`): nothing more to say
+    except BrokenPipeError:  # of --help, or of what was left to flush
+        drop_output()
         return code
     except OverflowError:
         return _complain("a number is too large or too small to compute with; check the options", BAD_INPUT)
@@ -82,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
     except OSError as error:
-        _drop_output()
+        drop_output()
         if error.filename is None:
             return _complain(f"cannot write the output: {error.strerror}", BAD_INPUT)
         return _complain(f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT)
@@ -168,12 +169,6 @@ def overview(with_command: bool = True) -> Parser:
         parser.add_argument("command", nargs="?", help="one of the commands below")
     parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     return parser
-
-
-def _drop_output() -> None:
-    """Send what is still buffered for standard output nowhere, so that nothing fails when the process ends."""
-    with contextlib.suppress(AttributeError, io.UnsupportedOperation):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(message: str, code: int) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_cli.options.shared_options import FORMATS
 from hfa_cli.origin import provenance, signed
+from hfa_cli.printing import say
 from hfa_cli.progress import say_notes
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Style
@@ -39,9 +40,9 @@ def show(
         stated(report.with_data(**(only_in_files or {})), arguments).save(target)
     report, form = stated(report, arguments), getattr(arguments, "format", None) or "text"
     if not arguments.json and form == "text":
-        print(report.text(_style()))
+        say(report.text(_style()))
     else:
-        print(report.json() if arguments.json else FORMATS[form](report))
+        say(report.json() if arguments.json else FORMATS[form](report))
 
 
 def show_verdict(found: Regeneration | Validation, arguments: argparse.Namespace) -> int:
@@ -73,7 +74,6 @@ def tell(
     notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
     told = report.with_data(warnings=notes)
     show(told, arguments, target=target, only_in_files=only_in_files)
-    sys.stdout.flush()
     say_notes(notes)
 
 

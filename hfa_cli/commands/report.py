@@ -18,6 +18,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import stated
+from hfa_cli.printing import say
 from hfa_cli.progress import Progress
 from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
@@ -73,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
-    print(report.json() if arguments.json else "\n".join(lines))
+    say(report.json() if arguments.json else "\n".join(lines))
     return 0 if job.ok else 1
 
 

@@ -13,6 +13,7 @@ from hfa_cli.options.argument_types import check_folder, parsed, whole
 from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
 from hfa_cli.origin import provenance
+from hfa_cli.printing import say
 from hfa_cli.progress import Progress
 from hfa_model.support.files import write_texts
 
@@ -62,6 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
     table = reproduce(chosen, setting, folder, origin, resume=arguments.resume, progress=show, processes=processes)
     written = claims_markdown(table) + f"\n{origin.text()}\n"
     write_texts(folder, {"claims.json": json_text(table), "claims.md": written})
-    said = json_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}\n"
-    print(said, end="")
+    said = json_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}"
+    say(said.removesuffix("\n"))
     return 1 if table["own_failures"] else 0

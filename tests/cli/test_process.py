@@ -45,8 +45,16 @@ def test_a_process_says_the_same_as_any_other(tmp_path: Path, words: tuple[str, 
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("words", ["--help", "trim --dihedral 15", "sweep --dihedral 0:20:0.5 --json"])
-def test_a_reader_that_leaves_is_no_error(words: str, unbuffered: str) -> None:
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("--help", DONE),
+        ("trim --dihedral 15", DONE),
+        ("sweep --dihedral 0:20:0.5 --json -q", DONE),
+        ("sweep --dihedral 60 -q", FAILED),
+    ],
+)
+def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as pipe:
@@ -57,7 +65,7 @@ def test_a_reader_that_leaves_is_no_error(words: str, unbuffered: str) -> None:
             env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
             timeout=60,
         )
-    assert (done.returncode, done.stderr) == (DONE, b"")
+    assert (done.returncode, done.stderr) == (code, b"")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
