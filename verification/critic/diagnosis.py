@@ -37,6 +37,7 @@ _FAR = 10.0 * EXPLAINED
 _ROUNDING = 1e-9
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
+_NOT_TOGETHER = "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
 
 
 def diagnose(
@@ -56,17 +57,18 @@ def diagnose(
         return (
             _of_gain(game, exact, K)
             or _in_other_units(game, exact, None, K)
-            or _of_another_game(game, exact, None, K, at_dihedral)
+            or _of_another_game(game, exact, None, K, at_dihedral).format("gain")
         )
     symmetric = (P + P.T) / 2.0
+    together = _gain_error(game, K, game.gain(P)) <= limit
     if all(check.ok for check in value_errors(game, P, exact.P, limit)):
-        return _beyond(candidate) or _of_gain(game, exact, K) or _not_together(game, P, K, limit)
+        return _beyond(candidate) or _of_gain(game, exact, K) or ("" if together else _NOT_TOGETHER)
     return (
         ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz depends on (P + P')/2 alone")
         or _of_value(game, exact, candidate, symmetric)
-        or _not_together(game, P, K, limit)
+        or ("" if together else _of_both(game, exact, symmetric, K, at_dihedral) or _NOT_TOGETHER)
         or _in_other_units(game, exact, symmetric, K)
-        or _of_another_game(game, exact, symmetric, K, at_dihedral)
+        or _of_another_game(game, exact, symmetric, K, at_dihedral).format("solution")
         or _another_root(game, symmetric)
     )
 
@@ -111,12 +113,6 @@ def _in_other_units(game: Game, exact: GameSolution, P: np.ndarray | None, K: np
     return _first(rescaled("P", P, exact.P), lambda repaired: _value_error(game, repaired, exact.P), before)
 
 
-def _not_together(game: Game, P: np.ndarray, K: np.ndarray, limit: float) -> str:
-    if _gain_error(game, K, game.gain(P)) <= limit:
-        return ""
-    return "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
-
-
 def _beyond(candidate: Candidate) -> str:
     """What is said of weights beyond the quadratic ones, where those are right."""
     beyond = candidate.functions.quadratic_size
@@ -136,7 +132,7 @@ def _of_another_game(
     K: np.ndarray,
     at_dihedral: Callable[[float], Game] | None,
 ) -> str:
-    """Whose answer this is, if not the game's."""
+    """Whose answer this is, if not the game's, with {} for what of it: of P, (n, n) symmetric, or without it of K."""
 
     def error(other: Game, value: np.ndarray) -> float:
         return _gain_error(game, K, other.gain(value)) if P is None else _value_error(game, P, value)
@@ -152,10 +148,9 @@ def _of_another_game(
         except NoSolutionError:
             return math.inf
 
-    what = "gain" if P is None else "solution"
     lqr = rest(game.with_delta(math.inf)) if math.isfinite(game.delta) else math.inf
     if lqr <= _SAME:
-        return f"this is the LQR {what} (delta = inf), not the game's at delta = {game.delta:.6g}"
+        return f"this is the LQR {{}} (delta = inf), not the game's at delta = {game.delta:.6g}"
     told = np.count_nonzero(exact.K if P is None else np.triu(exact.P))
     if told >= 1 + REDUNDANT:  # a few numbers fit many games
         others = games_of_gain(game, K) if P is None else games_of_value(game, P)
@@ -165,14 +160,27 @@ def _of_another_game(
         best = min((left for left, _ in fits), default=math.inf)
         if best <= EXPLAINED * min(lqr, 1.0):
             difference = next(said for left, said in fits if left <= max(10.0 * best, _ROUNDING))
-            return f"this is the {what} of another game, {difference}"
+            return f"this is the {{}} of another game, {difference}"
         for said, answer in chain(answers_with_other_actuators(game, P, K), discrete_answers(game, P, K)):
             left = _gain_error(game, K, answer) if P is None else _value_error(game, P, answer)
             if left <= EXPLAINED * before * min(lqr, 1.0):
-                return f"this is the {'gain' if P is None else 'value'} of {said}"
+                return f"this is the {{}} of {said}"
     if lqr <= EXPLAINED:
-        return f"this is nearly the LQR {what} (delta = inf): the disturbance is missing or far too weak (delta, E)"
+        return "this is nearly the LQR {} (delta = inf): the disturbance is missing or far too weak (delta, E)"
     return ""
+
+
+def _of_both(
+    game: Game,
+    exact: GameSolution,
+    P: np.ndarray,
+    K: np.ndarray,
+    at_dihedral: Callable[[float], Game] | None,
+) -> str:
+    """Of which other game both are, where each alone names the same one."""
+    found = _of_another_game(game, exact, P, K, at_dihedral)
+    same = found and found == _of_another_game(game, exact, None, K, at_dihedral)
+    return found.format("solution and gain") if same else ""
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
