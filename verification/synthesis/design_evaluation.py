@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -33,15 +33,17 @@ class DesignEvaluation:
 
     def __init__(self, aircraft: Aircraft, tuning: Tuning) -> None:
         self._aircraft, self._tuning = aircraft, tuning
-        self._models = {angle: level_model(aircraft, angle) for angle in (*tuning.angles, *dict(tuning.places))}
+        self._models = {angle: level_model(aircraft, angle) for angle in dict(tuning.places)}
+        cornered = [Aircraft(aircraft.parameters, name) for name in tuning.dynamics or (aircraft.variant,)]
+        self._at_corners = [(each, level_model(each, angle)) for each in cornered for angle in tuning.angles]
         self._in_gusts = []
         for gust in tuning.gusts:
             flown = Aircraft(aircraft.parameters, gust.dynamics or aircraft.variant)
             self._in_gusts.append((flown, level_model(flown, gust.dihedral), gust))
 
-    def at(self, values: np.ndarray) -> Evaluation:
-        """Of values of the variables."""
-        return self.of(self._tuning.entries_at(values))
+    def at(self, values: np.ndarray, below: float = math.inf) -> Evaluation:
+        """Of values of the variables, as `of`."""
+        return self.of(self._tuning.entries_at(values), below)
 
     def held(self, entries: Mapping[str, Any]) -> tuple[float, ...]:
         """Of the entries of a design file, the largest peak stood in each gust of the search, ft/s, as `gust_held`."""
@@ -51,65 +53,66 @@ class DesignEvaluation:
             for flown, model, gust in self._in_gusts
         )
 
-    def of(self, entries: Mapping[str, Any]) -> Evaluation:
-        """The cost; `LOST` and more for a design that has no controller or no stable loop."""
-        tuning = self._tuning
+    def of(self, entries: Mapping[str, Any], below: float = math.inf) -> Evaluation:
+        """The cost; `LOST` and more for a design that has no controller or no stable loop.
+
+        below: what the cost must not exceed to be of interest. Once it does, what takes longer is left out: the cost is
+        then a lower bound, above `below`.
+        """
+        found = Evaluation(2.0 * LOST, math.inf)
         try:
-            design = design_of(tuning.name, entries)
-            still, commanded = replace(design, feedforward=None), {case.dihedral for case in tuning.cases}
-            tables = {
-                angle: quick_controller(self._aircraft, model, design if angle in commanded else still)
-                for angle, model in self._models.items()
-            }
-            in_gusts = [quick_controller(flown, model, still) for flown, model, _ in self._in_gusts]
+            for found in self._parts(design_of(self._tuning.name, entries)):
+                if found.cost > below:
+                    break
         except (BadInputError, NoSolutionError, np.linalg.LinAlgError):
             return Evaluation(2.0 * LOST, math.inf)
-        corners = (
+        return found
+
+    def _parts(self, design: Design) -> Iterator[Evaluation]:
+        """The evaluation with ever more in it, by what it takes; no part makes the cost smaller."""
+        tuning, still = self._tuning, replace(design, feedforward=None)
+        abscissa = max(
             loop.abscissa
-            for angle in tuning.angles
-            for _, loop in corner_loops(self._aircraft, self._models[angle], tables[angle])
+            for flown, model in self._at_corners
+            for _, loop in corner_loops(flown, model, quick_controller(flown, model, still))
         )
-        abscissa = max(corners)
+        tables = {angle: quick_controller(self._aircraft, model, still) for angle, model in self._models.items()}
         closed = {place: self._closed(*place, tables) for place in tuning.places}
         worst = max(abscissa, *(loop.abscissa for _, loop in closed.values()))
         if worst >= 0.0:
-            return Evaluation(LOST * (1.0 + worst), abscissa)
-        flights = [
-            fly_commands(
-                closed[case.dihedral, case.actuator][0],
-                tables[case.dihedral],
-                case.ends,
-                case.each,
-                design.feedforward or Feedforward(),
-            )
-            for case in tuning.cases
-        ]
-        rms = []
-        for air in tuning.turbulence:
-            found = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
-            rms.append({name: found[name] for name in air.objective})
-        gusts = [
-            gust_share(flown, model, table, gust)
-            for table, (flown, model, gust) in zip(in_gusts, self._in_gusts, strict=True)
-        ]
-        margin = min(_margin(loop) for _, loop in closed.values()) if tuning.margin else 0.0
+            yield Evaluation(LOST * (1.0 + worst), abscissa)
+            return
         fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in closed.values())
-        cost = sum(size * flight.errors[name] for flight in flights for name, size in tuning.objective.items())
-        cost += sum(
-            size * found[name]
-            for air, found in zip(tuning.turbulence, rms, strict=True)
-            for name, size in air.objective.items()
-        )
-        missed = [
-            (abscissa - tuning.abscissa) / abs(tuning.abscissa),
-            *(flight.rate / tuning.rate - 1.0 for flight in flights),
-            *(share - 1.0 for share in gusts),
-            1.0 - margin / tuning.margin if tuning.margin else 0.0,
-            fastest / tuning.fastest - 1.0,
-        ]
-        cost += PENALTY * sum(max(0.0, each) for each in missed)
+        missed = [(abscissa - tuning.abscissa) / abs(tuning.abscissa), fastest / tuning.fastest - 1.0]
+        rms, sizes = [], []
+        for air in tuning.turbulence:
+            states = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
+            rms.append({name: states[name] for name in air.objective})
+            sizes += [size * states[name] for name, size in air.objective.items()]
+        found = Evaluation(_cost(sizes, missed), abscissa, rms=tuple(rms), fastest=fastest)
+        yield found
+        commanded = {case.dihedral for case in tuning.cases}
+        if design.feedforward:
+            tables = {angle: quick_controller(self._aircraft, self._models[angle], design) for angle in commanded}
+        shaping, flights = design.feedforward or Feedforward(), []
+        for case in tuning.cases:
+            plant = closed[case.dihedral, case.actuator][0]
+            flights.append(fly_commands(plant, tables[case.dihedral], case.ends, case.each, shaping))
+            sizes += [size * flights[-1].errors[name] for name, size in tuning.objective.items()]
+            missed.append(flights[-1].rate / tuning.rate - 1.0)
         errors, rates = tuple(flight.errors for flight in flights), tuple(flight.rate for flight in flights)
-        return Evaluation(float(cost), abscissa, errors, rates, tuple(rms), tuple(gusts), margin, fastest)
+        found = found._replace(cost=_cost(sizes, missed), errors=errors, rates=rates)
+        yield found
+        if tuning.margin:
+            margin = min(_margin(loop) for _, loop in closed.values())
+            missed.append(1.0 - margin / tuning.margin)
+            found = found._replace(cost=_cost(sizes, missed), margin=margin)
+            yield found
+        for flown, model, gust in self._in_gusts:
+            share = gust_share(flown, model, quick_controller(flown, model, still), gust)
+            missed.append(share - 1.0)
+            found = found._replace(cost=_cost(sizes, missed), gusts=(*found.gusts, share))
+            yield found
 
     def _closed(
         self, angle: float, actuator: Actuator, tables: dict[float, ScheduledController]
@@ -118,6 +121,10 @@ class DesignEvaluation:
         table = tables[angle]
         plant = servo_plant(self._aircraft, self._models[angle], table, dict.fromkeys(table.inputs, actuator))
         return plant, servo_loop(plant, table)
+
+
+def _cost(sizes: Sequence[float], missed: Sequence[float]) -> float:
+    return float(sum(sizes) + PENALTY * sum(max(0.0, each) for each in missed))
 
 
 def _margin(loop: ServoLoop) -> float:

@@ -60,9 +60,10 @@ class Tuning:
     """min Σ_cases Σ_outputs objective · rms error + Σ_turbulence Σ_states objective · rms, subject to the rest.
 
     start: entries of the design file that the search starts from. objective: output -> cost of 1 of its unit. angles:
-    rad, where the corners are closed. abscissa: largest allowed at any corner, 1/s. rate: largest allowed in any case,
-    rad/s. margin: smallest allowed disk margin, at inputs and sensors, with the actuators of any case. fastest: largest
-    allowed |pole| of a loop in any case, 1/s. evaluations: most of them. seed: of the search.
+    rad, where the corners are closed, for all of `dynamics` (() for those of the search). abscissa: largest allowed at
+    any corner, 1/s. rate: largest allowed in any case, rad/s. margin: smallest allowed disk margin, at inputs and
+    sensors, with the actuators of any case. fastest: largest allowed |pole| of a loop in any case, 1/s. evaluations:
+    how many. seed: of the search.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Tuning:
     gusts: tuple[InGust, ...] = ()
     margin: float = 0.0
     fastest: float = np.inf
+    dynamics: tuple[str, ...] = ()
 
     @property
     def places(self) -> tuple[tuple[float, Actuator], ...]:
@@ -117,8 +119,9 @@ class Tuning:
 
 class Evaluation(NamedTuple):
     """cost: what the search makes small. abscissa: of the worst corner, 1/s. errors: rms by output, rate: rad/s, of
-    each case; empty where a corner is unstable. rms: by state, of each turbulence. gusts: the share of the
-    envelope that each needs, 1 for all of it. margin: smallest of all cases. fastest: 1/s."""
+    each case. rms: by state, of each turbulence. gusts: the share of the envelope that each needs, 1 for all of it.
+    margin: smallest of all cases. fastest: 1/s. What was left out is empty, 0 or inf: all where a corner is
+    unstable, and what comes after a cost that is no longer of interest, which is then a lower bound."""
 
     cost: float
     abscissa: float

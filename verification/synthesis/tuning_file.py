@@ -13,10 +13,10 @@ from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
 from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
-from hfa_model.variants import variant_named
+from hfa_model.variants import VARIANTS
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
 
-_SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest")
+_SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest", "dynamics")
 _KEYS = (*_SETTINGS, "variables", "objective", "cases", "turbulence", "gusts")
 _ACTUATOR = ("order", "bandwidth", "damping", "effectiveness")
 _CASE = ("dihedral", *_ACTUATOR, "each", "ends")
@@ -30,13 +30,13 @@ _LARGEST = 10**18
 def load_tuning(path: str) -> Tuning:
     """Read a tuning file. design: name or file of the design that the search starts from. evaluations, seed: whole.
 
-    angles: deg, where the corners are closed. abscissa: largest allowed there, 1/s, below 0. rate: largest allowed rate
-    of an input, deg/s. [variables.NAME]: entries (of the design file), low, high. [objective]: output = cost of an rms
-    error of 1 in its unit. [[cases]]: dihedral (deg), order, bandwidth, damping, effectiveness, each (s, time of a
-    step), [cases.ends]: output = list of commands (angles in deg). margin: smallest allowed disk margin, fastest:
-    largest pole of a loop, 1/s. [[turbulence]]: dihedral and actuator as above, intensity (ft/s), scale (ft),
-    [turbulence.objective]: state = cost of an rms of 1. [[gusts]]: the same, length (ft), peak (ft/s,
-    negative downward) to be stood, dynamics.
+    angles: deg, where the corners are closed, dynamics: of which aircraft (that of the search). abscissa: largest
+    allowed there, 1/s, below 0. rate: largest allowed rate of an input, deg/s. [variables.NAME]: entries (of the design
+    file), low, high. [objective]: output = cost of an rms error of 1 in its unit. [[cases]]: dihedral (deg), order,
+    bandwidth, damping, effectiveness, each (s, time of a step), [cases.ends]: output = list of commands (angles in
+    deg). margin: smallest allowed disk margin, fastest: largest pole of a loop, 1/s. [[turbulence]]: dihedral and
+    actuator as above, intensity (ft/s), scale (ft), [turbulence.objective]: state = cost of an rms of 1. [[gusts]]:
+    the same, length (ft), peak (ft/s, negative downward) to be stood, dynamics.
     BadInputError names the entry that is wrong.
     """
     try:
@@ -72,7 +72,10 @@ def load_tuning(path: str) -> Tuning:
         gusts=tuple(_gust(path, *each) for each in _list(path, data, "gusts")),
         margin=_number(path, data, "margin", 0.0, positive="margin" in data),
         fastest=_number(path, data, "fastest", math.inf, positive=True),
+        dynamics=names_of(path, data, "dynamics"),
     )
+    for name in found.dynamics:
+        refuse_unknown(f"{path}: unknown dynamics", name, VARIANTS)
     if not found.angles:
         raise BadInputError(f"{path}: angles is empty; name at least one angle where the corners are closed")
     design_of(path, found.entries_at(found.first_values()))
@@ -140,7 +143,7 @@ def _gust(where: str, name: str, table: Any) -> InGust:
     length = _number(where, table, "length", math.nan, positive=True)
     dynamics = table.get("dynamics", "")
     if "dynamics" in table:
-        variant_named(dynamics)
+        refuse_unknown(f"{where}: {name}: unknown dynamics", dynamics, VARIANTS)
     return InGust(
         *_place(where, name, table), length, finite_number(where, f"{name}.peak", table.get("peak")), dynamics
     )

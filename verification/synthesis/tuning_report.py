@@ -100,11 +100,11 @@ def _angle(name: str) -> bool:
 
 def trade_off(tuning: Tuning, seen: Sequence[Evaluation]) -> np.ndarray:
     """Largest rms error of a case in the first output of the objective, and largest share of the envelope in a gust
-    (without gusts: largest rate, rad/s), of every evaluation with stable loops, (N, 2)."""
+    (without gusts: largest rate, rad/s), of every evaluation that was flown to the end, (N, 2)."""
     first = next(iter(tuning.objective))
-    stable = [each for each in seen if each.errors]
-    worst = [(max(errors[first] for errors in each.errors), max(each.gusts or each.rates)) for each in stable]
-    return np.array(worst).reshape(len(stable), 2)
+    flown = [each for each in seen if each.errors and len(each.gusts) == len(tuning.gusts)]
+    worst = [(max(errors[first] for errors in each.errors), max(each.gusts or each.rates)) for each in flown]
+    return np.array(worst).reshape(len(flown), 2)
 
 
 def best_of_both(points: np.ndarray) -> np.ndarray:
@@ -115,7 +115,7 @@ def best_of_both(points: np.ndarray) -> np.ndarray:
 
 
 def tuning_figure(tuning: Tuning, seen: Sequence[Evaluation]) -> Figure:
-    """Every stable evaluation, and the line of those that no other beats in both."""
+    """Every evaluation that was flown to the end, and the line of those that no other beats in both."""
     first = next(iter(tuning.objective))
     points = trade_off(tuning, seen)
     if not tuning.gusts:
@@ -124,7 +124,7 @@ def tuning_figure(tuning: Tuning, seen: Sequence[Evaluation]) -> Figure:
     front = best_of_both(points)
     figure = new_figure(6.0, 4.0)
     axes = figure.subplots()
-    axes.plot(*points.T, ".", markersize=3, color="tab:gray", label="evaluations with stable loops")
+    axes.plot(*points.T, ".", markersize=3, color="tab:gray", label="evaluations flown to the end")
     axes.plot(*front.T, ".-", drawstyle="steps-post", color="tab:blue", label="no other is better in both")
     if tuning.gusts:
         axes.axhline(1.0, linestyle=":", color="black", label="the envelope")

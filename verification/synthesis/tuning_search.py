@@ -1,4 +1,4 @@
-"""The search for the weights of a design: scipy.optimize, every evaluation on record."""
+"""The search for the weights of a design, every evaluation on record."""
 
 from __future__ import annotations
 
@@ -20,57 +20,65 @@ from hfa_model.support.files import regular_file, write_text
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 
+#: Share of the numbers that a step changes, on average.
+CHANGED = 0.3
+#: Deviation of their logarithms: at first, at most, and the smallest, from which it returns to `AGAIN`.
+FIRST, LARGEST, SMALLEST, AGAIN = 0.5, 1.5, 0.015, 0.25
+#: What the deviation is multiplied by after a better design, as is its step, which is taken again; and after others.
+GROW, SHRINK = 1.3, 0.97
+
 
 def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[int, int], None] | None = None) -> Tuned:
-    """Differential evolution on the logarithms of the variables, the start among its first members.
+    """A (1 + 1) evolution strategy: l + σ m z from the best logarithms l so far, m of 0 and 1, z normal.
+
+    The better of two designs is all that it asks for, so that an evaluation ends where it is known to be the worse one.
 
     record: a file of every evaluation; a search that was interrupted reads it and goes on where it ended, with the
-    same result as without the interruption. BadInputError when it belongs to another search.
-    Source: Storn and Price, J. Global Optimization 11 (1997), as implemented in SciPy.
+    same result as without the interruption, and so does one that is given more evaluations. BadInputError when it
+    belongs to another search.
+    Source: Rechenberg, Evolutionsstrategie, 1973.
     """
-    from scipy.optimize import differential_evolution
-
     evaluation = DesignEvaluation(aircraft, tuning)
     known = _read_record(record, aircraft, tuning)
-    bounds = [(math.log(variable.low), math.log(variable.high)) for variable in tuning.variables]
-    first = tuning.first_values()
-    seen: list[tuple[np.ndarray, Evaluation]] = []
+    seen: list[Evaluation] = []
 
-    def cost(logarithms: np.ndarray) -> float:
-        values = np.exp(logarithms)
+    def evaluated(values: np.ndarray, below: float) -> Evaluation:
         key = json.dumps(values.tolist())
         if key not in known:
-            known[key] = evaluation.at(values)
+            known[key] = evaluation.at(values, below)
             with record.open("a", encoding="utf-8") as file:
                 file.write(_line(key, known[key]) + "\n")
-        seen.append((values, known[key]))
+        seen.append(known[key])
         if progress is not None:
-            progress(min(len(seen), tuning.evaluations), tuning.evaluations)
-        return known[key].cost
+            progress(len(seen), tuning.evaluations)
+        return known[key]
 
-    members = max(5, min(15 * len(bounds), tuning.evaluations // 8))
-    # Half of the first members lie around the start: a good start is worth more than the middle of the limits.
     chance = np.random.default_rng(tuning.seed)
-    lows, highs = np.array(bounds).T
-    near = np.log(first) + 0.1 * (highs - lows) * chance.standard_normal((members, len(bounds)))
-    members_at = np.where(chance.random((members, 1)) < 0.5, near, chance.uniform(lows, highs, near.shape))
-    members_at[0] = np.log(first)
-    differential_evolution(
-        cost,
-        bounds,
-        init=np.clip(members_at, lows, highs),
-        maxiter=max(0, tuning.evaluations // members - 1),
-        rng=chance,
-        tol=0.0,
-        polish=False,
-    )
-    best = min(seen, key=lambda each: each[1].cost)
-    return Tuned(first, seen[0][1], *best, tuple(each for _, each in seen))
+    lows, highs = np.log([(variable.low, variable.high) for variable in tuning.variables]).T
+    first = tuning.first_values()
+    best, place, smallest = first, np.log(first), evaluated(first, math.inf)
+    deviation, step, better = FIRST, np.zeros(len(first)), False
+    while len(seen) < tuning.evaluations:
+        if better:
+            step, deviation = GROW * step, min(GROW * deviation, LARGEST)
+        else:
+            changed = chance.random(len(first)) < CHANGED
+            changed[chance.integers(len(first))] = True
+            step = deviation * changed * chance.standard_normal(len(first))
+            deviation = SHRINK * deviation if deviation > SMALLEST else AGAIN
+        tried = np.clip(place + step, lows, highs)
+        values = np.exp(tried)
+        found = evaluated(values, smallest.cost)
+        better = found.cost < smallest.cost
+        if better:
+            best, place, smallest = values, tried, found
+    return Tuned(first, seen[0], best, smallest, tuple(seen))
 
 
 def _read_record(path: Path, aircraft: Aircraft, tuning: Tuning) -> dict[str, Evaluation]:
     """Values -> evaluation, of the lines of the file; a new file begins with what decides the results."""
     settings = {**tuning.__dict__, "variables": [variable._asdict() for variable in tuning.variables]}
+    del settings["evaluations"]  # the first of more are the same
     for kind in ("cases", "turbulence", "gusts"):
         settings[kind] = [each._asdict() | {"actuator": asdict(each.actuator)} for each in settings[kind]]
     settings["cases"] = [case | {"ends": case["ends"].tolist()} for case in settings["cases"]]

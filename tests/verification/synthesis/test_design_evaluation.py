@@ -12,6 +12,7 @@ from servo_cases import A_Z
 from controller import Actuator
 from controller.design.design_file import read_design
 from hfa_model import Aircraft
+from verification.synthesis import design_evaluation
 from verification.synthesis.design_evaluation import LOST, PENALTY, DesignEvaluation
 from verification.synthesis.tuning import Case, Evaluation, InGust, InTurbulence, Tuning, Variable
 
@@ -57,6 +58,42 @@ def test_the_cost_is_what_it_says(published_aircraft: Aircraft) -> None:
     lost = evaluated(published_aircraft, turbulence=(tuning().turbulence[0]._replace(actuator=weak),))
     assert lost.cost > LOST
     assert lost.errors == ()
+
+
+def test_what_is_no_longer_of_interest_is_not_flown(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a limit the evaluation ends above it exactly where the whole one does, and what it leaves out is what takes
+    longest."""
+    gusts = (InGust(math.radians(11.0), Actuator(), 250.0, 1.0),) * 3
+    asked = replace(tuning(), gusts=gusts, margin=10.0)
+    flown: list[float] = []
+    monkeypatch.setattr(design_evaluation, "gust_share", lambda *_: (flown.append(1.0), 1.0 + len(flown))[1])
+    evaluation, values = DesignEvaluation(published_aircraft, asked), asked.first_values()
+    whole = evaluation.at(values)
+    assert len(flown) == 3
+    reached = []
+    for below in (0.0, whole.cost % PENALTY / 2.0, 1500.0, 3000.0, 5000.0, whole.cost - 1e-6, whole.cost, math.inf):
+        flown.clear()
+        found = evaluation.at(values, below)
+        assert (found.cost > below) == (whole.cost > below)
+        assert found.cost <= whole.cost
+        assert found == (whole if below >= whole.cost else found)
+        reached.append((bool(found.rms), bool(found.errors), found.margin > 0.0, len(found.gusts)))
+        assert len(flown) == len(found.gusts)
+    assert reached == sorted(reached)
+    assert reached[0] == (True, False, False, 0)
+    assert len(set(reached)) == 5
+
+
+def test_the_corners_are_those_of_every_dynamics_named(published_aircraft: Aircraft) -> None:
+    """A design that is stable at the corners of `published` only is lost when `newton` is asked for as well."""
+    values, found = tuning().first_values(), {}
+    for dynamics in ((), ("published",), ("newton",), ("published", "newton")):
+        asked = replace(tuning(), angles=(math.radians(20.0),), dynamics=dynamics)
+        found[dynamics] = DesignEvaluation(published_aircraft, asked).at(values).abscissa
+    assert found[()] == found["published",] != found["newton",]
+    assert found["published", "newton"] == max(found["published",], found["newton",])
 
 
 def test_without_air_there_is_none(published_aircraft: Aircraft) -> None:

@@ -45,7 +45,9 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
     assert (found.margin, found.fastest) == (0.2, 150.0)
     assert len(found.places) == 2
     plain = load_tuning(str(write_tuning(tmp_path, abscissa=-0.02)))
-    assert (plain.evaluations, plain.seed, plain.abscissa) == (12, 1, -0.02)
+    assert (plain.evaluations, plain.seed, plain.abscissa, plain.dynamics) == (12, 1, -0.02, ())
+    both = load_tuning(str(write_tuning(tmp_path, dynamics=["newton", "published"])))
+    assert both.dynamics == ("newton", "published")
     assert (plain.angles, plain.rate, dict(plain.objective)) == (
         (math.radians(11),),
         math.radians(1),
@@ -62,7 +64,7 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
         ("length = 250", "long = 250", "unknown entry 'long'; gusts 1 has dihedral, order"),
         ("peak = -5", "peak = inf", "gusts 1.peak"),
         ("peak = -5", "", "gusts 1.peak"),
-        ('dynamics = "newton"', 'dynamics = "euler"', "euler"),
+        ('dynamics = "newton"', 'dynamics = "euler"', "gusts 1: unknown dynamics 'euler'; choose from"),
         ('dynamics = "newton"', "dynamics = 3", "3"),
         ("speed = 0.1", "sped = 0.1", "turbulence 1: unknown state of the plant 'sped'; choose from speed, alpha"),
         ("[turbulence.objective]\ndihedral = 50.0\nspeed = 0.1", "", "[objective] is empty"),
@@ -72,6 +74,8 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
         ("low = 5.0", "low = 5000.0", "variables.effort: give entries, and low below high"),
         (f"{A_Z} = [-1.0, 0.5]", f"{A_Z} = [-1.0]", "cases 1: the lists of ends differ in length"),
         ("angles = [11]", "angles = []", "angles is empty"),
+        ("angles = [11]", 'angles = [11]\ndynamics = ["published", "euler"]', "unknown dynamics 'euler'; choose from"),
+        ("angles = [11]", 'angles = [11]\ndynamics = "newton"', "dynamics is 'newton'; give a list of names"),
         ("angles = [11]", "angels = [11]", "unknown entry 'angels'; a tuning has design, evaluations"),
         ("rate = 1.0", "rate = 0.0", "rate is 0.0; give a positive number"),
         ("rate = 1.0", "rate = 1.0\nabscissa = 0", "abscissa is 0; it must be below 0"),

@@ -15,6 +15,7 @@ from verification.synthesis.tuning_report import best_of_both, trade_off, tuning
 
 SEEN = [
     Evaluation(2e6, math.inf),  # without a stable loop
+    Evaluation(9e3, -1.0, ({"dihedral": 0.001, A_Z: 9.0},), (0.1,), gusts=(0.1,)),  # of no interest after a gust
     Evaluation(1.0, -1.0, ({"dihedral": 0.01, A_Z: 9.0}, {"dihedral": 0.02, A_Z: 9.0}), (0.1, 0.3), gusts=(0.4, 0.8)),
     Evaluation(1.0, -1.0, ({"dihedral": 0.03, A_Z: 1.0},), (0.2,), gusts=(0.5, 0.2)),
     Evaluation(1.0, -1.0, ({"dihedral": 0.03, A_Z: 1.0},), (0.4,), gusts=(0.9, 0.2)),
@@ -23,8 +24,9 @@ SEEN = [
 
 def test_the_worst_error_and_the_worst_gust_of_each(tmp_path: Path) -> None:
     tuning = load_tuning(str(write_tuning(tmp_path)))
-    assert trade_off(tuning, SEEN).tolist() == [[0.02, 0.8], [0.03, 0.5], [0.03, 0.9]]
-    calm = [each._replace(gusts=()) for each in SEEN]
+    gusts = (InGust(0.2, tuning.cases[0].actuator, 400.0, 20.0),) * 2
+    assert trade_off(replace(tuning, gusts=gusts), SEEN).tolist() == [[0.02, 0.8], [0.03, 0.5], [0.03, 0.9]]
+    calm = [each._replace(gusts=()) for each in SEEN if len(each.gusts) != 1]
     assert trade_off(tuning, calm)[:, 1].tolist() == [0.3, 0.2, 0.4]
     assert trade_off(tuning, SEEN[:1]).shape == (0, 2)
 
@@ -38,8 +40,9 @@ def test_no_other_is_smaller_in_both() -> None:
 def test_the_picture_shows_degrees_and_the_envelope(tmp_path: Path) -> None:
     tuning = load_tuning(str(write_tuning(tmp_path)))
     gust = InGust(0.2, tuning.cases[0].actuator, 400.0, 20.0)
-    for asked, heights in ((tuning, np.degrees([0.3, 0.2, 0.4])), (replace(tuning, gusts=(gust,)), [0.8, 0.5, 0.9])):
-        seen = SEEN if asked.gusts else [each._replace(gusts=()) for each in SEEN]
+    for gusts, heights in (((), np.degrees([0.3, 0.2, 0.4])), ((gust, gust), [0.8, 0.5, 0.9])):
+        asked = replace(tuning, gusts=gusts)
+        seen = SEEN if gusts else [each._replace(gusts=()) for each in SEEN if len(each.gusts) != 1]
         (axes,) = tuning_figure(asked, seen).axes
         np.testing.assert_allclose(axes.lines[0].get_xdata(), np.degrees([0.02, 0.03, 0.03]))
         np.testing.assert_allclose(axes.lines[0].get_ydata(), heights)
