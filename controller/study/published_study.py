@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -166,7 +167,8 @@ class Reference:
         return PublishedSettings(samples=50, pool_samples=POOL, **case.changes, **starts)
 
 
-def references_of_models() -> dict[float, Reference]:
+@cache
+def references_of_models() -> Mapping[float, Reference]:
     """The references of both printed models by dihedral angle, degrees."""
     return {model.dihedral_deg: Reference.of(published_game(model.A, model.B)) for model in published_models()}
 

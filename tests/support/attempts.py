@@ -9,9 +9,10 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import pytest
 from cli import Result, unchecked_hfa
 from ways_in import WAYS, Case
 
@@ -36,13 +37,24 @@ class Hanging(BaseException):
     """No command catches it."""
 
 
-def attempt(way: str, content: bytes) -> str | None:
-    """What is wrong with how `hfa` took these bytes by that way in; None where nothing is."""
-    return fault_of(WAYS[way].case(content), WAYS[way].file)
+class Taken(BaseException):
+    """The command has read its input, and begins to work. No command catches it."""
 
 
-def fault_of(case: Case, file: str = "") -> str | None:
-    """What is wrong with how `hfa` takes a case; it runs in a folder of its own, below one that must stay empty."""
+def attempt(way: str, content: bytes, *, whole: bool = True) -> str | None:
+    """What is wrong with how `hfa` took these bytes by that way in; None where nothing is.
+
+    whole: the command works with what it accepts; else it ends there, which most inputs never reach.
+    """
+    chosen = WAYS[way]
+    return fault_of(chosen.case(content), chosen.file, () if whole else chosen.work)
+
+
+def fault_of(case: Case, file: str = "", work: Sequence[str] = ()) -> str | None:
+    """What is wrong with how `hfa` takes a case; it runs in a folder of its own, below one that must stay empty.
+
+    It ends where it would call one of the functions `work`.
+    """
     with tempfile.TemporaryDirectory(dir=_MEMORY) as name, _within(Path(name) / "inside"):
         for path, content in case.files.items():
             Path(path).parent.mkdir(parents=True, exist_ok=True)
@@ -50,8 +62,10 @@ def fault_of(case: Case, file: str = "") -> str | None:
         before = _held(reset=True)
         rung, err = list[float](), io.StringIO()
         try:
-            with _alarm(rung):
+            with _alarm(rung), ending_at(work):
                 result = unchecked_hfa(*(file if word == "{}" else word for word in case.words), err=err)
+        except Taken:
+            result = Result(0, "", err.getvalue())
         except BaseException as error:
             if not rung:
                 return f"{type(error).__name__}: {str(error)[:300]}{_where(error)}"
@@ -106,6 +120,19 @@ def _left_wrongly(folder: Path, case: Case, result: Result) -> str | None:
             except ValueError:
                 return f"not whole: {path}"
     return None
+
+
+@contextlib.contextmanager
+def ending_at(work: Sequence[str]) -> Iterator[None]:
+    """Raises `Taken` where one of these functions, each with its module, would be called."""
+
+    def taken(*_: object, **__: object) -> None:
+        raise Taken
+
+    with pytest.MonkeyPatch.context() as patch:
+        for function in work:
+            patch.setattr(function, taken)
+        yield
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ import os
 import random
 import sys
 import time
+import zlib
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ _PACKAGES = ["hfa_model", "trim", "controller", "verification", "hfa_cli"]
 _LONGEST_INPUT = 64
 #: Inputs between two writes of the count.
 _OFTEN = 20
+#: One input of so many is followed to the end of its command; the others to where the command has read it.
+_WHOLE = 20
 #: Random inputs that atheris begins with.
 _FIRST = 50
 #: Seconds after which a call that no signal interrupts ends the process; what signals interrupt is ended before.
@@ -68,7 +71,7 @@ class Record:
         self.running.write_bytes(content)
         faulthandler.dump_traceback_later(_DEAD, exit=True)
         try:
-            fault = attempt(self.way, content)
+            fault = attempt(self.way, content, whole=_whole(content))
         finally:
             faulthandler.cancel_dump_traceback_later()
         self.done += 1
@@ -76,6 +79,10 @@ class Record:
             self.add(content, fault)
         elif self.done % _OFTEN == 0:
             self.save()
+
+
+def _whole(content: bytes) -> bool:
+    return zlib.crc32(content) % _WHOLE == 0
 
 
 def _random(record: Record, inputs: int, end: float) -> None:
@@ -155,7 +162,7 @@ def _again(way: str, text: str) -> int:
     content = bytes.fromhex(text)
     case: Any = WAYS[way].case(content)
     print(ascii(["hfa", *case.words]))
-    fault = attempt(way, content)
+    fault = attempt(way, content, whole=_whole(content))
     print(fault or "nothing is wrong")
     return int(fault is not None)
 

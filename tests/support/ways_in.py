@@ -25,10 +25,22 @@ Change = Callable[[bytes, Choices], bytes]
 _CHANGES: dict[str, Change] = {".npz": hostile_npz, ".mat": hostile_mat}
 _AT = ("--dihedral", "15")
 _FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
-_MEMBERS = ("monte-carlo", *_AT, "--gain", "gain.npz", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
+_MEMBERS = ("monte-carlo", *_AT, "--gain", "gain.json", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
 _SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
 _TUNED = ("design", "--tune", "tune.toml", "-o", "best.toml")
 _ROW = ("study", "--only", "theorem gains, explicit", "--folder", "row")
+_PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
+_SOLVED = ("hfa_cli.commands.solve.analyse_game",)
+_CHECKED = ("hfa_cli.commands.verify.check_critic", "hfa_cli.commands.verify.check_history")
+_FLIGHT = ("controller.flight.simulate.fly",)
+_PROOF = ("verification.proof.schedule_proof.prove_schedule",)
+_SEARCH = (
+    "verification.synthesis.design_evaluation.DesignEvaluation.at",
+    "verification.synthesis.tuning_report.tuning_report",
+)
+_CHUNK = "hfa_model.jobs.stream.run_and_write"
+_POINTS = (_CHUNK, "trim.sweeps.stored_sweep.stored_sweep_report")
+_FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.Outcome.of")
 #: A condition file that every command takes.
 CONDITION = """description = "slow"
 free = ["speed"]
@@ -51,11 +63,13 @@ class Way(NamedTuple):
     """words: a command; "{}" in it is the file that becomes hostile. file: its name among those of `seeds`.
 
     beside: other files that the command needs. A file whose name ends in .zarr is a store, with one file of it hostile.
+    work: the functions that the command calls once the file has been read.
     """
 
     words: tuple[str, ...]
     file: str = ""
     beside: tuple[str, ...] = ()
+    work: tuple[str, ...] = ()
 
     def case(self, content: bytes) -> Case:
         """What the bytes make of this way in."""
@@ -112,30 +126,45 @@ WAYS = {
     "command line": Way(()),
     "parameters.toml": Way(("trim", *_AT, "--parameters", "{}"), "parameters.toml"),
     "condition.toml": Way(("trim", *_AT, "--condition", "{}"), "condition.toml"),
-    "condition.toml of a sweep": Way(("sweep", "--dihedral", "10,15", "--condition", "{}"), "condition.toml"),
-    "design.toml": Way(("solve", *_AT, "--design", "{}", "--json"), "design.toml"),
+    "condition.toml of a sweep": Way(
+        ("sweep", "--dihedral", "10,15", "--condition", "{}"), "condition.toml", work=("hfa_cli.commands.sweep.sweep",)
+    ),
+    "design.toml": Way(("solve", *_AT, "--design", "{}", "--json"), "design.toml", work=_SOLVED),
     "point.json": Way(("trim", *_AT, "--start", "{}"), "point.json"),
-    **{f"plant{each}": Way(("solve", "--model", "{}"), f"plant{each}") for each in (".json", ".npz", ".mat")},
-    "A.csv": Way(("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"), "A.csv", ("B.csv",)),
     **{
-        f"{what}{each}": Way(("verify", "--model", "plant.json", "--weights", "{}"), f"{what}{each}", ("plant.json",))
+        f"plant{each}": Way(("solve", "--model", "{}"), f"plant{each}", work=_SOLVED)
+        for each in (".json", ".npz", ".mat")
+    },
+    "A.csv": Way(("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"), "A.csv", ("B.csv",), _SOLVED),
+    **{
+        f"{what}{each}": Way(
+            ("verify", "--model", "plant.json", "--weights", "{}"), f"{what}{each}", ("plant.json",), _CHECKED
+        )
         for what in ("critic", "history")
         for each in SUFFIXES
     },
-    **{f"gain{each}": Way(("fly", *_FLOWN, "--gain", "{}"), f"gain{each}") for each in SUFFIXES},
-    "controller.npz": Way(("fly", *_FLOWN, "--controller", "{}", "--actuators", "0.5:60"), "controller.npz"),
-    "table.json": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.json"),
-    "table.npz": Way(("prove", "schedule", "--dihedral", "15:15.001", "--table", "{}"), "table.npz"),
+    **{f"gain{each}": Way(("fly", *_FLOWN, "--gain", "{}"), f"gain{each}", work=_FLIGHT) for each in SUFFIXES},
+    "controller.npz": Way(
+        ("fly", *_FLOWN, "--controller", "{}", "--actuators", "0.5:60"), "controller.npz", work=_FLIGHT
+    ),
+    "table.json": Way((*_PROVED, "--table", "{}"), "table.json", work=_PROOF),
+    "table.npz": Way((*_PROVED, "--table", "{}"), "table.npz", work=_PROOF),
     **{each: Way(("prove", "--check", "{}"), each) for each in ("certificate.json", "game.json", "lpv.json")},
     "certificate.json to resume": Way(
-        ("prove", "schedule", "--dihedral", "15:15.001", "--resume", "-o", "{}"), "certificate.json"
+        (*_PROVED, "--table", "table.json", "--resume", "-o", "{}"), "certificate.json", ("table.json",), _PROOF
     ),
-    "tune.toml": Way(("design", "--tune", "{}", "-o", "best.toml"), "tune.toml", ("own.toml",)),
-    "best.toml.record": Way(_TUNED, "best.toml.record", ("tune.toml", "own.toml")),
-    "claims.json": Way(("report", "--dihedral", "5", "--sweep", "5", "--claims", "{}", "--json"), "claims.json"),
-    "row of a study": Way((*_ROW, "--resume"), "row/theorem-gains-explicit.json"),
-    "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr"),
-    "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr", ("gain.npz",)),
+    "tune.toml": Way(("design", "--tune", "{}", "-o", "best.toml"), "tune.toml", ("own.toml",), _SEARCH),
+    "best.toml.record": Way(_TUNED, "best.toml.record", ("tune.toml", "own.toml"), _SEARCH),
+    "claims.json": Way(
+        ("report", "--dihedral", "5", "--sweep", "5", "--claims", "{}", "--json"),
+        "claims.json",
+        work=("hfa_cli.commands.report.main_job",),
+    ),
+    "row of a study": Way(
+        (*_ROW, "--resume"), "row/theorem-gains-explicit.json", work=("controller.study.published_study._run",)
+    ),
+    "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr", work=_POINTS),
+    "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr", ("gain.json",), _FLIGHTS),
 }
 
 
@@ -176,7 +205,7 @@ def seeds() -> Mapping[str, bytes]:
         (folder / "B.csv").write_text("u\n0.0\n1.0\n")
         _run(folder, ("trim", *_AT, "-o", "{}"), "point.json")
         _run(folder, (*_SWEPT[:-1], "{}"), "points.zarr")
-        _run(folder, ("prove", "schedule", "--dihedral", "15:15.001", "-o", "{}"), "certificate.json")
+        _run(folder, (*_PROVED, "--table", str(folder / "table.json"), "-o", "{}"), "certificate.json")
         _run(folder, ("prove", "solution", *_AT, "-o", "{}"), "game.json")
         _run(folder, ("lpv", "--dihedral", "15:15.01", "--certificate", "{}"), "lpv.json")
         _run(folder, (*_ROW[:-1], "{}"), "row")
