@@ -6,7 +6,7 @@ import io
 import logging
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,12 +31,13 @@ _LEFT, _WIDTH = 0.36, 0.6
 #: What matplotlib would write into a file and would be another one the next day; where a file says what it is about.
 _VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
 _ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
+_DPI = 130
 
 
 def png_bytes(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes for the same data."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130, metadata={"Software": None})
+    _write(figure, stream, "png", {"Software": None})
     return stream.getvalue()
 
 
@@ -50,12 +51,22 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
     kind = path.suffix[1:].lower()
     # The same result shall be the same file: no date, no random identifiers.
     metadata: dict[str, Any] = dict.fromkeys(_VARYING[kind])
-    settings: dict[str, Any] = {"format": kind, "dpi": 130, "metadata": metadata}
     if source:
         metadata[_ABOUT[kind]] = source
         _caption(figure, source)
     with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
-        figure.savefig(stream, **settings)
+        _write(figure, stream, kind, metadata)
+
+
+def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
+    """Laid out here where it is made of points: to have it laid out, matplotlib draws all of it, and then once more."""
+    engine = figure.get_layout_engine()
+    if kind == "png" and figure.axes and engine is not None:
+        figure.dpi = _DPI
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+    figure.savefig(stream, format=kind, dpi=_DPI, metadata=metadata)
+    figure.set_layout_engine(engine)
 
 
 def _caption(figure: Figure, text: str) -> None:
