@@ -58,6 +58,6 @@ def test_what_is_left_is_the_fault_of_the_run_that_left_it(
 @pytest.mark.parametrize("name", ["prove", "servo"])
 def test_a_command_that_runs_in_one_process_is_ended_and_continued(name: str, tmp_path: Path) -> None:
     words = {"prove": ("prove", "schedule", "--dihedral", "14:15", "-o", "a.json"), "servo": LONG["servo"]}[name]
-    ended = run(tmp_path, *words, number=signal.SIGTERM, after=1.0)
+    ended = run(tmp_path, *words, number=signal.SIGTERM, after=0.7)
     assert (ended.code, ended.err) in [(143, "hfa: terminated\n"), (0, ""), (-15, "")]
     assert list((tmp_path / "temporary").iterdir()) == []

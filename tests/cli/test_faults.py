@@ -14,6 +14,7 @@ from hfa_cli.main import BAD_INPUT, DONE, INTERRUPTED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the faults are made as Linux has them")
 FLY = "fly --dihedral 15 --duration 0.02 --law exact"
+TRIM = "trim --dihedral 15"
 SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--vary", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
 
 
@@ -22,9 +23,9 @@ def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[s
     return subprocess.run(["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
-def test_closed_streams_are_no_errors_and_no_file_takes_their_place(tmp_path: Path, closed: str) -> None:
-    done = shell(f'exec "$0" "$@" {closed}', *FLY.split(), "-o", "a.json", folder=tmp_path)
+@pytest.mark.parametrize(("words", "closed"), [(TRIM, ">&-"), (TRIM, "2>&-"), (FLY, "<&- >&- 2>&-")])
+def test_closed_streams_are_no_errors_and_no_file_takes_their_place(tmp_path: Path, words: str, closed: str) -> None:
+    done = shell(f'exec "$0" "$@" {closed}', *words.split(), "-o", "a.json", folder=tmp_path)
     assert (done.returncode, done.stderr) == (DONE, "")
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
     assert (tmp_path / "a.json").read_text().startswith("{")
@@ -49,22 +50,29 @@ def test_too_little_memory_is_one_line_before_anything_is_loaded(tmp_path: Path,
 NO_HOME = {
     "unset": "unset HOME XDG_CACHE_HOME",
     "missing": 'export HOME="$PWD/nowhere"; unset XDG_CACHE_HOME',
+    "a file": 'export HOME="$0"; export XDG_CACHE_HOME="$0"',
     "read-only": 'export HOME="$PWD/home"; unset XDG_CACHE_HOME',
 }
 
 
-@pytest.mark.parametrize("home", NO_HOME)
+PICTURE = "trim --dihedral 15 --picture a.png"
+MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --members 3 --duration 0.1 -o a.zarr"
+
+
 @pytest.mark.parametrize(
-    ("words", "written"),
+    ("words", "home"),
     [
-        ("trim --dihedral 15 --picture a.png", "a.png"),
-        ("monte-carlo --dihedral 15 --law exact --members 3 --duration 0.1 -o a.zarr", "a.zarr"),
+        (PICTURE, "read-only"),
+        (PICTURE, "a file"),
+        (MACHINE_CODE, "unset"),
+        (MACHINE_CODE, "missing"),
+        pytest.param(PICTURE, "unset", marks=pytest.mark.slow),
+        pytest.param(PICTURE, "missing", marks=pytest.mark.slow),
+        pytest.param(MACHINE_CODE, "read-only", marks=pytest.mark.slow),
+        pytest.param(MACHINE_CODE, "a file", marks=pytest.mark.slow),
     ],
-    ids=["a picture", "machine code"],
 )
-def test_without_a_home_that_can_be_written_the_result_is_there(
-    tmp_path: Path, home: str, words: str, written: str
-) -> None:
+def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, words: str, home: str) -> None:
     """Caches of machine code and of fonts are done without; nothing appears where HOME was."""
     folder = tmp_path / "home"
     folder.mkdir()
@@ -79,7 +87,7 @@ def test_without_a_home_that_can_be_written_the_result_is_there(
             subprocess.run(["umount", "--lazy", folder], check=True)
     assert done.returncode == DONE, done.stderr
     assert all(line.startswith("hfa: ") for line in done.stderr.splitlines()), done.stderr
-    assert {path.name for path in tmp_path.iterdir()} - {"nowhere"} == {"home", written}
+    assert {path.name for path in tmp_path.iterdir()} - {"nowhere"} == {"home", words.split()[-1]}
     assert list(folder.iterdir()) == []
 
 

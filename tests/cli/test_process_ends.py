@@ -28,8 +28,9 @@ proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processe
     ("name", "number", "code", "said"),
     [
         ("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
+        ("sweep", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
         pytest.param("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
-        ("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
+        pytest.param("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n", marks=pytest.mark.slow),
         ("sweep", signal.SIGKILL, -signal.SIGKILL, None),
     ],
 )
