@@ -71,11 +71,12 @@ class DesignEvaluation:
     def _parts(self, design: Design) -> Iterator[Evaluation]:
         """The evaluation with ever more in it, by what it takes; no part makes the cost smaller."""
         tuning, still = self._tuning, replace(design, feedforward=None)
-        abscissa = max(
-            loop.abscissa
-            for flown, model in self._at_corners
-            for _, loop in corner_loops(flown, model, quick_controller(flown, model, still))
-        )
+        abscissa = -math.inf
+        for flown, model in self._at_corners:
+            table = quick_controller(flown, model, still)
+            abscissa = max(abscissa, *(loop.abscissa for _, loop in corner_loops(flown, model, table)))
+            if abscissa >= 0.0:
+                yield Evaluation(LOST * (1.0 + abscissa), abscissa)
         tables = {angle: quick_controller(self._aircraft, model, still) for angle, model in self._models.items()}
         closed = {place: self._closed(*place, tables) for place in tuning.places}
         worst = max(abscissa, *(loop.abscissa for _, loop in closed.values()))
@@ -89,7 +90,7 @@ class DesignEvaluation:
             states = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
             rms.append({name: states[name] for name in air.objective})
             sizes += [size * states[name] for name, size in air.objective.items()]
-        found = Evaluation(_cost(sizes, missed), abscissa, rms=tuple(rms), fastest=fastest)
+        found = Evaluation(self._cost(sizes, missed), abscissa, rms=tuple(rms), fastest=fastest)
         yield found
         commanded = {case.dihedral for case in tuning.cases}
         if design.feedforward:
@@ -101,18 +102,24 @@ class DesignEvaluation:
             sizes += [size * flights[-1].errors[name] for name, size in tuning.objective.items()]
             missed.append(flights[-1].rate / tuning.rate - 1.0)
         errors, rates = tuple(flight.errors for flight in flights), tuple(flight.rate for flight in flights)
-        found = found._replace(cost=_cost(sizes, missed), errors=errors, rates=rates)
+        found = found._replace(cost=self._cost(sizes, missed), errors=errors, rates=rates)
         yield found
         if tuning.margin:
             margin = min(_margin(loop) for _, loop in closed.values())
             missed.append(1.0 - margin / tuning.margin)
-            found = found._replace(cost=_cost(sizes, missed), margin=margin)
+            found = found._replace(cost=self._cost(sizes, missed), margin=margin)
             yield found
         for flown, model, gust in self._in_gusts:
             share = gust_share(flown, model, quick_controller(flown, model, still), gust)
             missed.append(share - 1.0)
-            found = found._replace(cost=_cost(sizes, missed), gusts=(*found.gusts, share))
+            found = found._replace(cost=self._cost(sizes, missed), gusts=(*found.gusts, share))
             yield found
+
+    def _cost(self, sizes: Sequence[float], missed: Sequence[float]) -> float:
+        """The norm of the sizes, and what is missed."""
+        with np.errstate(over="ignore"):
+            norm = np.linalg.norm(sizes, self._tuning.power) if sizes else 0.0
+        return float(norm + PENALTY * sum(max(0.0, each) for each in missed))
 
     def _closed(
         self, angle: float, actuator: Actuator, tables: dict[float, ScheduledController]
@@ -121,10 +128,6 @@ class DesignEvaluation:
         table = tables[angle]
         plant = servo_plant(self._aircraft, self._models[angle], table, dict.fromkeys(table.inputs, actuator))
         return plant, servo_loop(plant, table)
-
-
-def _cost(sizes: Sequence[float], missed: Sequence[float]) -> float:
-    return float(sum(sizes) + PENALTY * sum(max(0.0, each) for each in missed))
 
 
 def _margin(loop: ServoLoop) -> float:

@@ -57,13 +57,14 @@ class InGust(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """min Σ_cases Σ_outputs objective · rms error + Σ_turbulence Σ_states objective · rms, subject to the rest.
+    """min (Σ_cases Σ_outputs (objective · rms error)^p + Σ_turbulence Σ_states (objective · rms)^p)^(1/p), and keep the
+    rest.
 
-    start: entries of the design file that the search starts from. objective: output -> cost of 1 of its unit. angles:
-    rad, where the corners are closed, for all of `dynamics` (() for those of the search). abscissa: largest allowed at
-    any corner, 1/s. rate: largest allowed in any case, rad/s. margin: smallest allowed disk margin, at inputs and
-    sensors, with the actuators of any case. fastest: largest allowed |pole| of a loop in any case, 1/s. evaluations:
-    how many. seed: of the search.
+    p: power, at least 1; the larger, the more the worst counts alone. start: entries of the design file that the search
+    starts from. objective: output -> cost of 1 of its unit. angles: rad, where the corners are closed, for all of
+    `dynamics` (() for those of the search). abscissa: largest allowed at any corner, 1/s. rate: largest allowed in any
+    case, rad/s. margin: smallest allowed disk margin, at inputs and sensors, with the actuators of any case. fastest:
+    largest allowed |pole| of a loop in any case, 1/s. evaluations: how many. seed: of the search.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Tuning:
     margin: float = 0.0
     fastest: float = np.inf
     dynamics: tuple[str, ...] = ()
+    power: float = 1.0
 
     @property
     def places(self) -> tuple[tuple[float, Actuator], ...]:

@@ -16,7 +16,7 @@ from hfa_model.support.files import finite_number, names_of, read_toml, table_of
 from hfa_model.variants import VARIANTS
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
 
-_SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest", "dynamics")
+_SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest", "dynamics", "power")
 _KEYS = (*_SETTINGS, "variables", "objective", "cases", "turbulence", "gusts")
 _ACTUATOR = ("order", "bandwidth", "damping", "effectiveness")
 _CASE = ("dihedral", *_ACTUATOR, "each", "ends")
@@ -32,11 +32,11 @@ def load_tuning(path: str) -> Tuning:
 
     angles: deg, where the corners are closed, dynamics: of which aircraft (that of the search). abscissa: largest
     allowed there, 1/s, below 0. rate: largest allowed rate of an input, deg/s. [variables.NAME]: entries (of the design
-    file), low, high. [objective]: output = cost of an rms error of 1 in its unit. [[cases]]: dihedral (deg), order,
-    bandwidth, damping, effectiveness, each (s, time of a step), [cases.ends]: output = list of commands (angles in
-    deg). margin: smallest allowed disk margin, fastest: largest pole of a loop, 1/s. [[turbulence]]: dihedral and
-    actuator as above, intensity (ft/s), scale (ft), [turbulence.objective]: state = cost of an rms of 1. [[gusts]]:
-    the same, length (ft), peak (ft/s, negative downward) to be stood, dynamics.
+    file), low, high. [objective]: output = cost of an rms error of 1 in its unit, power: p of their norm (1, the sum).
+    [[cases]]: dihedral (deg), order, bandwidth, damping, effectiveness, each (s, time of a step), [cases.ends]: output
+    = list of commands (angles in deg). margin: smallest allowed disk margin, fastest: largest pole of a loop, 1/s.
+    [[turbulence]]: dihedral and actuator as above, intensity (ft/s), scale (ft), [turbulence.objective]: state = cost
+    of an rms of 1. [[gusts]]: the same, length (ft), peak (ft/s, negative downward) to be stood, dynamics.
     BadInputError names the entry that is wrong.
     """
     try:
@@ -48,9 +48,7 @@ def load_tuning(path: str) -> Tuning:
         raise BadInputError(f"{path}: design is missing; name the design that the search starts from")
     start = read_design(data["design"])
     design = design_of(data["design"], start)
-    objective = {name: finite_number(path, f"objective.{name}", size) for name, size in _some(path, data, "objective")}
-    for name in objective:
-        refuse_unknown(f"{path}: objective: unknown integral", name, design.integrals)
+    objective = _objective(path, "", "integral", data, design.integrals)
     cases = data.get("cases")
     if not isinstance(cases, list) or not cases:
         raise BadInputError(f"{path}: there are no [[cases]]; give at least one")
@@ -73,7 +71,10 @@ def load_tuning(path: str) -> Tuning:
         margin=_number(path, data, "margin", 0.0, positive="margin" in data),
         fastest=_number(path, data, "fastest", math.inf, positive=True),
         dynamics=names_of(path, data, "dynamics"),
+        power=_number(path, data, "power", 1.0),
     )
+    if not found.power >= 1.0:
+        raise BadInputError(f"{path}: power is {found.power:g}; it must be at least 1")
     for name in found.dynamics:
         refuse_unknown(f"{path}: unknown dynamics", name, VARIANTS)
     if not found.angles:
@@ -130,12 +131,21 @@ def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> Case
 
 def _turbulence(where: str, name: str, table: Any, states: tuple[str, ...]) -> InTurbulence:
     _known(where, name, table, _TURBULENCE)
-    objective = {key: finite_number(where, f"{name}.objective", size) for key, size in _some(where, table, "objective")}
-    for key in objective:
-        refuse_unknown(f"{where}: {name}: unknown state of the plant", key, states)
+    objective = _objective(where, f"{name}: ", "state of the plant", table, states)
     intensity = _number(where, table, "intensity", 3.0, positive=True)
     scale = _number(where, table, "scale", 1750.0, positive=True)
     return InTurbulence(*_place(where, name, table), intensity, scale, objective)
+
+
+def _objective(where: str, name: str, kind: str, table: Mapping[str, Any], known: tuple[str, ...]) -> dict[str, float]:
+    """What an rms of 1 costs; none makes the cost smaller."""
+    found = {}
+    for key, size in _some(where, table, "objective"):
+        refuse_unknown(f"{where}: {name}objective: unknown {kind}", key, known)
+        found[key] = finite_number(where, f"{name}objective.{key}", size)
+        if found[key] < 0.0:
+            raise BadInputError(f"{where}: {name}objective.{key} is {size:g}; it must not be negative")
+    return found
 
 
 def _gust(where: str, name: str, table: Any) -> InGust:

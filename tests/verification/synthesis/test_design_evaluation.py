@@ -47,6 +47,8 @@ def test_the_cost_is_what_it_says(published_aircraft: Aircraft) -> None:
     rms, error = found.rms[0]["dihedral"], found.errors[0]["dihedral"]
     assert set(found.errors[0]) == {"dihedral", A_Z}
     assert found.cost == pytest.approx(100.0 * error + 50.0 * rms)
+    norm = evaluated(published_aircraft, power=6.0).cost
+    assert norm == pytest.approx(((100.0 * error) ** 6 + (50.0 * rms) ** 6) ** (1 / 6))
     larger = tuning().gusts[0]._replace(peak=-90.0, dynamics="newton")
     missed = evaluated(
         published_aircraft, margin=2.0 * found.margin, fastest=found.fastest / 3.0, gusts=(*tuning().gusts, larger)
@@ -66,7 +68,7 @@ def test_what_is_no_longer_of_interest_is_not_flown(
     """With a limit the evaluation ends above it exactly where the whole one does, and what it leaves out is what takes
     longest."""
     gusts = (InGust(math.radians(11.0), Actuator(), 250.0, 1.0),) * 3
-    asked = replace(tuning(), gusts=gusts, margin=10.0)
+    asked = replace(tuning(), gusts=gusts, margin=10.0, power=3.0)
     flown: list[float] = []
     monkeypatch.setattr(design_evaluation, "gust_share", lambda *_: (flown.append(1.0), 1.0 + len(flown))[1])
     evaluation, values = DesignEvaluation(published_aircraft, asked), asked.first_values()
@@ -84,6 +86,20 @@ def test_what_is_no_longer_of_interest_is_not_flown(
     assert reached == sorted(reached)
     assert reached[0] == (True, False, False, 0)
     assert len(set(reached)) == 5
+
+
+def test_no_more_corners_are_closed_than_until_one_is_unstable(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[float] = []
+    corners = design_evaluation.corner_loops
+    monkeypatch.setattr(design_evaluation, "corner_loops", lambda *each: (closed.append(1.0), corners(*each))[1])
+    start = read_design("simvfa-1") | {"sensors": tuning().start["sensors"]}
+    asked = replace(tuning(), start=start, dynamics=("published", "newton"))
+    evaluation, values = DesignEvaluation(published_aircraft, asked), asked.first_values()
+    found, ended = evaluation.at(values), evaluation.at(values, LOST)
+    assert LOST < ended.cost <= found.cost
+    assert len(closed) == 3
 
 
 def test_the_corners_are_those_of_every_dynamics_named(published_aircraft: Aircraft) -> None:
