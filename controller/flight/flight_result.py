@@ -163,7 +163,8 @@ def _states(result: NonlinearFlight) -> Table:
             limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", result.envelope.limits_text(index), "")
             rows[-1] = (*cells[:5], "", *cells[6:])
             rows.append(limited[: len(cells)])
-    header = ("state", "unit", "largest deviation", "final deviation", "rms error", "envelope", "off the linear model")
+    deviations = ("largest deviation", "final deviation", "rms error, 2nd half")
+    header = ("state", "unit", *deviations, "envelope", "off the linear model")
     return Table(header[: len(rows[0])], rows)
 
 

@@ -45,6 +45,13 @@ def angle(text: str) -> float:
     return math.radians(number(text))
 
 
+def one_angle(text: str) -> float:
+    """Degrees of one trim, as radians; who gives several is told which command takes them."""
+    if "," in text or ":" in text:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges")
+    return angle(text)
+
+
 def quantity(name: str, text: str) -> float:
     """The value of a named variable; a parameter of the aircraft is given in its own unit, whatever that is."""
     return angle(text) if UNITS.get(name, "").startswith("rad") else number(text)

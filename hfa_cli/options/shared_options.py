@@ -11,7 +11,18 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from hfa_cli.options.argument_types import PICTURES, angle, number, one_of, output_file, parsed, quantity, span, whole
+from hfa_cli.options.argument_types import (
+    PICTURES,
+    angle,
+    number,
+    one_angle,
+    one_of,
+    output_file,
+    parsed,
+    quantity,
+    span,
+    whole,
+)
 from hfa_cli.options.parser import add_named, add_refused, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
@@ -63,7 +74,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
     """What every trim can be told: --dihedral and its like, --condition, --free, --hold, --limit, --start."""
-    add_value(parser, "--dihedral", angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
+    add_value(parser, "--dihedral", one_angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
     add_flight(parser)
 
 

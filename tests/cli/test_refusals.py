@@ -45,7 +45,7 @@ def untouched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
         ("--dihedral=-inf", "dihedral is -inf"),
         ("--dihedral=", "dihedral is ''"),
         ("--dihedral 1e999", "dihedral is 1e999"),
-        ("--dihedral 0:20:1", "dihedral is '0:20:1'"),
+        ("--dihedral 0:20:1", "dihedral is '0:20:1'; give one number: `hfa sweep` takes lists and ranges"),
         ("", "--dihedral"),
         ("--dihedral", "--dihedral"),
         ("--dihedral 15 --speed 0", "speed is 0 ft/s"),

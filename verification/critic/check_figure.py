@@ -82,7 +82,6 @@ def _over_time(axes: Axes, times: np.ndarray, curves: dict[str, np.ndarray], pre
         axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
-    axes.set_ylim(bottom=_FLOOR)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")
     axes.grid(alpha=0.3)
