@@ -124,10 +124,10 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
 
 def _refuse_discrete(path: str | Path, dt: Any) -> None:
     """python-control's dt: 0 or None for continuous time."""
-    if dt is not None and np.any(np.asarray(dt, dtype=object) != 0):
-        raise BadInputError(
-            f"{path}: dt is {shortened(str(dt))}, a model in discrete time; give x' = A x + B u, dt = 0"
-        )
+    found = np.asarray(dt, dtype=object)
+    if dt is not None and np.any(found != 0):
+        said = shortened(str(found.item() if found.size == 1 else dt))  # in a .mat file a number is a matrix
+        raise BadInputError(f"{path}: dt is {said}, a model in discrete time; give x' = A x + B u, dt = 0")
 
 
 def _names(stored: dict[str, Any], states: int, inputs: int) -> dict[str, tuple[str, ...]]:

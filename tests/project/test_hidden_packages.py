@@ -52,12 +52,12 @@ def test_a_hidden_package_that_may_not_be_needed_is_a_warning(tmp_path: Path, na
 
 @pytest.mark.parametrize("init", [True, False], ids=["package", "folder"])
 def test_a_folder_that_hides_is_named(tmp_path: Path, init: bool) -> None:
-    """Without an __init__.py it hides an editable install alone, as that of `make`."""
+    """Without an __init__.py it hides an editable install alone, as that of `make`; nothing that PYTHONPATH names."""
     folder = tmp_path / "trim"
     folder.mkdir()
     if init:
         (folder / "__init__.py").touch()
-    done = run(sys.executable, "-c", "import controller", folder=tmp_path)
+    done = run(sys.executable, "-c", "import controller", folder=tmp_path, PYTHONPATH="")
     found = folder / "__init__.py" if init else folder
     assert done.stderr.splitlines()[-1].startswith(f"ImportError: {found} hides the package 'trim'")
 

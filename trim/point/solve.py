@@ -52,9 +52,14 @@ def find_operating_point(
             return _solution(problem, problem.clip(problem.first_guess(start)))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
-            "the equations overflow or divide by zero at this condition with these parameters; "
-            "take values nearer to an aircraft's"
+            "the equations overflow or divide by zero at this condition with these parameters"
+            f"{_zeros(aircraft)}; take values nearer to an aircraft's"
         ) from error
+
+
+def _zeros(aircraft: Aircraft) -> str:
+    names = [name for name, value in aircraft.parameters._asdict().items() if value == 0.0]
+    return f", of which {' and '.join(names)} {'is' if len(names) == 1 else 'are'} zero" if names else ""
 
 
 def beyond_limits(aircraft: Aircraft, condition: TrimCondition, balancing: Mapping[str, float]) -> str:

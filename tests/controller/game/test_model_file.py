@@ -122,6 +122,12 @@ def test_misnamed_entries_and_defaults_are_told(tmp_path: Path, suffix: str) -> 
     assert stored_game(ours).notes == ()
 
 
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
+def test_a_time_step_is_said_as_the_number_that_it_is(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(BadInputError, match=r"plant\.[a-z]*: dt is 0\.1, a model in discrete time"):
+        load_game(small(tmp_path / f"plant{suffix}", dt=0.1))
+
+
 def test_one_input_as_a_row_is_told_to_be_a_column(tmp_path: Path) -> None:
     savemat(tmp_path / "plant.mat", {"A": A2, "B": np.array([0.0, 1.0]), "Q": Q2, "R": R1})
     with pytest.raises(BadInputError, match=r"B is one row, 1 x 2; with 2 states .* give one input as a column"):

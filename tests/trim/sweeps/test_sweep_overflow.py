@@ -23,8 +23,22 @@ EXTREMES = [("lift_slope", 1e200), ("inertia_pitch", 1e-300), ("panel_mass", 1e3
 def test_an_extreme_parameter_is_refused(
     parameters: Parameters, name: str, value: float, free: tuple[str, ...]
 ) -> None:
-    with pytest.raises(BadInputError, match=WORDS):
+    with pytest.raises(BadInputError, match=f"{WORDS}; take values"):
         find_operating_point(Aircraft(parameters._replace(**{name: value})), release(level_flight(0.0), free=free))
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["thrust_per_throttle"], "of which thrust_per_throttle is zero; take"),
+        (["lift_slope"], "of which lift_slope is zero; take"),
+        (["panel_mass", "lift_slope"], "of which panel_mass and lift_slope are zero; take"),
+    ],
+)
+def test_parameters_of_zero_are_named(parameters: Parameters, names: list[str], said: str) -> None:
+    aircraft = Aircraft(parameters._replace(**dict.fromkeys(names, 0.0)))
+    with pytest.raises(BadInputError, match=f"{WORDS}, {said}"):
+        find_operating_point(aircraft, level_flight(0.0))
 
 
 @pytest.mark.filterwarnings("error")
