@@ -54,7 +54,7 @@ class CommandSteps:
 
     def end(self, t: Quantity) -> ca.SX:
         """r_step(t), (k,): what the filter is on its way to."""
-        return self._summed(t, lambda late: late >= 0.0, shift=0.0)
+        return self._summed(t, lambda late: late >= 0.0)
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
         """r at many times, (N, k)."""
@@ -62,16 +62,16 @@ class CommandSteps:
         function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
-    def _summed(self, t: Quantity, response: Callable[[Quantity], Quantity], shift: float | None = None) -> ca.SX:
+    def _summed(self, t: Quantity, response: Callable[[Quantity], Quantity]) -> ca.SX:
+        """Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a step that is still to come is 0."""
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
-            late = t - begin
-            total = total + ca.DM(jump) * response(late if shift is not None else ca.fmax(late, 0.0))
+            total = total + ca.DM(jump) * response(t - begin)
         return total
 
-    def _response(self, tau: Quantity) -> Quantity:
-        w, z = self.bandwidth, self.damping
+    def _response(self, late: Quantity) -> Quantity:
+        w, z, tau = self.bandwidth, self.damping, ca.fmax(late, 0.0)
         if z == 1.0:
             return 1 - (1 + w * tau) * ca.exp(-w * tau)
         if z < 1.0:
@@ -80,8 +80,8 @@ class CommandSteps:
         slow, fast = self._poles
         return 1 - (fast * ca.exp(-slow * tau) - slow * ca.exp(-fast * tau)) / (fast - slow)
 
-    def _response_rate(self, tau: Quantity) -> Quantity:
-        w, z = self.bandwidth, self.damping
+    def _response_rate(self, late: Quantity) -> Quantity:
+        w, z, tau = self.bandwidth, self.damping, ca.fmax(late, 0.0)
         if z == 1.0:
             return w**2 * tau * ca.exp(-w * tau)
         if z < 1.0:

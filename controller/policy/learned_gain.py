@@ -39,15 +39,18 @@ def baseline_gain(game: Game) -> np.ndarray:
     return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 
+def baseline_weights(game: Game) -> tuple[float, ...]:
+    """Quadratic weights whose policy is that of `baseline_gain`, (M,)."""
+    weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
+    return tuple(weights.tolist())
+
+
 def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:
     """The learning of a law on a game; the integral law starts from the baseline's policy, which is stabilizing.
 
     settings: of the law. Raises NoSolutionError, naming the certificate, when what was learned is not certified.
     """
-    start: dict[str, Any] = {}
-    if law == "irl":
-        weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
-        start["initial_weights"] = tuple(weights.tolist())
+    start: dict[str, Any] = {"initial_weights": baseline_weights(game)} if law == "irl" else {}
     result = learn(game, law, seed, progress=progress, **(start | settings))
     if not result.converged:
         raise NoSolutionError(f"law '{law}' is not certified here ({result.outcome}); choose another law or model")

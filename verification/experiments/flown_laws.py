@@ -13,7 +13,7 @@ from controller.laws.learn import learn
 from controller.laws.published_law import PublishedLaw, PublishedSettings, published_law
 from controller.policy.critic_policy import CriticPolicy, critic_law, forcing
 from controller.policy.flown_law import FlownLaw
-from controller.policy.learned_gain import BASELINE_EFFORT, baseline_value, online_law
+from controller.policy.learned_gain import baseline_weights, online_law
 from controller.policy.policies import TrackingPolicy, tracking_constants
 from controller.policy.signals import Signal, zero
 from controller.samples.recording import Stack, random_pool
@@ -176,8 +176,6 @@ def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, t
 
 def _integral_plan(setting: Setting, case: PaperCase, tick: float) -> FlownLaw:
     chosen = asdict(setting.configuration.irl)
-    start = basis("quadratic", len(LINEAR_STATES)).weights(baseline_value(case.game) / BASELINE_EFFORT)
-    learned = learn(
-        case.game, "irl", setting.configuration.critic.seed, initial_weights=tuple(start.tolist()), **chosen
-    )
+    start = baseline_weights(case.game)
+    learned = learn(case.game, "irl", setting.configuration.critic.seed, initial_weights=start, **chosen)
     return online_law(case.game, "irl", learned, tick)

@@ -137,7 +137,6 @@ def _figures_of_noise(setting: Setting, flown: Flown, T_w: float) -> Iterable[Dr
     yield "Critic weights under measurement noise, 5 deg", 2, weights
 
 
-_NOISY = ("noise", "5 deg")
 _COMPARED = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL, EXACT, EXACT_FF)
 EXPERIMENTS = {
     each.section: each

@@ -13,13 +13,15 @@ from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import NoSolutionError
-from trim.linear.linear_model import LinearModel, level_model
+from trim.linear.linear_model import level_model
 from verification.riccati.gare import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
 RATE, REGULATED = "pitch_rate", ("dihedral", f"vertical_acceleration{SHORT_PERIOD}")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
+#: Bandwidth, rad/s, and damping of the filter that its commands pass.
+COMMAND_FILTER = (0.5, 2.0)
 #: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A in R⁻¹, 1/s.
 SQUARING_Q, SQUARING_R, EPSILON, SHIFT = 1.0, 500.0, 20.0, 0.25
 _THIRD = np.array([1.0, 1.0, -1.0])
@@ -50,6 +52,8 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I. NoSolutionError when the squared-up plant
     has a zero in the right half plane. Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1.
     """
+    from scipy.linalg import polar
+
     order = built.design.actuators[built.inputs[0]].order
     game = built.game()
     n = len(game.A)
@@ -57,7 +61,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     squared_up = np.vstack([game.B.T, _third_row(game.A.T, C.T, game.B.T)]).T
     B1 = sum(a * np.linalg.matrix_power(game.A, k) @ squared_up for k, a in enumerate(ALPHAS[order]))
     refuse_zeros(game.A, B1, C)
-    S = _polar(C @ B1).T
+    S = polar(C @ B1)[0].T
     if S[2].sum() < 0.0:  # the sign of the third input is free; the tables between the angles need one
         squared_up, B1, S = squared_up * _THIRD, B1 * _THIRD, S * _THIRD[:, None]
     mixed = S @ C
@@ -66,13 +70,6 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     R_inverse = inverse @ (rate + rate.T) @ inverse + EPSILON * np.eye(len(C))
     K = solve_game(game).K
     return ReferenceModel(game.A, game.B, C, K, B1 @ R_inverse @ S, S, R_inverse, squared_up)
-
-
-def _polar(M: np.ndarray) -> np.ndarray:
-    """U V' of M = U Σ V'."""
-    left, _, right = np.linalg.svd(M)
-    product: np.ndarray = left @ right
-    return product
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
@@ -111,17 +108,13 @@ def refuse_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
 
 
 def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
-    """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`."""
-    models = [level_model(aircraft, dihedral) for dihedral in dihedrals.tolist()]
-    return servo_of(aircraft, design, models, [])
+    """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
 
-
-def servo_of(
-    aircraft: Aircraft, design: str, models: list[LinearModel], found: list[ReferenceModel]
-) -> ScheduledController:
-    """x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch rate; e]."""
+    x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch rate; e].
+    """
     chosen = load_design(design)
-    tables = found or [reference_model(design_model(aircraft, model, chosen)) for model in models]
+    built = [design_model(aircraft, level_model(aircraft, dihedral), chosen) for dihedral in dihedrals.tolist()]
+    tables = [reference_model(each) for each in built]
     n = len(tables[0].A)
     shape = (len(tables), n + 2)
     A, B = np.zeros((*shape, n + 2)), np.zeros((*shape, 5))
@@ -133,18 +126,17 @@ def servo_of(
         B[k, :2, 1:3], B[k, :2, 3:] = np.eye(2), -np.eye(2)
         B[k, n:, 3:] = -np.eye(2)
         C[k, :, 2:] = -each.K
-    points = [model.point for model in models]
-    names = design_model(aircraft, models[0], chosen).states
+    points = [each.model.point for each in built]
     return ScheduledController(
         name=f"{design}, reference model",
         feedback="output",
-        dihedrals=np.array([point.states.dihedral for point in points]),
+        dihedrals=dihedrals,
         A=A,
         B=B,
         C=C,
         D=np.zeros((len(tables), 2, 5)),
         W=np.zeros((*shape, 2)),
-        states=(*(f"{name}_integral" for name in REGULATED), *(f"model_{name}" for name in names)),
+        states=(*(f"{name}_integral" for name in REGULATED), *(f"model_{name}" for name in built[0].states)),
         measurements=(RATE, *REGULATED),
         commands=tuple(f"{name}_command" for name in REGULATED),
         inputs=chosen.inputs,
@@ -152,6 +144,6 @@ def servo_of(
         trim_inputs=np.array([point.inputs for point in points]),
         dynamics=aircraft.variant.name,
         parameters=parameter_hash(aircraft.parameters),
-        command_filter=(0.5, 2.0),
+        command_filter=COMMAND_FILTER,
         about={"design": design, "source": "Qu, Thomsen, Annaswamy 2018"},
     )
