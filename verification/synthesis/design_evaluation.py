@@ -71,26 +71,29 @@ class DesignEvaluation:
     def _parts(self, design: Design) -> Iterator[Evaluation]:
         """The evaluation with ever more in it, by what it takes; no part makes the cost smaller."""
         tuning, still = self._tuning, replace(design, feedforward=None)
+        tables = {angle: quick_controller(self._aircraft, model, still) for angle, model in self._models.items()}
+        closed = {place: self._closed(*place, tables) for place in tuning.places}
+        worst = max(loop.abscissa for _, loop in closed.values())
+        fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in closed.values())
+        missed, rms, sizes = [fastest / tuning.fastest - 1.0], [], []
+        for air in tuning.turbulence if worst < 0.0 else ():
+            states = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
+            rms.append({name: states[name] for name in air.objective})
+            sizes += [size * states[name] for name, size in air.objective.items()]
+        found = Evaluation(self._cost(sizes, missed), math.inf, rms=tuple(rms), fastest=fastest)
+        if worst < 0.0:
+            yield found._replace(cost=min(found.cost, LOST))  # a corner may be unstable yet
         abscissa = -math.inf
         for flown, model in self._at_corners:
             table = quick_controller(flown, model, still)
             abscissa = max(abscissa, *(loop.abscissa for _, loop in corner_loops(flown, model, table)))
-            if abscissa >= 0.0:
-                yield Evaluation(LOST * (1.0 + abscissa), abscissa)
-        tables = {angle: quick_controller(self._aircraft, model, still) for angle, model in self._models.items()}
-        closed = {place: self._closed(*place, tables) for place in tuning.places}
-        worst = max(abscissa, *(loop.abscissa for _, loop in closed.values()))
+            worst = max(worst, abscissa)
+            if worst >= 0.0:
+                yield Evaluation(LOST * (1.0 + worst), abscissa)
         if worst >= 0.0:
-            yield Evaluation(LOST * (1.0 + worst), abscissa)
             return
-        fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in closed.values())
-        missed = [(abscissa - tuning.abscissa) / abs(tuning.abscissa), fastest / tuning.fastest - 1.0]
-        rms, sizes = [], []
-        for air in tuning.turbulence:
-            states = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
-            rms.append({name: states[name] for name in air.objective})
-            sizes += [size * states[name] for name, size in air.objective.items()]
-        found = Evaluation(self._cost(sizes, missed), abscissa, rms=tuple(rms), fastest=fastest)
+        missed.append((abscissa - tuning.abscissa) / abs(tuning.abscissa))
+        found = found._replace(cost=self._cost(sizes, missed), abscissa=abscissa)
         yield found
         commanded = {case.dihedral for case in tuning.cases}
         if design.feedforward:
