@@ -16,13 +16,17 @@ import numpy as np
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.export.c_model import c_positions, c_table, comment_lines
-from controller.policy.commands import CommandSteps
+from controller.policy.commands import COMMAND_FILTER, CommandSteps
 from controller.policy.policies import Memoryless, Seen, Unvaried
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
 from hfa_model.native.c_code import c_function
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.point.operating_point import OperatingPoint
+
+HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
+#: C has no empty arrays: the one number of a memory or of commands that a controller does not have.
+_UNUSED = "unused"
 
 
 class GivenCommands(NamedTuple):
@@ -78,13 +82,6 @@ class GivenUpdraft(Memoryless, Unvaried):
         return self._value
 
 
-HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
-#: rad/s and damping of the command filter where the controller knows none.
-_FILTER = (0.5, 2.0)
-#: C has no empty arrays: the one number of a memory or of commands that a controller does not have.
-_UNUSED = "unused"
-
-
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
     """Outputs that the controller can be commanded."""
     value = COMMAND_SIGNALS[0]
@@ -93,7 +90,7 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 def filter_rates(controller: ScheduledController, r: ca.SX, slope: ca.SX, goal: ca.SX) -> ca.SX:
     """[r'; r''] of r'' = ω² (goal - r) - 2 ζ ω r', the filter of `CommandSteps`."""
-    bandwidth, damping = controller.command_filter or _FILTER
+    bandwidth, damping = controller.command_filter or COMMAND_FILTER
     return ca.vertcat(slope, bandwidth**2 * (goal - r) - 2 * damping * bandwidth * slope)
 
 

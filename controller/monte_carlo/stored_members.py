@@ -21,6 +21,12 @@ from hfa_model.jobs.stream import stream
 from hfa_model.native.bound import cached_per_thread
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, NAMES_AND_UNITS, STATE_UNITS, STATES
 
+SCHEMA = "hfa.monte-carlo-store/1"
+#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
+CHUNK_STEPS = 1_000_000
+
+_NAN = float("nan")
+
 
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> WatchedLoop:
@@ -48,13 +54,6 @@ def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
 
 def _loop(plan: MonteCarlo, scenario: Scenario) -> ClosedLoop:
     return loop_of(plan.uncertain_plant, plan.law.policy, scenario, plan.point)
-
-
-SCHEMA = "hfa.monte-carlo-store/1"
-#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
-CHUNK_STEPS = 1_000_000
-
-_NAN = float("nan")
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:

@@ -13,6 +13,9 @@ import numpy as np
 from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, Quantity
 
+#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
+COMMAND_FILTER = (0.5, 2.0)
+
 
 @dataclass(frozen=True, eq=False)
 class CommandSteps:
@@ -26,8 +29,8 @@ class CommandSteps:
     names: tuple[str, ...]
     times: np.ndarray
     values: np.ndarray
-    bandwidth: float = 0.5
-    damping: float = 2.0
+    bandwidth: float = COMMAND_FILTER[0]
+    damping: float = COMMAND_FILTER[1]
 
     def __post_init__(self) -> None:
         """Check once."""

@@ -30,7 +30,7 @@ from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law
-from verification.servo.reference_model import COMMAND_FILTER, REGULATED, reference_servo
+from verification.servo.reference_model import REGULATED, reference_servo
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.moving_air import flown_actuators
 
@@ -74,7 +74,7 @@ CASES: dict[str, Case] = {
 def simvfa_commands() -> CommandSteps:
     """SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s²; its command filter."""
     times = _FIRST + _EACH * np.arange(len(_DIHEDRAL))
-    return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]), *COMMAND_FILTER)
+    return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]))
 
 
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:

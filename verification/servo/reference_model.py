@@ -10,6 +10,7 @@ from controller.design.design import SHORT_PERIOD
 from controller.design.design_file import load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
+from controller.policy.commands import COMMAND_FILTER
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import NoSolutionError
@@ -20,8 +21,6 @@ from verification.riccati.gare import solve_game
 RATE, REGULATED = "pitch_rate", ("dihedral", f"vertical_acceleration{SHORT_PERIOD}")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
-#: Bandwidth, rad/s, and damping of the filter that its commands pass.
-COMMAND_FILTER = (0.5, 2.0)
 #: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A in R⁻¹, 1/s.
 SQUARING_Q, SQUARING_R, EPSILON, SHIFT = 1.0, 500.0, 20.0, 0.25
 _THIRD = np.array([1.0, 1.0, -1.0])
