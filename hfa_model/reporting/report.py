@@ -54,9 +54,9 @@ class Block:
 class Report:
     """What a result says, in the order in which it is read.
 
-    parts: paragraphs (str), tables of formatted cells (Table), blocks, pictures, and reports within the report.
-    data: the result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before
-    trusting it. source: where it comes from, said last.
+    title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of formatted cells
+    (Table), blocks, pictures, and reports within the report. data: the result for JSON, .npz and .mat. records: for
+    CSV, numbers with all digits. notes: what to know before trusting it. source: where it comes from, said last.
     """
 
     title: str
@@ -85,9 +85,10 @@ class Report:
     def markdown(self, level: int = 1) -> str:
         """With headings from `level` on; pictures as links to files of their name."""
         shown = [_markdown(part, level) for part in self.parts]
-        heading = [f"{'#' * level} {_one_line(self.title)}"] if self.title else []
+        first, *others = self.title.split("\n")
+        heading = [f"{'#' * level} {first}"] if first else []
         notes = (f"Note: {note}" for note in self.notes)
-        return "\n\n".join(filter(None, [*heading, *shown, *notes, self.source]))
+        return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, self.source]))
 
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from elsewhere."""
@@ -102,9 +103,10 @@ class Report:
         from hfa_model.reporting.latex import latex_text
 
         shown = [_latex(part, level) for part in self.parts]
-        heading = [f"\\{_SECTIONS[min(level, 4) - 1]}*{{{latex_text(_one_line(self.title))}}}"] if self.title else []
+        first, *others = self.title.split("\n")
+        heading = [f"\\{_SECTIONS[min(level, 4) - 1]}*{{{latex_text(first)}}}"] if first else []
         said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n\n".join([*heading, *shown, *map(latex_text, said)])
+        return "\n\n".join([*heading, *map(latex_text, others), *shown, *map(latex_text, said)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
@@ -233,7 +235,3 @@ def _cell(cell: Any) -> str:
 
 def _paragraph(line: str) -> str:
     return f"<p>{html.escape(line)}</p>"
-
-
-def _one_line(title: str) -> str:
-    return " ".join(title.split())

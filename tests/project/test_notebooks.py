@@ -7,6 +7,7 @@ import contextlib
 import io
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,9 @@ def stored(outputs: list[Output], kind: str) -> str:
     return "".join("".join(text) for text in (printed if kind == "stream" else values))
 
 
-def title(text: str) -> str:
-    """The first line: what the result is and its verdict. The rest changes whenever a report learns to say more."""
-    return text.partition("\n")[0]
+def words(text: str) -> str:
+    """The text without its numbers, of which some are rounding, and without the spaces that align them."""
+    return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", text).split())
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
@@ -57,8 +58,14 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
             found.append(f"cell {number} prints {printed!r}")
         if isinstance(value, Figure):
             found += [] if stored(outputs, "image/png") else [f"cell {number} has no picture stored"]
-        elif value is not None and title(repr(value)) != title(stored(outputs, "text/plain")):
-            found.append(f"cell {number} says {title(repr(value))}")
+        elif value is not None:
+            shown = {"text/plain": repr(value)}
+            shown |= {"text/html": value._repr_html_()} if hasattr(value, "_repr_html_") else {}
+            found += [
+                f"cell {number} says {text.partition(chr(10))[0]}, {kind} is another"
+                for kind, text in shown.items()
+                if words(text) != words(stored(outputs, kind))
+            ]
     return found
 
 
@@ -69,12 +76,12 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 def test_an_output_that_is_out_of_date_is_noticed() -> None:
     said = [{"output_type": "stream", "text": ["2\n"]}]
-    value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "more"]}}]
-    assert (
-        complaints([("a = 1\nprint(a + 1)", said), ("type('T', (), {'__repr__': lambda self: 'a c'})()", value)]) == []
-    )
+    value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
+    alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
+    assert complaints([("a = 1\nprint(a + 1)", said), (alike, value)]) == []
+    assert complaints([(alike.replace("3e-17", "3e-17 more"), value)]) == ["cell 1 says a c, text/plain is another"]
     assert complaints([("print(3)", said)]) == ["cell 1 prints '3\\n'"]
-    assert complaints([("7", value)]) == ["cell 1 says 7"]
+    assert complaints([("7", value)]) == ["cell 1 says 7, text/plain is another"]
     assert complaints([("from matplotlib.figure import Figure\nFigure()", [])]) == ["cell 1 has no picture stored"]
 
 

@@ -39,9 +39,11 @@ def controller_report(controller: ScheduledController) -> Report:
     if controller.command_filter:
         told.append("of a command filter of {:g} rad/s, damping {:g}".format(*controller.command_filter))
     first, last = (in_degrees(float(controller.dihedrals[end])) for end in (0, -1))
+    count = len(controller.dihedrals)
+    where = f"{count} angles from {first:g} to {last:g} deg" if count > 1 else f"at {first:g} deg"
     return Report(
         f"Controller {controller.name}: {controller.feedback} feedback, {len(controller.states)} states, "
-        f"{len(controller.dihedrals)} angles from {first:g} to {last:g} deg, {controller.dynamics} dynamics",
+        f"{where}, {controller.dynamics} dynamics",
         (
             f"delta {'inf' if delta is None else format(delta, 'g')}; measured: {', '.join(controller.measurements)}; "
             f"moved: {', '.join(controller.inputs)}" + "".join(f"; {each}" for each in told),

@@ -46,7 +46,7 @@ def test_text_has_an_empty_line_between_parts_but_not_within_a_block() -> None:
 
 def test_markdown_has_headings_tables_and_links_to_pictures() -> None:
     assert report([]).markdown() == (
-        "# Title & more of it\n\nfirst\n\n## Inner\n\n"
+        "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n"
         "| load | value |\n|---|---|\n| lift <1> | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\n"
         '![a "picture"](a.png)\n\nNote: take care'
     )
@@ -68,7 +68,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
 
 def test_latex_has_sections_tabulars_and_pictures_by_name() -> None:
     assert report([]).latex() == (
-        "\\section*{Title \\& more of it}\n\nfirst\n\n\\subsection*{Inner}\n\n"
+        "\\section*{Title \\& more}\n\nof it\n\nfirst\n\n\\subsection*{Inner}\n\n"
         "\\noindent\\begin{tabular}{lr}\nload & value \\\\\n\\hline\n"
         "lift \\textless{}1\\textgreater{} & 2.5 \\\\\na\\textbar{}b & 10 \\\\\n\\end{tabular}\n\n"
         "below the table\n\n\\includegraphics[width=\\linewidth]{a.png}\n\nNote: take care"
