@@ -74,7 +74,7 @@ class Trials:
             return np.asarray(self.settled & (error <= CLOSE).all(axis=1))
 
 
-def _same(p: np.ndarray, tick: int) -> np.ndarray:
+def _at_every_tick(p: np.ndarray, tick: int) -> np.ndarray:
     return p
 
 
@@ -127,7 +127,7 @@ class TrialLoop:
         flat, rounded = gain_constants(gain), _CHUNK_SECONDS * np.ceil(seconds / _CHUNK_SECONDS - 1e-9)
         for index in range(count):
             p = np.concatenate([flat, commands[index]])
-            trial = self._watched.fly(starts[index], partial(_same, p), rounded, self._lost)
+            trial = self._watched.fly(starts[index], partial(_at_every_tick, p), rounded, self._lost)
             final[index] = np.nan if self._lost(trial.final) else trial.final
             if trial.left >= 0:
                 left[index], when[index] = trial.left, trial.flown
