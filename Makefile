@@ -20,9 +20,18 @@ test: .venv/ready
 test-all: .venv/ready
 	$(BIN)/python -m pytest
 
-# The files, and the tests of each, in another random order each time, or in that of SEED.
+# The files, and the tests of each, in ORDERS random orders, to the first with a failure: those of SEED, SEED + 1, ...
+# Which were tried, and what came of it, stays in out/orders.
+ORDERS ?= 1
+SEED := $(or $(SEED),$(shell date +%s))
+TESTS ?= tests
 test-random: .venv/ready
-	$(BIN)/python -m pytest -m "not slow" --no-loadscope-reorder --order $(or $(SEED),$(shell date +%s))
+	@mkdir -p out
+	@for seed in $$(seq $(SEED) $$(($(SEED) + $(ORDERS) - 1))); do \
+		said=failed; $(BIN)/python -m pytest -m "not slow" --no-loadscope-reorder --order $$seed $(TESTS) && said=passed; \
+		echo "SEED=$$seed TESTS=$(TESTS): $$said, $$(git describe --always --dirty)" | tee -a out/orders; \
+		[ $$said = passed ] || exit 1; \
+	done
 
 # Hostile inputs by every way in, continued where the last run was left; atheris guides them where it installs.
 FUZZ_INPUTS ?= 100000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -167,8 +166,7 @@ class Reference:
         return PublishedSettings(samples=50, pool_samples=POOL, **case.changes, **starts)
 
 
-@cache
-def references_of_models() -> Mapping[float, Reference]:
+def references_of_models() -> dict[float, Reference]:
     """The references of both printed models by dihedral angle, degrees."""
     return {model.dihedral_deg: Reference.of(published_game(model.A, model.B)) for model in published_models()}
 
