@@ -40,7 +40,7 @@ COMMANDS = {
     "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
     "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
     "export": "the aircraft for other tools: C source, FMU, MATLAB",
-    "study": "the paper's update law as printed, every setting, with causes; takes minutes",
+    "study": "the paper's update law as printed, every setting, with causes; takes a minute or two",
     "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
     "servo": "fly servos through step commands and actuator faults, law by law",
     "schedule": "simulate a slow change of dihedral under a schedule of certified gains",

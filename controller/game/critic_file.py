@@ -30,6 +30,8 @@ from hfa_model.support.files import LARGEST_TEXT, regular_file
 
 _TIMES = ("time", "times", "t")
 _ALSO = {"weights": "W", "gains": "K"}
+#: Said of a table that is no history.
+_ALONE = "a matrix without times goes into a file called P.csv or K.csv, weights into W.csv"
 
 
 class _Shape(NamedTuple):
@@ -195,7 +197,8 @@ def _read_csv(path: str | Path) -> tuple[tuple[str, ...], np.ndarray]:
         names = tuple(cell.strip() for cell in lines.pop(0)[1])
         if not names[0].lower().startswith("t"):
             raise BadInputError(
-                f"the first column is {shortened(names[0])!r}; it must be the time, with commas between the columns"
+                f"the first column is {shortened(names[0])!r}; it must be the time, with commas between the columns; "
+                + _ALONE
             )
     if not lines:
         raise BadInputError("there are no rows of numbers")
@@ -228,7 +231,7 @@ def _of_table(
     fitting = [kind for kind in kinds if np.prod(shapes[kind].size) == count]
     if not fitting:
         wanted = "; ".join(shapes[kind].what for kind in sorted(kinds))
-        raise BadInputError(f"there are {count} columns beside the time; {wanted}")
+        raise BadInputError(f"there are {count} columns beside the time; {wanted}; {_ALONE}")
     if len(fitting) > 1:
         raise BadInputError(f"{count} columns may be {' or '.join(sorted(fitting))}; name them, as in t,W1,W2")
     kind = fitting[0]

@@ -1,6 +1,6 @@
 """The paper's update law as printed, and modified until it learns: every setting on both printed models.
 
-Takes minutes. With --folder each row is kept as it is finished, and --resume continues from the rows that are there.
+Takes a minute or two. With --folder each row is kept as it is finished, and --resume goes on from those that are there.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> N
 def add_form(parser: argparse.ArgumentParser) -> None:
     """--json or --format: how the report is printed."""
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="print JSON (radians, feet, pounds) instead of text")
+    form.add_argument("--json", action="store_true", help="print JSON (angles in radians) instead of text")
     add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text")
 
 

@@ -96,6 +96,8 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         (lines(W[:, :1]), "h.csv: there are 1 columns beside the time; K is 1 x 2; P is 2 x 2; basis 'quadratic'"),
         (lines(K, "time,W1,W2\n"), "h.csv: there are 2 columns beside the time; basis 'quadratic' on 2 states has 3"),
         (lines(W, "W1,W2,W3,W4\n"), "h.csv: the first column is 'W1'; it must be the time"),
+        (",x1,x2\nx1,1,2\n", "h.csv: the first column is ''; .* a matrix without times goes into a file called P.csv"),
+        ("1,2\n3,4\n5,6\n", "h.csv: there are 1 columns .* a matrix without times goes into a file called P.csv"),
         (lines(W).replace(",", ";"), "h.csv: the first column is '0.0;0.0;1.0;2.0'; it must be the time, with commas"),
         (lines(W, "t,W1,W2,K3\n"), "h.csv: the columns are of K and W; give one of them"),
         ("time,W1,W2,W3\n", "h.csv: there are no rows of numbers"),
