@@ -121,12 +121,12 @@ class Dryden:
             raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
 
     def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
-        """sigma/sqrt(τ) (x1 + √3 τ x2) min(t/fade, 1) in the states of `memory_rate`."""
+        """sigma sqrt(τ) (x1 + √3 τ x2) min(t/fade, 1) in the states of `memory_rate`."""
         w = self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
         return w * ca.fmin(t / self.fade, 1.0) if self.fade else w
 
     def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
-        """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ: the filter in controllable form, n scaled to make w ft/s."""
+        """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ²: x1 = n / (1 + τ s)²."""
         A, b = self._filter
         return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p
 
