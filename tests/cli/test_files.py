@@ -32,6 +32,10 @@ COMMANDS = {
 }
 
 
+#: In every format by default; the others in one.
+MANY = ("linearize", "failing")
+
+
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     """The file that a command writes, and the JSON that it prints beside."""
     folder.mkdir(exist_ok=True)
@@ -189,8 +193,16 @@ def test_regenerate_csv(tmp_path: Path) -> None:
         assert (float(row["printed"]), float(row["computed"])) == (entry["printed"], entry["computed"])
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [
+        pytest.param(
+            name, suffix, marks=[pytest.mark.slow] * (name not in ("linearize", "failing") and suffix != "npz")
+        )
+        for name in COMMANDS
+        for suffix in SUFFIXES
+    ],
+)
 def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str) -> None:
     first, data = written(tmp_path / "first", name, suffix)
     # Another day: nothing in a file may tell when it was written.
@@ -240,7 +252,14 @@ def test_a_sweep_without_a_trim_draws_no_empty_picture(tmp_path: Path) -> None:
     assert f"nothing to draw: {path} is not written" in result.err
 
 
-@pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG\r\n\x1a\n"), ("svg", b"<?xml"), ("pdf", b"%PDF-")])
+@pytest.mark.parametrize(
+    ("suffix", "start"),
+    [
+        pytest.param("png", b"\x89PNG\r\n\x1a\n", marks=pytest.mark.slow),  # of all three: test_figure.py
+        ("svg", b"<?xml"),
+        pytest.param("pdf", b"%PDF-", marks=pytest.mark.slow),
+    ],
+)
 def test_two_runs_draw_the_same_picture(tmp_path: Path, suffix: str, start: bytes) -> None:
     paths = [tmp_path / f"{name}.{suffix}" for name in ("first", "second")]
     for path in paths:

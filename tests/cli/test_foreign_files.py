@@ -31,9 +31,9 @@ TABLES = {
     "verify --dihedral 10": (),
     "verify --dihedral 10 --weights learn.npz": _ERRORS,
     "fly --dihedral 10 --duration 0.1": (),
-    "study --only 'theorem gains, explicit'": (*_RUN, *_LAW),
 }
 SLOW_TABLES = {
+    "study --only 'theorem gains, explicit'": (*_RUN, *_LAW),
     "schedule --dihedral 5 --to 5.1 --over 0.1 --points 2 --duration 5.2": (),
     "map --dihedral 10 --speeds -1:1:1 --dihedrals 0 --commands 0,1": ("held", "returned"),
     "lpv --dihedral 10:11": (),

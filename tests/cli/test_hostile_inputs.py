@@ -17,7 +17,7 @@ from hfa_cli.commands import solve, trim
 pytestmark = pytest.mark.filterwarnings("default")
 
 
-@settings(max_examples=40, derandomize=True, database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, derandomize=True, database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(way=st.sampled_from(sorted(WAYS)), content=st.binary(max_size=40))
 def test_a_hostile_input_is_a_result_or_one_line(way: str, content: bytes) -> None:
     assert attempt(way, content) is None

@@ -31,7 +31,7 @@ def sweep_note(beyond: int, points: int) -> str:
     return f"{beyond} of {points} points {verb} beyond the paper's range of dihedral, which ends at 15 deg"
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "map")) for name in COMMANDS])
 def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

@@ -255,6 +255,7 @@ def test_another_condition_of_the_trims(tmp_path: Path) -> None:
     assert_refused(narrow, 1, "no trim")
 
 
+@pytest.mark.slow  # without --rate it is one of the certificates above
 def test_errors_of_the_parameters_are_within_the_proof() -> None:
     result = hfa("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "--rate", "--json")
     assert result.code == 0

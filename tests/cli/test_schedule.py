@@ -18,7 +18,7 @@ SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15", "--over", "20", "--poin
 
 def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:
     table, picture = tmp_path / "flight.json", tmp_path / "flight.png"
-    result = hfa(*SCHEDULE, "--step", "0.002", "-o", str(table), "--picture", str(picture))
+    result = hfa(*SCHEDULE, "--step", "0.01", "-o", str(table), "--picture", str(picture))
     assert (result.code, result.err) == (0, "")
     title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 20 s, law exact, scheduled"
     assert result.out.startswith(f"{title}\nheld: 40 s inside the envelope\n")
@@ -33,7 +33,7 @@ def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:
 def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
     """The exact gains from a file fly as the exact law does; one gain for all angles, and others, fly otherwise."""
     exact, flown = (tmp_path / name for name in ("exact.json", "flown.json"))
-    steps = ("--step", "0.005", "--duration", "26")
+    steps = ("--step", "0.01", "--duration", "26")
     assert hfa(*SCHEDULE, *steps, "-o", str(exact)).code == 0
     reference = json.loads(exact.read_text("utf-8"))
     K = np.array(reference["schedule"]["gains"])

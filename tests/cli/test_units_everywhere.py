@@ -126,7 +126,7 @@ def test_what_is_forgotten_is_seen(table: str, key: str, monkeypatch: pytest.Mon
     "words",
     [
         ("fly", *RUNS["fly"], "--picture"),
-        ("map", *RUNS["map"], "--picture"),
+        pytest.param(("map", *RUNS["map"], "--picture"), marks=pytest.mark.slow),
         ("trim", *AT, "--picture"),
         ("sweep", "--dihedral", "10", "--speed", "60,68", "--picture"),
     ],
@@ -160,7 +160,9 @@ def test_a_file_that_stays_in_feet_is_refused(
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat", "csv"])
+@pytest.mark.parametrize(
+    "suffix", ["npz", "csv", *(pytest.param(each, marks=pytest.mark.slow) for each in ("json", "mat"))]
+)
 def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path) -> None:
     """P, K and plants written in m are right on plants in ft, and the other way round."""
     files = {}

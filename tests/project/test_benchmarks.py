@@ -196,11 +196,20 @@ def test_results_are_stored_and_drawn(tmp_path: Path, monkeypatch: pytest.Monkey
     assert len(report.store({"first": rows["first"]}, list(rows))["figures"]) == 2
 
 
-def test_quick_jobs_run_and_store_nothing(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("jobs", "peers"),
+    [
+        ("gare", ["solve_continuous_are"]),
+        pytest.param("trim", ["python-control", "IPOPT"], marks=pytest.mark.slow),
+    ],
+)
+def test_quick_jobs_run_and_store_nothing(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, jobs: str, peers: list[str]
+) -> None:
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
-    assert bench.main(["--quick", "trim", "gare"]) == 0
+    assert bench.main(["--quick", jobs]) == 0
     said = capsys.readouterr().out
-    for words in ("python-control", "IPOPT", "solve_continuous_are"):
+    for words in peers:
         assert words in said
 
 

@@ -46,7 +46,7 @@ def test_it_measures_what_the_published_servo_measures(name: str) -> None:
     assert all(check["ok"] for row in servo(name).about["angles"] for check in row["checks"])
 
 
-@pytest.mark.parametrize("name", OURS)
+@pytest.mark.parametrize("name", ["servo", pytest.param("servo-gusts", marks=pytest.mark.slow)])
 def test_every_corner_is_stable_at_eleven_degrees(published_aircraft: Aircraft, name: str) -> None:
     found = check_corners(published_aircraft, servo(name))
     assert (found.unstable, found.loops) == (0, 32)

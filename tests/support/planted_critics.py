@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from controller import Game, basis
-from verification import Candidate, from_gain, from_value, from_weights, solve_game
+from verification import Candidate, GameSolution, from_gain, from_value, from_weights, solve_game
 
 #: Radians in a degree.
 DEGREE = math.pi / 180.0
@@ -20,12 +21,17 @@ def weights_of(P: np.ndarray) -> np.ndarray:
     return basis("quadratic", len(P)).weights(P)
 
 
+@cache
+def solved(game: Game) -> GameSolution:
+    return solve_game(game)
+
+
 def value(game: Game) -> np.ndarray:
-    return solve_game(game).P
+    return solved(game).P
 
 
 def gain(game: Game) -> np.ndarray:
-    return solve_game(game).K
+    return solved(game).K
 
 
 def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.ndarray:

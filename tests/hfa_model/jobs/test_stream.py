@@ -141,10 +141,11 @@ def test_kill_9_in_the_middle_of_a_sweep_leaves_whole_chunks(tmp_path, small_chu
     assert _same(resumed, whole)
 
 
+@pytest.mark.slow  # that a cluster runs tasks is tried in test_workers.py, threads in test_bound.py
 def test_a_dask_cluster_gives_the_same_bits(tmp_path, whole, monkeypatch):
-    """Its workers run several chunks at a time, each in a thread."""
+    """Its worker runs several chunks at a time, each in a thread."""
     monkeypatch.setattr(stored_sweep, "CHUNK", 8)
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=4, processes=True, dashboard_address=":0") as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=True, dashboard_address=":0") as cluster:
         spread = stream_sweep(_plan(), tmp_path / "spread.zarr", scheduler=cluster.scheduler_address)
     assert _same(whole, spread)

@@ -78,9 +78,10 @@ def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),  # it gives up after one worker, not four
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
         executors.workers(scheduler=cluster.scheduler_address) as crew,
-        pytest.raises(NoSolutionError, match="gave a chunk up"),
     ):
-        list(crew.run(_die, [(0, (0,))]))
+        assert dict(crew.run(abs, [(key, (-key,)) for key in range(5)])) == {key: key for key in range(5)}
+        with pytest.raises(NoSolutionError, match="gave a chunk up"):
+            list(crew.run(_die, [(0, (0,))]))
 
 
 def test_a_scheduler_that_does_not_answer_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,7 +45,7 @@ ANSWERS = [
     (False, "lqrd", 0.05),
     (False, "euler", 0.005),
     (True, "dlqr", 0.02),
-    (True, "lqrd", 0.05),
+    pytest.param(True, "lqrd", 0.05, marks=pytest.mark.slow),
 ]
 
 

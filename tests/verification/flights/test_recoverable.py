@@ -26,8 +26,8 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
         newton.point,
         newton.law.gains[0],
         newton.envelope,
-        speeds=np.array([-2.0, 0.0, 0.3, 2.0]),
-        dihedrals=np.radians([-10.0, 0.0, 10.0]),
+        speeds=np.array([-2.0, 0.3, 2.0]),
+        dihedrals=np.radians([-10.0, 10.0]),
         commands=np.radians([-30.0, -5.0, 0.0, 5.0]),
     )
 

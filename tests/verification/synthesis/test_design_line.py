@@ -12,7 +12,7 @@ from servo_cases import write_tuning
 
 from controller.design.design_file import read_design
 from hfa_model import Aircraft
-from verification.synthesis import design_line as module
+from verification.synthesis import design_line as module, moving_air
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.design_line import between, design_line
 from verification.synthesis.tuning import InGust, Tuning
@@ -43,6 +43,7 @@ def test_a_line_flies_the_designs_on_it(
 ) -> None:
     tuning = small(tmp_path)
     monkeypatch.setattr(module, "SHARES", (0.0, 0.5))
+    monkeypatch.setattr(moving_air, "APART", 4.0)
     stiffer = copy.deepcopy(dict(tuning.start))
     stiffer["weights"]["inputs"]["aileron_outer"] *= 4.0
     told: list[tuple[int, int]] = []

@@ -31,7 +31,7 @@ from controller.flight.simulate import fly_law
 from hfa_model import STATES, Aircraft, Input
 from verification.synthesis import moving_air
 from verification.synthesis.design_evaluation import quick_controller
-from verification.synthesis.moving_air import APART, LARGEST, gust_held, gust_share, turbulence_rms
+from verification.synthesis.moving_air import LARGEST, gust_held, gust_share, turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 from verification.synthesis.tuning import InGust
 
@@ -121,11 +121,12 @@ def test_in_a_gust_a_feedforward_does_nothing() -> None:
 
 def test_the_gust_that_is_just_held(monkeypatch: pytest.MonkeyPatch) -> None:
     """A little more than what is held ends the flight; what is never ended counts as the largest that is tried."""
+    monkeypatch.setattr(moving_air, "APART", apart := 2.0)
     asked = InGust(0.0, Actuator(effectiveness=0.8), LENGTH, 1.0)
     peak = gust_held(Aircraft(), model_at(11.0), _table(), asked)
     assert 0.0 < peak < LARGEST
-    assert in_gust(peak) <= 1.0 < in_gust(peak + APART)
+    assert in_gust(peak) <= 1.0 < in_gust(peak + apart)
     down = gust_held(Aircraft(), model_at(11.0), _table(), asked._replace(peak=-1.0))
-    assert in_gust(-down) <= 1.0 < in_gust(-down - APART)
-    monkeypatch.setattr(moving_air, "LARGEST", peak - APART)
-    assert gust_held(Aircraft(), model_at(11.0), _table(), asked) == peak - APART
+    assert in_gust(-down) <= 1.0 < in_gust(-down - apart)
+    monkeypatch.setattr(moving_air, "LARGEST", peak - apart)
+    assert gust_held(Aircraft(), model_at(11.0), _table(), asked) == peak - apart
