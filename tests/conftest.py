@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase, case_at
 from known_models import exact_gain, game_at, model_at
-from learnt_once import share_learning
+from made_once import share
 
 from controller import Game
 from hfa_model import VARIANTS, Aircraft, Parameters, ParameterSet, default_parameters
@@ -51,9 +51,9 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def learnt_once() -> Iterator[None]:
+def made_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
-        share_learning(patched)
+        share(patched)
         yield
 
 

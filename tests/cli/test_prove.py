@@ -47,7 +47,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", str(solved), "--dihedral", "15", "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "-o"),
-        "lpv": ("lpv", "--dihedral", "14:14.125", "--certificate"),
+        "lpv": ("lpv", "--dihedral", "14:14.0625", "--certificate"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
     for kind, each in words.items():
@@ -266,7 +266,7 @@ def test_errors_of_the_parameters_are_within_the_proof() -> None:
 
 def test_linear_models_with_a_proved_error(tmp_path: Path) -> None:
     for name in ("lpv.npz", "lpv.mat", "lpv.c"):
-        result = hfa("lpv", "--dihedral", "14:14.125", "--tolerance", "2e-3", "-o", str(tmp_path / name))
+        result = hfa("lpv", "--dihedral", "14:14.0625", "--tolerance", "2e-3", "-o", str(tmp_path / name))
         assert result.code == 0
         assert result.out.startswith("Proved: ")
     with np.load(tmp_path / "lpv.npz") as stored:

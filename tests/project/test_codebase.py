@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeGuard
 
 import pytest
-from import_graph import ROOT, project_sources, tree_of
+from import_graph import ROOT, nodes_of, project_sources, tree_of
 
 LONGEST_FILE = 300
 #: Made, not written: their content is not the project's text.
@@ -94,9 +94,7 @@ class A:
 
 def assertion_free_tests(sources: Mapping[str, str]) -> list[str]:
     """Tests that neither assert nor expect an exception, themselves or in a helper of the tests."""
-    functions = [
-        (path, node) for path, source in sources.items() for node in ast.walk(tree_of(source)) if _is_function(node)
-    ]
+    functions = [(path, node) for path, source in sources.items() for node in nodes_of(source) if _is_function(node)]
     helpers = {node.name: node for _, node in functions if not node.name.startswith("test_")}
 
     def checks(function: ast.AST, seen: frozenset[str] = frozenset()) -> bool:
@@ -127,7 +125,7 @@ def hollow_assertions(sources: Mapping[str, str]) -> list[str]:
     """Assertions that always hold: `assert SomeError(...)`, a tuple in parentheses, a constant."""
     found = []
     for path, source in sources.items():
-        for node in ast.walk(tree_of(source)):
+        for node in nodes_of(source):
             if isinstance(node, ast.Assert):
                 is_error = isinstance(node.test, ast.Call) and _called(node.test).endswith(("Error", "Exception"))
                 if is_error or isinstance(node.test, (ast.Tuple, ast.Constant)):
@@ -218,10 +216,12 @@ def writers(sources: Mapping[str, str], name: str) -> list[str]:
     """Modules that name a file in their code (not in a docstring or an error message alone) and can write files."""
     found = []
     for module, source in sources.items():
-        tree = tree_of(source)
+        if name not in source:
+            continue
+        nodes = nodes_of(source)
         docstrings = {
             id(node.body[0].value)
-            for node in ast.walk(tree)
+            for node in nodes
             if isinstance(node, (ast.Module, ast.ClassDef, *_FUNCTIONS))
             and node.body
             and isinstance(node.body[0], ast.Expr)
@@ -231,9 +231,9 @@ def writers(sources: Mapping[str, str], name: str) -> list[str]:
             and isinstance(node.value, str)
             and name in node.value
             and id(node) not in docstrings
-            for node in ast.walk(tree)
+            for node in nodes
         )
-        calls = {_called(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        calls = {_called(node) for node in nodes if isinstance(node, ast.Call)}
         if named and calls & {"write_text", "write_bytes", "written_whole", "open", "dump", "save", "savez"}:
             found.append(module)
     return found

@@ -62,7 +62,7 @@ def test_a_folder_that_hides_is_named(tmp_path: Path, init: bool) -> None:
     assert done.stderr.splitlines()[-1].startswith(f"ImportError: {found} hides the package 'trim'")
 
 
-@pytest.mark.parametrize("name", LAYERS)
+@pytest.mark.parametrize("name", [pytest.param(each, marks=[pytest.mark.slow] * (each != "trim")) for each in LAYERS])
 def test_neither_the_script_nor_a_safe_path_takes_files_of_the_user(tmp_path: Path, name: str) -> None:
     planted(tmp_path, name)
     everything = f"import {', '.join(IMPORTERS)}"

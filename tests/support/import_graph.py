@@ -71,6 +71,12 @@ def tree_of(source: str) -> ast.Module:
     return ast.parse(source)
 
 
+@cache
+def nodes_of(source: str) -> tuple[ast.AST, ...]:
+    """Every node of the tree."""
+    return tuple(ast.walk(tree_of(source)))
+
+
 def imports_of(module: str, sources: Mapping[str, str]) -> set[str]:
     """Modules of `sources` that a module imports anywhere in its text.
 
@@ -92,7 +98,7 @@ def imports_of(module: str, sources: Mapping[str, str]) -> set[str]:
 
 @cache
 def _imports_in(source: str) -> tuple[ast.Import | ast.ImportFrom, ...]:
-    return tuple(node for node in ast.walk(tree_of(source)) if isinstance(node, (ast.Import, ast.ImportFrom)))
+    return tuple(node for node in nodes_of(source) if isinstance(node, (ast.Import, ast.ImportFrom)))
 
 
 def room_of(module: str, sources: Mapping[str, str]) -> str:

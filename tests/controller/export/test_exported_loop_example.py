@@ -68,7 +68,7 @@ def without_memory_and_commands(aircraft: Aircraft) -> ScheduledController:
     return small_controller(aircraft, **stacks, states=(), commands=(), measurements=("dihedral",))
 
 
-@pytest.mark.parametrize("made", [with_memory, without_memory_and_commands])
+@pytest.mark.parametrize("made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)])
 def test_it_flies_what_we_fly_and_says_its_time(
     made: Callable[[Aircraft], ScheduledController], published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path
 ) -> None:

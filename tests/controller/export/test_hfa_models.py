@@ -98,7 +98,7 @@ def test_an_array_of_systems_is_refused_where_there_is_none(folder: Path) -> Non
     ]
 
 
-@pytest.mark.parametrize("version", [6, 7])
+@pytest.mark.parametrize("version", [pytest.param(6, marks=pytest.mark.slow), 7])
 def test_plants_and_critics_of_octave_are_checked(version: int, folder: Path) -> None:
     plant = str(folder / f"plant{version}.mat")
     solved = json.loads(hfa("solve", "--model", plant, "--json").out)

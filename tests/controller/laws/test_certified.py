@@ -30,7 +30,7 @@ from hfa_model import NoSolutionError
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-@pytest.mark.parametrize("start", [100.0, 0.0])
+@pytest.mark.parametrize("start", [100.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_published_models_from_the_papers_start(name: str, start: float) -> None:
     game, exact = published(name)
     result = learn(game, initial_weights=start)
@@ -46,9 +46,9 @@ def test_published_models_from_the_papers_start(name: str, start: float) -> None
     [
         (0.5, 0.001),
         (0.5, 0.1),
-        (2.0, 0.1),
         (10.0, 0.1),
         (60.0, 0.1),
+        pytest.param(2.0, 0.1, marks=pytest.mark.slow),
         pytest.param(2.0, 0.001, marks=pytest.mark.slow),
         pytest.param(10.0, 0.001, marks=pytest.mark.slow),
         pytest.param(60.0, 0.001, marks=pytest.mark.slow),

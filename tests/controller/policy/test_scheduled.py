@@ -147,6 +147,7 @@ def test_the_schedule_flies_the_change(
     np.testing.assert_allclose(result.inputs[-1], target.inputs, atol=1e-3)
 
 
+@pytest.mark.slow  # the schedule flies a smaller change above
 def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: Aircraft) -> None:
     """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
     wide = certified_schedule(published_aircraft, radians(0.0, 5.0, 10.0, 15.0, 20.0))

@@ -129,7 +129,10 @@ def test_imposed_acceleration_and_climb_rate(aircraft: Aircraft) -> None:
 # More unknowns than equations.
 
 
-@pytest.mark.parametrize("extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")])
+LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("extra", [("aileron_center",), ("aileron_center", "alpha"), LARGER])
 def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
     """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a second-order amount."""
     condition = release(BASE, free=extra)

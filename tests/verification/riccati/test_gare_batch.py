@@ -36,7 +36,7 @@ def test_below_the_smallest_delta_nothing_is_certified_and_nothing_is_given():
     assert np.isnan(batch.K).all()
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int) -> None:
     rng = np.random.default_rng(7)
     accepted = refused = 0

@@ -69,7 +69,7 @@ def _what_scipy_says(game: Game) -> str:
     return "returns a solution"
 
 
-@pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_subset_of_random_games(scaled: bool) -> None:
     count = _judge(12, scaled=scaled, seed=1)
     assert count["refused at the edge"] == 0

@@ -20,7 +20,7 @@ from verification.riccati.output_feedback import _response_difference, closed_lo
 MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_period_integral")
 
 
-@pytest.fixture(scope="module", params=["simvfa-1", "simvfa-2"])
+@pytest.fixture(scope="module", params=["simvfa-1", pytest.param("simvfa-2", marks=pytest.mark.slow)])
 def servo(request: pytest.FixtureRequest, published_aircraft: Aircraft) -> OutputGame:
     """The peer's servo at 11 deg from its three measurements, with a disturbance in every aircraft state."""
     built = design_model(published_aircraft, model_at(11.0), load_design(request.param))
