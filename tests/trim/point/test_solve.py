@@ -14,6 +14,7 @@ from trim.point.condition import BALANCED, SCALES
 from trim.point.trim_problem import TrimProblem
 
 BASE = level_flight(float(np.radians(15.0)))
+LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
 
 
 def values(point: OperatingPoint) -> dict[str, float]:
@@ -127,9 +128,6 @@ def test_imposed_acceleration_and_climb_rate(aircraft: Aircraft) -> None:
 
 
 # More unknowns than equations.
-
-
-LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize("extra", [("aileron_center",), ("aileron_center", "alpha"), LARGER])
