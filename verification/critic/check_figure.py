@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 #: Entries below this share of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4
-#: Errors below this are rounding, and drawn here: a logarithmic axis has no 0.
-_FLOOR = 1e-17
+#: Errors below this are drawn here: a logarithmic axis has no 0. The axis begins here where an error is rounding, below
+#: the other number, whose size differs from machine to machine.
+_FLOOR, _ROUNDING = 1e-17, 1e-12
 
 
 def check_figure(
@@ -82,6 +83,8 @@ def _over_time(axes: Axes, times: np.ndarray, curves: dict[str, np.ndarray], pre
         axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
+    if any(np.nanmin(values, initial=np.inf) < _ROUNDING for values in known.values()):
+        axes.set_ylim(bottom=_FLOOR)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")
     axes.grid(alpha=0.3)

@@ -13,7 +13,7 @@ from controller.flight.envelope import Envelope
 from controller.flight.plants import NonlinearPlant
 from hfa_model.kinematics import angle_of_attack
 from hfa_model.support.errors import NoSolutionError
-from hfa_model.vectors import INPUTS, STATE_SCALES, STATES, State
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES, State
 from trim.point.condition import CONTROL_LIMITS
 
 #: s: how long the flight lasts, at the end of which it is back at trim, and for how long a command is held.
@@ -50,7 +50,9 @@ def best_inputs(
     x, c, w = ca.SX.sym("x", n), ca.SX.sym("c", m), ca.SX.sym("w")
     u = ca.SX.zeros(len(INPUTS))
     u[rows] = x[len(STATES) :]
-    moved = ca.vertcat(plant.rate(x[: len(STATES)], u, ca.SX.zeros(6), w), bandwidth * (c - x[len(STATES) :]))
+    moved = ca.vertcat(
+        plant.rate(x[: len(STATES)], u, ca.SX.zeros(len(LINEAR_STATES)), w), bandwidth * (c - x[len(STATES) :])
+    )
     rate = ca.Function("rate", [x, c, w], [moved])
     through_air = angle_of_attack(State(*ca.vertsplit(x[: len(STATES)] + ca.DM(X0))), w)
     alpha = ca.Function("alpha", [x, w], [through_air])
@@ -64,16 +66,12 @@ def best_inputs(
     defects = (states[:, 1:] - states[:, :-1] - STEP * slopes) / ca.repmat(scale, 1, count)
     angles = alpha.map(count + 1)(states, shape * peak)
 
-    low, high = (SHARE * (np.array(side) - X0) for side in (envelope.lowest, envelope.highest))
-    place = STATES.index("alpha")
-    angle_limits = X0[place] + low[place], X0[place] + high[place]
-    low[place], high[place] = -math.pi / 3, math.pi / 3  # over ground: only the angle through the air is limited
-    limits = SHARE * (np.array(CONTROL_LIMITS)[rows] - U0[rows, None])
-    low, high = (np.concatenate(each) / np.array(scale).ravel() for each in ((low, limits[:, 0]), (high, limits[:, 1])))
+    low, high, angle_limits = _limits(plant, envelope, rows)
+    of_commands = [np.tile(side[len(STATES) :] / _COMMAND, count) for side in (low, high)]
+    low, high = (side / np.array(scale).ravel() for side in (low, high))
     fixed = np.arange(n) != _ALTITUDE
     lowest, highest = np.tile(low, (count + 1, 1)), np.tile(high, (count + 1, 1))
     lowest[0] = highest[0] = lowest[-1, fixed] = highest[-1, fixed] = 0.0
-    of_commands = [np.tile(limits[:, side] / _COMMAND, count) for side in (0, 1)]
     of_peak = sorted([0.0, math.copysign(math.inf, sign)])
     problem: dict[str, Any] = {
         "x": ca.veccat(z, commands, p),
@@ -99,6 +97,18 @@ def best_inputs(
     path = values[: n * (count + 1)].reshape(count + 1, n) * np.array(scale).ravel()
     moves = _COMMAND * values[n * (count + 1) : -1].reshape(count, m) + U0[rows]
     return BestInputs(_PEAK * float(values[-1]), times, path[:, : len(STATES)] + X0, moves)
+
+
+def _limits(
+    plant: NonlinearPlant, envelope: Envelope, rows: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Lowest and highest deviations of [X; positions], (n,) each; lowest and highest angle of attack, absolute."""
+    X0, place = np.array(plant.point.states), STATES.index("alpha")
+    low, high = (SHARE * (np.array(side) - X0) for side in (envelope.lowest, envelope.highest))
+    angles = X0[place] + low[place], X0[place] + high[place]
+    low[place], high[place] = -math.pi / 3, math.pi / 3  # over ground: only the angle through the air is limited
+    moves = SHARE * (np.array(CONTROL_LIMITS) - np.array(plant.point.inputs)[:, None])[rows]
+    return np.append(low, moves[:, 0]), np.append(high, moves[:, 1]), angles
 
 
 def _steps() -> int:

@@ -13,6 +13,7 @@ from hfa_model import BadInputError
 from verification import CriticCheck, check_history, solve_game
 from verification.critic.check_figure import check_figure
 
+NAMES = ("x",) * 6, ("u",) * 5
 TIMES = 0.25 * np.arange(41)
 
 
@@ -88,8 +89,9 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     assert check.history is not None
     assert check.history.settling_time == pytest.approx(result.settling_time)
     assert told[-1] == (41, 41)
-    figure = check_figure(check, ("x",) * 6, ("u",) * 5, None, None)
+    figure = check_figure(check, *NAMES)
     assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "Riccati residual"]
+    assert figure.axes[-1].get_ylim()[0] == 1e-17
     assert len(check.report().records.rows) == 41
 
 
@@ -97,6 +99,8 @@ def test_the_last_row_is_judged_with_the_gain_that_belongs_to_it(game: Game) -> 
     exact = solve_game(game)
     history = History(TIMES, W=np.tile(weights_of(exact.P), (len(TIMES), 1)), K=1.01 * exact.K)
     assert not check_history(game, history).ok
+    wrong = check_figure(check_history(game, History(TIMES, K=np.tile(1.01 * exact.K, (len(TIMES), 1, 1)))), *NAMES)
+    assert 1e-7 < wrong.axes[-1].get_ylim()[0] < 1e-6, "no empty decades below the limit"
 
 
 @pytest.mark.parametrize("columns", [20, 22])
