@@ -1,4 +1,4 @@
-"""Which gusts a controller stands, beside those that could be stood at all."""
+"""Which gusts a controller withstands, beside those that could be withstood at all."""
 
 from __future__ import annotations
 
