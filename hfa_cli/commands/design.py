@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--toward", parsed(_named_entries), "NAME", about)
     options.add_aircraft(parser)
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
-    parser.add_argument("--gusts", action="store_true", help="fly through gusts of 400 ft: the largest that are withstood")
+    parser.add_argument("--gusts", action="store_true", help="the largest gusts of 400 ft that it withstands")
     about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
     options.add_picture(parser, "the trade-off of a search or of a line, with --tune")

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.flights.recoverable_map import map_report
 
     check_learning(arguments)
-    speeds, dihedrals, commands = (array_of(name, getattr(arguments, name), _MOST_POINTS) for name in _RANGES)
+    speeds, dihedrals, commands = (array_of(f"--{name}", getattr(arguments, name), _MOST_POINTS) for name in _RANGES)
     found = []
     for dynamics in VARIANTS:
         aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)

@@ -49,7 +49,7 @@ def value_range(name: str, text: str) -> Range:
 def grid_values(name: str, values: Range) -> tuple[float, ...] | Steps:
     """The values of a variable on a grid; BadInputError when there are only the limits of random ones."""
     if isinstance(values, Span):
-        raise BadInputError(f"{name} is LOW:HIGH, which is for --samples; give start:stop:step, a,b,c or one number")
+        raise BadInputError(f"{name} is LOW:HIGH without a step; give start:stop:step, a,b,c or one number")
     return values
 
 

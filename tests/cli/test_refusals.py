@@ -165,7 +165,7 @@ def test_bad_parameters_files(
         ("--dihedral 0:20:-1", "step is -1"),
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 0:1:1e-320", "points"),
-        ("--dihedral 0:20", "dihedral is LOW:HIGH, which is for --samples"),
+        ("--dihedral 0:20", "dihedral is LOW:HIGH without a step; give start:stop:step"),
         ("--dihedral 0:20:1:1", "'0:20:1:1'"),
         ("--dihedral 0::1", "dihedral stop is ''"),
         ("--dihedral 1,,2", "dihedral is ''"),

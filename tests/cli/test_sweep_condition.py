@@ -95,7 +95,7 @@ def test_the_provenance_says_the_condition() -> None:
         ("--dihedral 5 --hold throttle=0:40:20 --free throttle", "throttle is both set free and held"),
         ("--dihedral 5 --free throttle --vary throttle=1,2 -o a.zarr", "throttle is given twice, by --free and by"),
         ("--dihedral 10,30 --condition simvfa-64", "30 deg lies outside"),
-        ("--gamma 0:5", "gamma is LOW:HIGH, which is for --samples"),
+        ("--gamma 0:5", "gamma is LOW:HIGH without a step; give start:stop:step"),
     ],
 )
 def test_what_does_not_go_together_is_refused(words: str, named: str) -> None:

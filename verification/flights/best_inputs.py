@@ -42,7 +42,7 @@ def best_inputs(
         X' = f(X, U, w),  w = p/2 (1 - cos(2π V t / length)),  from trim to trim (altitude free) in `SECONDS`,
 
     states, alpha through the air, and commands within `SHARE` of their limits. length: ft. sign: of p. bandwidth ω:
-    rad/s. The rule of the implicit midpoint, solved by IPOPT: a local optimum, so that larger ones may be withstood too.
+    rad/s. The rule of the implicit midpoint, solved by IPOPT: a local optimum, larger ones may be withstood too.
     NoSolutionError when it finds none. Source: Waechter and Biegler, Math. Programming 106 (2006).
     """
     X0, U0 = np.array(plant.point.states), np.array(plant.point.inputs)
