@@ -39,9 +39,7 @@ def quick_solution(game: Game) -> np.ndarray:
     n = len(form.A)
     values, vectors = np.linalg.eig(form.hamiltonian)
     stable = vectors[:, values.real < 0.0]
-    if stable.shape[1] != n:
-        raise NoSolutionError(_NO_GRAPH)
-    try:
+    try:  # that is singular, or not square where there are not n of them
         return form.value(np.linalg.solve(stable[:n].T, stable[n:].T).T.real)
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(_NO_GRAPH) from error

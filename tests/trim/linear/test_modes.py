@@ -11,6 +11,7 @@ import pytest
 from hfa_model import LINEAR_STATES, STATES, Aircraft
 from trim import find_operating_point, level_flight, level_model, linearize, modes_of
 from trim.linear.compare import eigenvalue_errors
+from trim.linear.modes import modes_table
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
@@ -46,6 +47,12 @@ def test_a_mode_on_the_axis_neither_halves_nor_doubles() -> None:
     row = mode.to_dict()
     assert (row["time_to_half"], row["time_to_double"], row["period"]) == (None, None, None)
     assert json.loads(json.dumps(row))["eigenvalue"] == [0.0, 0.0]
+
+
+def test_the_table_says_whether_a_mode_halves_or_doubles() -> None:
+    (time,) = [column for column, name in enumerate(modes_table([]).header) if name == "time to, s"]
+    for rates, said in (([-4.0], "0.173 (half)"), ([0.5], "1.386 (double)"), ([0.0], "-")):
+        assert modes_table(modes_of(np.diag(rates), ("speed",))).rows[0][time] == said
 
 
 def test_in_json_an_unstable_mode_has_a_time_to_double_and_none_to_half() -> None:

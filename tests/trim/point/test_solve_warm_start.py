@@ -20,6 +20,15 @@ def effort(point: OperatingPoint) -> float:
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
+@pytest.mark.parametrize("degrees", [0.0, 15.0])
+def test_newton_alone_makes_an_ordinary_trim(
+    aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, degrees: float
+) -> None:
+    """Least squares would make it too, but slower, and loads scipy.optimize."""
+    monkeypatch.setattr("trim.point.solve._bounded_least_squares", None)
+    assert find_operating_point(aircraft, level_flight(float(np.radians(degrees)))).status == "trimmed"
+
+
 def test_the_start_decides_which_local_minimum_is_found(published_aircraft: Aircraft, tmp_path: Path) -> None:
     """With three variables free least effort has two minima: wings a little down, and wings at their highest."""
     condition = release(level_flight(float(np.radians(10.0))), free=FREE)

@@ -6,8 +6,9 @@ import re
 from dataclasses import replace
 
 from controller import published_game
-from hfa_model import NoSolutionError
+from hfa_model import NoSolutionError, published_models
 from hfa_model.reporting.text import four_decimals
+from hfa_model.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
 from verification.page.job_report import angle_report, point_report, verdicts
@@ -43,6 +44,13 @@ def test_a_solution_is_shown_in_full(job: MainJob) -> None:
     report = angle_report(job, AngleResult(trimmed, solution=solution))
     assert "Exact game solution for the model at dihedral 15 deg" in report.text()
     assert report.data["solution"]["P"] is not None
+
+
+def test_the_print_stands_beside_a_model_in_its_own_units(job: MainJob) -> None:
+    report = angle_report(job, AngleResult(job.points[2], printed=published_models()[1]))
+    assert "printed" in report.text()
+    with shown_in("si"):
+        assert "printed" not in angle_report(job, AngleResult(job.points[2], printed=published_models()[1])).text()
 
 
 def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:

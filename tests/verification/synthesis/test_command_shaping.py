@@ -59,6 +59,15 @@ def test_it_makes_the_error_small_with_either_actuator_and_keeps_the_rate(publis
     assert max(rate for _, rate in after) == pytest.approx(RATE, rel=1e-4)
 
 
+def test_an_actuator_without_an_importance_has_that_of_one(published_aircraft: Aircraft) -> None:
+    alike, named, other = (
+        made(published_aircraft, design(weights={A_Z: 0.0}, rates={}, stages=2, importance=importance)).C
+        for importance in ({}, {"weak": 1.0}, {"weak": 2.0})
+    )
+    np.testing.assert_array_equal(alike, named)
+    assert np.abs(other - alike).max() > 1e-3 * np.abs(alike).max()
+
+
 def test_no_other_answer_is_better(published_aircraft: Aircraft) -> None:
     """Where no rate is limited a general minimizer finds the same; a little away from it the error is larger."""
     of = design(weights={A_Z: 0.0}, rates={}, stages=2)

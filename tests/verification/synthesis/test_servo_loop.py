@@ -46,3 +46,21 @@ def test_a_path_from_input_to_sensor_at_once_is_closed(published_aircraft: Aircr
     assert plant.D[0, 0] != 0.0
     closed = plant.A - 0.01 / (1.0 + 0.01 * plant.D[0, 0]) * plant.B @ plant.C[:1]
     assert servo_loop(plant, table).abscissa == pytest.approx(max(np.linalg.eigvals(closed).real.max(), -1.0))
+
+
+def test_such_a_path_of_many_inputs_is_closed_as_the_equations_say(published_aircraft: Aircraft) -> None:
+    """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
+    rng, shapes = np.random.default_rng(0), {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
+    table = small_controller(
+        published_aircraft,
+        inputs=("aileron_outer", "elevator_center"),
+        measurements=("load_factor", "dihedral"),
+        states=("dihedral_integral", "one", "two"),
+        **{name: np.tile(0.05 * rng.standard_normal(shape), (3, 1, 1)) for name, shape in shapes.items()},
+    )
+    plant = servo_plant(published_aircraft, model_at(11.0), table, {})
+    A, B, C, D = (getattr(table, name)[0] for name in "ABCD")
+    x, own = rng.standard_normal(len(plant.A)), rng.standard_normal(3)
+    u = np.linalg.solve(np.eye(2) - D[:, :2] @ plant.D, C @ own + D[:, :2] @ plant.C @ x)
+    rates = [plant.A @ x + plant.B @ u, A @ own + B[:, :2] @ (plant.C @ x + plant.D @ u)]
+    np.testing.assert_allclose(servo_loop(plant, table).closed @ np.r_[x, own], np.concatenate(rates), rtol=1e-10)
