@@ -60,7 +60,10 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
-        assert hfa("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15").code == DONE
+        assert (
+            hfa("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15", "--sweep", "12:15:0.5").code
+            == DONE
+        )
         driver.get((tmp_path / "page.html").as_uri())
         assert settles(driver, "document.body.classList.contains('scripted')")
         with subtests.test("names are escaped and nothing is loaded from elsewhere"):

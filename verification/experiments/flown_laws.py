@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,8 @@ class Critic:
     note: dict[str, Any]
 
 
+#: Learning runs that are kept: flights of a section that differ in the plant or in noise learn the same.
+_REMEMBERED = 8
 #: From the memory of a law at the ticks, (N, k), to what it has learned.
 Learned = Callable[[np.ndarray], Critic]
 
@@ -79,6 +82,7 @@ def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
     return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def published(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> PublishedLaw:
     """Eq. (46) on the recorded stack, as printed or modified."""
     configuration = setting.configuration
@@ -157,6 +161,7 @@ def _learned(
     return FlownLaw(law, TrackingPolicy(w), np.array(table), np.zeros(0), {}, plan.certified_from, learned), critic
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, tick: float) -> FlownLaw:
     critic = setting.configuration.critic
     learned = learn(
@@ -174,6 +179,7 @@ def _certified_plan(setting: Setting, case: PaperCase, predefined_time: float, t
     return online_law(case.game, "certified", learned, tick)
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def _integral_plan(setting: Setting, case: PaperCase, tick: float) -> FlownLaw:
     chosen = asdict(setting.configuration.irl)
     start = baseline_weights(case.game)
