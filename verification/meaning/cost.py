@@ -97,12 +97,12 @@ def cost_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, 
 
 
 def _stable_loop(game: Game, K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, float]:
-    """A - B K + E L and its abscissa, rad/s."""
+    """A - B K + E L and its abscissa, 1/s."""
     loop = game.A - game.B @ K + game.E @ L
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise NoSolutionError(
-            f"A - B K + E L has abscissa {abscissa:+.4g} rad/s: the cost of these policies is infinite"
+            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is infinite"
         )
     return loop, abscissa
 

@@ -124,13 +124,13 @@ def solution_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
             "game_loop_abscissa",
             game_loop,
             0.0,
-            f"A - S P is not Hurwitz (abscissa {game_loop:+.3g} rad/s)",
+            f"A - S P is not Hurwitz (abscissa {game_loop:+.3g} 1/s)",
         ),
         below(
             "control_loop_abscissa",
             control_loop,
             0.0,
-            f"A - B K is not Hurwitz (abscissa {control_loop:+.3g} rad/s)",
+            f"A - B K is not Hurwitz (abscissa {control_loop:+.3g} 1/s)",
         ),
     )
 

@@ -93,5 +93,5 @@ def _decay(loop: np.ndarray) -> float:
     """-abscissa of A - S P, positive or the feedforward is not defined."""
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
-        raise BadInputError(f"A - S P has abscissa {abscissa:+.4g} rad/s; give the stabilizing P of the game")
+        raise BadInputError(f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game")
     return -abscissa

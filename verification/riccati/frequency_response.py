@@ -219,7 +219,7 @@ def loop_grid(game: Game, K: np.ndarray) -> np.ndarray:
     """`frequency_grid` of A and A - B K; NoSolutionError when that is not Hurwitz."""
     closed = spectrum(game.A - game.B @ K)
     if closed.abscissa >= 0.0:
-        raise NoSolutionError(f"A - B K has abscissa {closed.abscissa:+.4g} rad/s: an unstable loop has no margins")
+        raise NoSolutionError(f"A - B K has abscissa {closed.abscissa:+.4g} 1/s: an unstable loop has no margins")
     both = np.concatenate([closed.eigenvalues, np.linalg.eigvals(game.A)])
     return frequency_grid(both)
 
