@@ -14,6 +14,8 @@ from hfa_model.reporting.unit_system import entries_in_force, gain_unit, in_forc
 _BAR = 10
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
+#: Largest entries of a matrix that is shown with four decimals.
+_LEAST, _MOST = 0.1, 1e7
 #: From the best to the worst, with the color that a terminal gives it.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 
@@ -99,9 +101,12 @@ def matrix_table(
     matrix: Any,
     *axes: tuple[tuple[str, ...], int],
 ) -> Table:
-    """A matrix with its row and column names, four decimals like the paper's; axes: as of `entries_in_force`."""
+    """A matrix with its row and column names, four decimals like the paper's, with exponents where these would hide all
+    of it or fill the line; axes: as of `entries_in_force`."""
     matrix = entries_in_force(matrix, *axes)
-    body = [(row, *(four_decimals(value) for value in matrix[i].tolist())) for i, row in enumerate(rows)]
+    largest = float(np.abs(matrix).max(initial=0.0))
+    form = four_decimals if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
+    body = [(row, *map(form, matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
 
 

@@ -101,9 +101,7 @@ def _stable_loop(game: Game, K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, 
     loop = game.A - game.B @ K + game.E @ L
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
-        raise NoSolutionError(
-            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is infinite"
-        )
+        raise NoSolutionError(f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is infinite")
     return loop, abscissa
 
 

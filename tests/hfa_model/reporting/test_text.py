@@ -6,6 +6,9 @@ import copy
 import math
 import pickle
 
+import numpy as np
+import pytest
+
 from hfa_model.reporting.text import (
     Placed,
     Style,
@@ -15,6 +18,7 @@ from hfa_model.reporting.text import (
     degrees,
     eigenvalue_text,
     in_degrees,
+    matrix_table,
     numbered,
     range_text,
     shown_value,
@@ -58,3 +62,18 @@ def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
     for cell in (Toned("pass", "good"), Placed("1.5", 0.25)):
         for again in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
             assert (type(again), again, again.mark) == (type(cell), str(cell), cell.mark)
+
+
+@pytest.mark.parametrize(
+    ("largest", "cells"),
+    [
+        (0.0, ("0.0000", "0.0000")),
+        (2e-6, ("2.0000e-06", "1.0000e-06")),
+        (0.2, ("0.2000", "0.1000")),
+        (2e6, ("2000000.0000", "1000000.0000")),
+        (2e15, ("2.0000e+15", "1.0000e+15")),
+    ],
+)
+def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str, ...]) -> None:
+    table = matrix_table("K", ("u1",), ("x1", "x2"), np.array([[largest, largest / 2.0]]))
+    assert table.rows == [("u1", *cells)]

@@ -74,7 +74,7 @@ def test_the_answer_of_the_plant_alone_and_positions_in_a_gain_are_named(game: G
     positions[actuators.inputs, actuators.positions] = 1.0
     wrong = {
         "the gain of the plant without its actuators (states 7, 8, 9, 10, 11": from_gain(design, K),
-        "the value of the plant without its actuators (states 7, 8, 9, 10, 11": from_value(design, P),
+        "the solution of the plant without its actuators (states 7, 8, 9, 10, 11": from_value(design, P),
         "(states 7, 8, 9, 10, 11) are +1 off: the gain gives u - position": from_gain(design, exact.K + positions),
         "(states 7, 8, 9, 10, 11) are -1 off: the gain gives u + position": from_gain(design, exact.K - positions),
     }
