@@ -34,6 +34,12 @@ def test_the_lyapunov_function_decreases_at_every_rate(dynamics: str) -> None:
     assert max(fastest) > 0.0
 
 
+def test_a_rate_that_the_search_is_wrong_about_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half as fast again as the same function allows."""
+    monkeypatch.setattr("verification.proof.rate_proof._SHARES", (1.5,))
+    assert prove_rate(family(), exact_table(14.0, 14.5), 14.0, 14.5).rate == 0.0
+
+
 def test_pieces_end_where_the_table_s_do_and_are_as_short_as_asked() -> None:
     assert _angles([DihedralBox(0.0, 1.0), DihedralBox(1.0, 1.25)], 0.5) == [0.0, 0.5, 1.0, 1.25]
 

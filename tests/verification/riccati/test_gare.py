@@ -21,6 +21,7 @@ from verification.riccati.certificate import (
     certified_solution,
 )
 from verification.riccati.existence import DeltaMin
+from verification.riccati.gare_schur import quick_solution
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -87,6 +88,17 @@ def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
     values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
+
+
+@pytest.mark.parametrize("delta", [0.1, 5.0])
+def test_the_quick_solution_refuses_where_the_stable_subspace_has_not_half_the_dimension(delta: float) -> None:
+    """x' = -x + d, Q = 1: eigenvalues +-sqrt(1 - 1/delta^2), both on the axis or one on each side."""
+    game = Game(-np.eye(1), np.zeros((1, 1)), np.eye(1), np.eye(1), np.eye(1), delta)
+    if delta > 1.0:
+        assert quick_solution(game) == pytest.approx(solve_game(game).P, rel=1e-9)
+    else:
+        with pytest.raises(NoSolutionError, match="no stable subspace"):
+            quick_solution(game)
 
 
 def test_scalar_game_in_closed_form() -> None:
