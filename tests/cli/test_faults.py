@@ -119,7 +119,7 @@ def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     ("words", "left"),
     [
         ("learn --dihedral 15 -o a.npz", 4),
-        ("trim --dihedral 15 --picture a.png", 4),
+        pytest.param("trim --dihedral 15 --picture a.png", 4, marks=pytest.mark.slow),
         ("export --dihedral 15 --c folder", 12),  # room for the header, not for the rest
     ],
 )

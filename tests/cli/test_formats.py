@@ -105,7 +105,10 @@ def test_a_file_is_the_same_whatever_is_printed(tmp_path: Path) -> None:
     assert all(each == data[0] for each in data)
 
 
-@pytest.mark.parametrize(("suffix", "begin"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+@pytest.mark.parametrize(
+    ("suffix", "begin"),
+    [(".png", b"\x89PNG"), pytest.param(".svg", b"<?xml", marks=pytest.mark.slow), (".pdf", b"%PDF")],
+)
 def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> None:
     path = tmp_path / f"front{suffix}"
     said(*TRIM, "--picture", str(path))

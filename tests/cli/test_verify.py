@@ -183,7 +183,7 @@ def test_verify_draws_a_run(suffix: str) -> None:
     assert Path(f"check.{suffix}").read_bytes().startswith(begins)
 
 
-@pytest.mark.parametrize("kind", ["P", "K"])
+@pytest.mark.parametrize("kind", ["P", pytest.param("K", marks=pytest.mark.slow)])
 def test_verify_draws_what_it_refuses(kind: str) -> None:
     critic = stored("critic.npz", **{kind: np.zeros((2, 2) if kind == "P" else (1, 2))})
     words = ("verify", "--model", small("plant.json"), "--weights", critic, "--picture")

@@ -99,6 +99,7 @@ def test_the_policy_and_the_constants(library: ctypes.CDLL, folder: Path, aircra
     assert "from * / here" in header
 
 
+@pytest.mark.parametrize("aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True)
 def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> None:
     assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
     text, data, bss, asked = footprint(folder, SOURCE)

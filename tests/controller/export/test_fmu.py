@@ -34,7 +34,6 @@ ORIGIN = Provenance("hfa export", date="2026-09-21T14:13:20Z")
 
 
 ACTUATORS = Actuators(Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.1] * 5), order=2)
-KINDS = ("aircraft", "gain", "controller")
 
 
 class Unit(NamedTuple):
@@ -47,7 +46,7 @@ class Unit(NamedTuple):
     known: np.ndarray
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=["aircraft", pytest.param("gain", marks=pytest.mark.slow), "controller"])
 def unit(
     request: pytest.FixtureRequest,
     published_aircraft: Aircraft,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -42,10 +43,17 @@ class Job:
         return start, stop
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("store")
+    stream(Job(), folder / "a.zarr")
+    return folder / "a.zarr"
+
+
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
-    stream(Job(), tmp_path / "a.zarr")
-    return tmp_path / "a.zarr"
+def path(made: Path, tmp_path: Path) -> Path:
+    """A finished store that a test may damage."""
+    return shutil.copytree(made, tmp_path / "a.zarr")
 
 
 def _flip(file: Path) -> None:

@@ -45,8 +45,9 @@ def test_right_ones_agree(parts: dict[str, Any], held: str) -> None:
     assert answer("verify", *AT_15, "--weights", stored("all.npz", **{key: parts[key] for key in held}))["ok"] is True
 
 
-@pytest.mark.parametrize("held", ["WPK", "WK", "PK"])
-@pytest.mark.parametrize("factor", [-1.0, 1.0 + 1e-4, 300.0])
+@pytest.mark.parametrize(
+    ("held", "factor"), [("WPK", -1.0), ("WK", -1.0), ("PK", -1.0), ("WPK", 1.0 + 1e-4), ("WPK", 300.0)]
+)
 def test_a_wrong_gain_is_not_hidden(parts: dict[str, Any], held: str, factor: float) -> None:
     given = {key: parts[key] for key in held} | {"K": factor * parts["K"]}
     data = answer("verify", *AT_15, "--weights", stored("all.npz", **given), code=FAILED)
