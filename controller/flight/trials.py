@@ -81,14 +81,7 @@ def _at_every_tick(p: np.ndarray, tick: int) -> np.ndarray:
 class TrialLoop:
     """A plant under u = -K (x - c), flown a second at a time, wherever it goes."""
 
-    def __init__(
-        self,
-        plant: NonlinearPlant | LinearizedAircraft,
-        point: OperatingPoint,
-        envelope: Envelope,
-        *,
-        compile_code: bool = True,
-    ) -> None:
+    def __init__(self, plant: NonlinearPlant | LinearizedAircraft, point: OperatingPoint, envelope: Envelope) -> None:
         nothing = zero(_N)
         loop = ClosedLoop(plant, _CommandedGain(), nothing, nothing, nothing)
         self._watched = WatchedLoop(
@@ -98,7 +91,7 @@ class TrialLoop:
             step=STEP,
             steps_per_tick=round(_CHUNK_SECONDS / STEP),
             stops=False,
-            compile_code=compile_code,
+            compile_code=True,
         )
         self._rate = BoundFunction(CompiledLoop(loop).rate)
         offsets = np.array(point.states)

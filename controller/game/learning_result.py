@@ -30,10 +30,10 @@ class Status(StrEnum):
 class Excitation:
     """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 + σ'σ).
 
-    rank: of the (N_h, M) matrix of unit regressors, singular values below `recorder.RANK_TOLERANCE` times the
-    largest counting as 0. size: M. smallest_eigenvalue: of Σ (paper λ_0). condition: largest singular value
-    over smallest of the unit regressors. rounding: what rounding alone can make of a smallest eigenvalue of 0,
-    (N_h ε)² times the largest eigenvalue of Σ.
+    rank: of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says why), singular values
+    below `recording.RANK_TOLERANCE` times the largest counting as 0. size: M. smallest_eigenvalue: of Σ (paper λ_0).
+    condition: largest singular value over smallest of that matrix. rounding: what rounding alone can make of a
+    smallest eigenvalue of 0, (N_h ε)² times the largest eigenvalue of Σ.
     """
 
     rank: int
