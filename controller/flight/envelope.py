@@ -68,8 +68,8 @@ def _angle_of_attack() -> RowsFunction:
 class Envelope:
     """lowest, highest: absolute limits of every state, in the units of `STATES`; of alpha: through the air.
 
-    updrafts: in which the states are, ft/s, as `angles_of_attack` takes them; None: still air, where alpha over ground
-    is alpha through the air.
+    Its methods take updrafts, in which the states are, ft/s, as `angles_of_attack` does; None: still air, where alpha
+    over ground is alpha through the air.
     """
 
     lowest: State

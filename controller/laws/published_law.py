@@ -79,7 +79,7 @@ class PublishedSettings:
             raise BadInputError(f"gains are {self.gains}; they must be two numbers (alpha1, alpha2) of at least 0")
 
 
-class Flown(NamedTuple):
+class FlownState(NamedTuple):
     """The simulated state as a stack of one: ∂ψ (1, M, n), F = A z (1, n) and z'Qz (1,)."""
 
     gradient: np.ndarray
@@ -195,14 +195,14 @@ class PublishedLaw:
             return new, error
         return new, error + s.step * self._error_rate(weights, flown)
 
-    def _flown(self, error: np.ndarray) -> Flown | None:
+    def _flown(self, error: np.ndarray) -> FlownState | None:
         """The simulated state, None when none is flown."""
         if len(error) == 0:
             return None
         z = error[None, :]
-        return Flown(self.basis.gradient(z), z @ self._plant.T, ((z @ self.equations.Q) * z).sum(axis=-1))
+        return FlownState(self.basis.gradient(z), z @ self._plant.T, ((z @ self.equations.Q) * z).sum(axis=-1))
 
-    def _current(self, weights: np.ndarray, flown: Flown) -> tuple[np.ndarray, np.ndarray]:
+    def _current(self, weights: np.ndarray, flown: FlownState) -> tuple[np.ndarray, np.ndarray]:
         """σ and e of the simulated state."""
         return bellman(*flown, self.equations.S, weights, weights)
 
@@ -212,13 +212,13 @@ class PublishedLaw:
         scales = self.equations.scales
         return self.game.A * scales[None, :] / scales[:, None]
 
-    def _error_rate(self, weights: np.ndarray, flown: Flown) -> np.ndarray:
+    def _error_rate(self, weights: np.ndarray, flown: FlownState) -> np.ndarray:
         """z' = A z + B û, û = -½ R⁻¹B' ∂ψ'W."""
         gradient = flown.gradient[0].T @ weights
         rate: np.ndarray = flown.drifts[0] - 0.5 * self.equations.S_control @ gradient
         return rate
 
-    def _all_samples(self, weights: np.ndarray, flown: Flown | None) -> Sample:
+    def _all_samples(self, weights: np.ndarray, flown: FlownState | None) -> Sample:
         stored = self.history.at(weights)
         if flown is None:
             return stored
@@ -229,7 +229,7 @@ class PublishedLaw:
             np.concatenate([residuals / n, stored.residuals]),
         )
 
-    def _frozen_normaliser(self, weights: np.ndarray, flown: Flown | None) -> Any:
+    def _frozen_normaliser(self, weights: np.ndarray, flown: FlownState | None) -> Any:
         """W -> samples with the normaliser of the start of the step, so that ∂ē/∂W = σ̄ within it."""
 
         def raw(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.printing import say
 from hfa_cli.progress import Progress
 from hfa_model.support.files import write_texts
+from hfa_model.support.jsonable import records_text
 
 #: Steps of a flight from which starting processes pays.
 _LONG = 100_000
@@ -43,7 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, check, write."""
     from verification.experiments.configuration import section5_configuration
     from verification.experiments.reproduction import experiments, reproduce
-    from verification.experiments.result_folder import json_text
     from verification.experiments.setting import make_setting
     from verification.experiments.tables import claims_markdown, claims_text
 
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     origin = provenance()
     table = reproduce(chosen, setting, folder, origin, resume=arguments.resume, progress=show, processes=processes)
     written = claims_markdown(table) + f"\n{origin.text()}\n"
-    write_texts(folder, {"claims.json": json_text(table), "claims.md": written})
-    said = json_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}"
+    write_texts(folder, {"claims.json": records_text(table), "claims.md": written})
+    said = records_text(table) if arguments.json else f"{claims_text(table)}\n\n{origin.text()}"
     say(said.removesuffix("\n"))
     return 1 if table["own_failures"] else 0

@@ -12,15 +12,15 @@ from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError
 
 
-class Actuators(NamedTuple):
-    """position: state that each of the driven inputs moves; inputs: which; states: all that belong to them."""
+class ActuatorPlaces(NamedTuple):
+    """positions: the state that each of the driven inputs moves; inputs: which; states: all that belong to them."""
 
     positions: tuple[int, ...]
     inputs: tuple[int, ...]
     states: tuple[int, ...]
 
 
-def actuators_in(game: Game) -> Actuators:
+def actuators_in(game: Game) -> ActuatorPlaces:
     """x_i' = a (u_k - x_i), or x_i' = x_j, x_j' = w² (u_k - x_i) - c x_j, where u_k moves nothing else."""
     positions, inputs, states = [], [], []
     for k, column in enumerate(game.B.T):
@@ -36,10 +36,10 @@ def actuators_in(game: Game) -> Actuators:
             positions.append(first)
             inputs.append(k)
             states += sorted({first, last})
-    return Actuators(tuple(positions), tuple(inputs), tuple(states))
+    return ActuatorPlaces(tuple(positions), tuple(inputs), tuple(states))
 
 
-def at_once(game: Game, actuators: Actuators) -> Game:
+def at_once(game: Game, actuators: ActuatorPlaces) -> Game:
     """The game whose inputs act without delay: the positions are the inputs. BadInputError where it is none."""
     if len(actuators.inputs) != game.B.shape[1]:
         raise BadInputError("an input has no actuator")
@@ -78,7 +78,7 @@ def with_actuators(game: Game, bandwidth: float | np.ndarray, damping: float | S
     return replace(game, A=A, B=B, E=E, Q=Q)
 
 
-def with_speed(game: Game, actuators: Actuators, factor: float) -> Game:
+def with_speed(game: Game, actuators: ActuatorPlaces, factor: float) -> Game:
     """The game with actuators `factor` times as fast."""
     A, B = game.A.copy(), game.B.copy()
     for position, k in zip(actuators.positions, actuators.inputs, strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.support.errors import BadInputError, NoSolutionError
-from verification.critic.actuated import Actuators, actuators_in, at_once, with_actuators
+from verification.critic.actuated import ActuatorPlaces, actuators_in, at_once, with_actuators
 from verification.critic.other_games import difference_of, least, searched
 from verification.riccati.gare_schur import quick_solution
 
@@ -72,7 +72,7 @@ def _one_for_each(game: Game, K: np.ndarray) -> Iterator[tuple[str, np.ndarray]]
         yield f"the plant behind {said}, without their states", gain_at(best[2], best[1])
 
 
-def _without_them(game: Game, actuators: Actuators, of_gain: bool) -> Iterator[tuple[str, np.ndarray]]:
+def _without_them(game: Game, actuators: ActuatorPlaces, of_gain: bool) -> Iterator[tuple[str, np.ndarray]]:
     """The answer of the plant whose inputs act at once, 0 for the states of the actuators."""
     try:
         simple = at_once(game, actuators)

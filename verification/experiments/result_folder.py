@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ def write_outcome(outcome: Outcome, folder: Path, origin: Provenance) -> dict[st
             arrays = {**picture.arrays, "provenance": origin.to_dict()}
             save_data(unfinished / f"{_name(picture)}.npz", arrays, NO_RECORDS)
             save(draw(picture), unfinished / f"{_name(picture)}.png", origin.text())
-        write_text(unfinished / _RESULT, json_text(result))
+        write_text(unfinished / _RESULT, records_text(result))
         unfinished.chmod(0o755)
         _replace(unfinished, folder / section)
     return result
@@ -95,11 +95,6 @@ def finished_experiment(experiment: Experiment, setting: Setting, folder: Path) 
         return None
     names = [f"{name}.{suffix}" for name in result["pictures"] for suffix in ("png", "npz")]
     return result if all((place / name).is_file() for name in names) else None
-
-
-def json_text(data: Mapping[str, Any]) -> str:
-    """JSON with a line a record; a number that is not finite becomes null."""
-    return records_text(data)
 
 
 def _replace(unfinished: Path, target: Path) -> None:

@@ -25,7 +25,7 @@ from verification.experiments.metrics import TRACKED
 from verification.experiments.panels import Panel, PaperFigure
 from verification.experiments.setting import CASE_I, CASE_II, Setting
 
-Flown = Mapping[FlightPlan, FlightRecord]
+Flights = Mapping[FlightPlan, FlightRecord]
 #: What a figure shows, how many columns it has, and its panels.
 Drawn = tuple[str, int, tuple[Panel, ...]]
 
@@ -46,14 +46,14 @@ class Experiment:
     title: str
     first: int
     flights: Callable[[Setting], tuple[FlightPlan, ...]]
-    figures: Callable[[Setting, Flown, float], Iterable[Drawn]]
+    figures: Callable[[Setting, Flights, float], Iterable[Drawn]]
 
     @cached_property
     def claims(self) -> tuple[Claim, ...]:
         """What the paper says in this section."""
         return claims_of(self.section)
 
-    def pictures(self, setting: Setting, flown: Flown) -> tuple[PaperFigure, ...]:
+    def pictures(self, setting: Setting, flown: Flights) -> tuple[PaperFigure, ...]:
         """The paper's figures of the section."""
         drawn = self.figures(setting, flown, setting.configuration.predefined_time(self.section))
         return tuple(PaperFigure(number, *each) for number, each in enumerate(drawn, self.first))
@@ -65,7 +65,7 @@ class Outcome:
 
     experiment: Experiment
     setting: Setting
-    flown: Flown
+    flown: Flights
     claims: tuple[CheckedClaim, ...]
 
 
@@ -79,7 +79,7 @@ def _of(group: str, setting: Setting, laws: Iterable[str]) -> list[FlightPlan]:
     return [plan for law in laws for plan in FLIGHTS[group](setting, law)]
 
 
-def _figures_of_trim_points(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:
+def _figures_of_trim_points(setting: Setting, flown: Flights, T_w: float) -> Iterable[Drawn]:
     """Figures 3 to 10."""
 
     def by_case(laws: Sequence[str]) -> list[list[FlightRecord]]:
@@ -102,7 +102,7 @@ def _figures_of_trim_points(setting: Setting, flown: Flown, T_w: float) -> Itera
     yield "Critic weight-update norms", 2, graphs.beside(graphs.update_panel, _TITLES, learning, "law", T_w)
 
 
-def _figures_of_comparison(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:
+def _figures_of_comparison(setting: Setting, flown: Flights, T_w: float) -> Iterable[Drawn]:
     """Figures 11 to 13."""
     shown = [flown[FlightPlan(CASE_II, law)] for law in (MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL)]
     yield "State comparison, 5 deg", 1, tuple(graphs.state_panel(state, state, shown, "law", T_w) for state in TRACKED)
@@ -110,7 +110,7 @@ def _figures_of_comparison(setting: Setting, flown: Flown, T_w: float) -> Iterab
     yield "Control comparison, 5 deg", 1, graphs.input_panels(("",), (shown,), "law", T_w)
 
 
-def _figures_of_uncertainty(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:
+def _figures_of_uncertainty(setting: Setting, flown: Flights, T_w: float) -> Iterable[Drawn]:
     """Figures 14 to 21."""
     groups = [[flown[plan] for plan in FLIGHTS["every uncertainty"](setting, law)] for law in _LEARNED]
     each = [
@@ -128,7 +128,7 @@ def _figures_of_uncertainty(setting: Setting, flown: Flown, T_w: float) -> Itera
     yield f"{all_cases} critic weight-update norms, 5 deg", 2, graphs.beside(graphs.update_panel, *shown)
 
 
-def _figures_of_noise(setting: Setting, flown: Flown, T_w: float) -> Iterable[Drawn]:
+def _figures_of_noise(setting: Setting, flown: Flights, T_w: float) -> Iterable[Drawn]:
     """Figures 22 and 23."""
     shown = [flown[FlightPlan(CASE_II, law, noise=True)] for law in (*_LEARNED, CERTIFIED_FF)]
     errors = tuple(graphs.error_panel(state, state, shown, "law", T_w) for state in TRACKED)

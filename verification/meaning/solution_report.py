@@ -76,7 +76,7 @@ def solution_report(
     state_units: tuple[str, ...] = (),
     input_units: tuple[str, ...] = (),
 ) -> Report:
-    """P, K, certificate, meaning and margins; origin: what the plant is called; units: "" where they are not known."""
+    """P, K, certificate, meaning and margins; origin: what the plant is called; a unit is "" where it is not known."""
     units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
     solution, disk = found.solution, found.disk
     loops = [

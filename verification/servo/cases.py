@@ -91,7 +91,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
 
 
 @dataclass(frozen=True)
-class Flown:
+class Start:
     """Where all laws begin, and what they follow."""
 
     aircraft: Aircraft
@@ -99,27 +99,27 @@ class Flown:
     commands: CommandSteps
 
 
-def _reference(order: int) -> Callable[[Flown], FlownLaw]:
-    def made(on: Flown) -> FlownLaw:
+def _reference(order: int) -> Callable[[Start], FlownLaw]:
+    def made(on: Start) -> FlownLaw:
         controller = reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)
         return servo_law(controller, on.commands, on.aircraft, on.point)
 
     return made
 
 
-def _adaptive(order: int) -> Callable[[Flown], FlownLaw]:
+def _adaptive(order: int) -> Callable[[Start], FlownLaw]:
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
     return lambda on: adaptive_law(kind, order, on.aircraft, on.point, on.commands, ANGLES)
 
 
-def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Callable[[Flown], FlownLaw]:
+def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Callable[[Start], FlownLaw]:
     """Ours: a packaged design, one for both orders.
 
     source: exact or learned. gains: scheduled on the dihedral, or frozen at the trim.
     """
     angles = OWN_ANGLES if gains == "scheduled" else np.radians([TRIM_DEG])
 
-    def made(on: Flown) -> FlownLaw:
+    def made(on: Start) -> FlownLaw:
         controller = _own_controller(on.aircraft.parameters, on.aircraft.variant, design, source, tuple(angles))
         return servo_law(controller, on.commands, on.aircraft, on.point)
 
@@ -141,11 +141,11 @@ def _learned(game: Game) -> np.ndarray:
     return learned_value(game, "certified", 0, tick=LEARNING_TICK).P
 
 
-def _given(controller: ScheduledController) -> Callable[[Flown], FlownLaw]:
+def _given(controller: ScheduledController) -> Callable[[Start], FlownLaw]:
     return lambda on: servo_law(controller, on.commands, on.aircraft, on.point)
 
 
-def _paper(on: Flown) -> FlownLaw:
+def _paper(on: Start) -> FlownLaw:
     """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and no integrals."""
     model = linearize(on.aircraft, on.point)
     return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
@@ -153,12 +153,12 @@ def _paper(on: Flown) -> FlownLaw:
 
 def laws_of(
     order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
-) -> dict[str, Callable[[Flown], FlownLaw]]:
+) -> dict[str, Callable[[Start], FlownLaw]]:
     """Name -> how it is made. order: of the actuators that SimVFA's laws are designed for. only: names, () for all.
 
     BadInputError when a law of `only` is not among them.
     """
-    found: dict[str, Callable[[Flown], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
+    found: dict[str, Callable[[Start], FlownLaw]] = {f"simvfa-{order}": _reference(order)}
     found[f"simvfa-{order} adaptive"] = _adaptive(order)
     for variant in itertools.product(OWN_DESIGNS, ("exact", "learned"), ("scheduled", "frozen")):
         found[" ".join(word for word in variant if word not in ("exact", "scheduled"))] = _own(*variant)

@@ -27,7 +27,7 @@ from hfa_model.support.jsonable import records_text
 from hfa_model.units_of_data import in_units_in_force
 from trim.point.condition import CONTROL_LIMITS, level_flight
 from trim.point.solve import find_operating_point
-from verification.servo.cases import CASES, DURATION, TRIM_DEG, Flown, laws_of, scenario_of, simvfa_commands
+from verification.servo.cases import CASES, DURATION, TRIM_DEG, Start, laws_of, scenario_of, simvfa_commands
 from verification.servo.servo_result import ServoFlight, servo_figure, share_of_way
 
 SCHEMA = "hfa.servo/1"
@@ -53,7 +53,7 @@ def fly_case(
     for count, (law, make) in enumerate(laws.items()):
         if progress is not None:
             progress(f"{name}, {law}", count, len(laws))
-        made = make(Flown(aircraft, point, commands))
+        made = make(Start(aircraft, point, commands))
         result = fly_law(NonlinearPlant(aircraft, point), made, scenario, envelope)
         gone = result.departure
         flights.append(

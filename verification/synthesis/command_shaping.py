@@ -25,7 +25,10 @@ GAP = 1e-6
 
 
 class FedBack(NamedTuple):
-    """x' = A x + told r + moved u_ff: a loop with its controller. errors: rows of x that follow r. rates: rows of A."""
+    """x' = A x + told r + moved u_ff: a loop with its controller.
+
+    errors: (q, n), the outputs of x that follow r. positions: of the inputs, their places in x. importance: 1.
+    """
 
     A: np.ndarray
     told: np.ndarray

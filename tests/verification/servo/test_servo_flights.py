@@ -25,7 +25,7 @@ from verification.servo.cases import (
     ANGLES,
     CASES,
     REGULATED,
-    Flown,
+    Start,
     laws_of,
     scenario_of,
     simvfa_commands,
@@ -250,7 +250,7 @@ def test_our_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
 ) -> None:
     """With A_z made of alpha over ground its integral fights the air that rises, and the aircraft is lost."""
     commands, point = simvfa_commands(), find_operating_point(published_aircraft, level_flight(float(np.radians(11.0))))
-    law = laws_of(1, {})["servo"](Flown(published_aircraft, point, commands))
+    law = laws_of(1, {})["servo"](Start(published_aircraft, point, commands))
     assert isinstance(law.policy, ServoPolicy)
     if not feels_the_air:
         monkeypatch.setattr(law.policy.outputs, "F", 0.0 * law.policy.outputs.F)
