@@ -84,6 +84,36 @@ def test_what_less_turbulence_with_order_2_costs(factor: float) -> None:
     assert row in (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
 
 
+def test_the_search_from_simvfa_starts_from_its_weights() -> None:
+    results = ROOT / "docs" / "results"
+    start = read_design(str(results / "servo_from_simvfa_start.toml"))
+    assert start["weights"] == read_design("simvfa-1")["weights"]
+    search = (results / "servo_from_simvfa.toml").read_text(encoding="utf-8")
+    assert 'design = "servo_from_simvfa_start.toml"' in search
+
+
+@pytest.mark.slow
+def test_what_the_search_from_simvfa_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The design that is stored, and beside it the one that is shipped, on the file of the search."""
+    monkeypatch.chdir(ROOT / "docs" / "results")
+    tuning = load_tuning("servo_from_simvfa.toml")
+    evaluation = DesignEvaluation(Aircraft(), tuning)
+    text = (ROOT / "docs" / "servo.md").read_text(encoding="utf-8")
+    assert f"cost {evaluation.at(tuning.first_values()).cost:.3g} at first" in text
+    assert f"{tuning.evaluations} evaluations" in text
+    for words, design in (("found", "servo_from_simvfa_found.toml"), ("`servo-gusts`", "servo-gusts")):
+        found = evaluation.of(read_design(design))
+        assert found.abscissa <= tuning.abscissa
+        assert max(found.rates) <= tuning.rate
+        assert found.margin >= tuning.margin
+        assert found.fastest <= tuning.fastest
+        assert max(found.gusts) < 1.0
+        missed = [math.degrees(each["dihedral"]) for each in (*found.rms, *found.errors)]
+        cells = [f"{found.cost:.3f}", *(f"{each:.3f}" for each in missed), f"{max(e[A_Z] for e in found.errors):.2f}"]
+        row = f"| {words} | {' | '.join(cells)} | {max(found.gusts):.2f} |"
+        assert row in text, row
+
+
 def stored_line(number: int) -> DesignLine:
     """A line of docs/results/servo_line.json."""
     tuning = load_tuning(str(ROOT / "docs" / "results" / "servo_line.toml"))
