@@ -83,7 +83,10 @@ SCENARIOS = {
 }
 
 
-@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param(each, id=name, marks=[pytest.mark.slow] * (name == "released")) for name, each in SCENARIOS.items()],
+)
 def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, scenario: Scenario) -> None:
     result = flown(at_15, scenario)
     assert result.departure is None
