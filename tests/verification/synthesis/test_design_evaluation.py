@@ -83,6 +83,9 @@ def test_what_is_no_longer_of_interest_is_not_flown(
         assert found == (whole if below >= whole.cost else found)
         reached.append((bool(found.rms), bool(found.errors), found.margin > 0.0, len(found.gusts)))
         assert len(flown) == len(found.gusts)
+        flown.clear()
+        farther = evaluation.at(values, found.cost)  # what is not above the limit goes on
+        assert farther.cost > found.cost or farther == whole
     assert reached == sorted(reached)
     assert reached[0] == (True, False, False, 0)
     assert len(set(reached)) == 5
@@ -100,6 +103,8 @@ def test_no_more_corners_are_closed_than_until_one_is_unstable(
     found, ended = evaluation.at(values), evaluation.at(values, LOST)
     assert LOST < ended.cost <= found.cost
     assert len(closed) == 3
+    fast = DesignEvaluation(published_aircraft, replace(asked, fastest=1e-6))  # missed by more than a lost corner costs
+    assert fast.at(values, 10.0 * LOST) == fast.at(values)
 
 
 def test_the_corners_are_those_of_every_dynamics_named(published_aircraft: Aircraft) -> None:
