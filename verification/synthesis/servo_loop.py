@@ -12,6 +12,7 @@ from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
+from hfa_model.support.errors import NoSolutionError
 from trim.linear.linear_model import LinearModel
 from verification.riccati.balancing import spectrum
 from verification.riccati.frequency_response import DiskMargin, disk_margin
@@ -36,8 +37,12 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """The matrix of [x; x_c] with the loop closed."""
-        return np.block([[self.A + self.B @ self.Dk @ self.C, self.B @ self.Ck], [self.Bk @ self.C, self.Ak]])
+        """The matrix of [x; x_c] with the loop closed; NoSolutionError where its numbers overflow."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = np.block([[self.A + self.B @ self.Dk @ self.C, self.B @ self.Ck], [self.Bk @ self.C, self.Ak]])
+        if not np.isfinite(found).all():
+            raise NoSolutionError("the closed loop overflows; check the actuators and the weights")
+        return found
 
     @property
     def disturbed(self) -> np.ndarray:

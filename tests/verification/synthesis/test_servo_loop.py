@@ -10,7 +10,7 @@ from controllers import small_controller
 from known_models import model_at
 
 from controller import design_model, load_design
-from hfa_model import Aircraft
+from hfa_model import Aircraft, NoSolutionError
 from verification import disk_margin, solve_game
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
@@ -34,6 +34,14 @@ def test_margins_of_a_loop_that_can_be_solved_by_hand() -> None:
     expected = 1.0 / np.abs((1.0 - L) / (1.0 + L) / 2.0).max()
     assert loop.margin_at_inputs().disk == pytest.approx(expected, rel=1e-3)
     assert loop.margin_at_sensors().disk == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_loop_whose_numbers_overflow_is_none() -> None:
+    """As with an actuator 1e308 times as effective as it should be."""
+    one = np.ones((1, 1))
+    loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one, one, one)
+    with pytest.raises(NoSolutionError, match="the closed loop overflows"):
+        _ = loop.abscissa
 
 
 def test_a_path_from_input_to_sensor_at_once_is_closed(published_aircraft: Aircraft) -> None:
