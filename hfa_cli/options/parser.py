@@ -79,7 +79,8 @@ class Parser(argparse.ArgumentParser):
                 return  # only positional words follow
             if not re.match(r"-[^\d.]", word):
                 continue
-            option, equals, value = word.partition("=") if word.startswith("--") else (word[:2], word[2:], word[2:])
+            short = word[:2], word[2:], word[2:].removeprefix("=")
+            option, equals, value = word.partition("=") if word.startswith("--") else short
             if option not in known:
                 raise BadInputError(unknown(f"option {shortened(option)}", option, known, self.prog))
             if equals and value == "--":
