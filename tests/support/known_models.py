@@ -1,4 +1,4 @@
-"""The identified aircraft at an angle: its linear model about the trim, its game, its exact gain, each made once."""
+"""Aircraft of many tests: the identified one at an angle, model, game and gain made once; SimVFA's in its own air."""
 
 from __future__ import annotations
 
@@ -6,11 +6,21 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import brentq
 
 from controller import Game, published_game
-from hfa_model import Aircraft
+from hfa_model import Aircraft, density, named_parameters
 from trim import LinearModel, level_model
 from verification import solve_game
+
+#: Density of SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is 1.6e-5 of it more.
+_RELEASED_DENSITY = 5.872675956988981e-4
+
+
+def released_simulation() -> tuple[Aircraft, float]:
+    """SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its air."""
+    altitude = brentq(lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9)
+    return Aircraft(named_parameters("gibson-2011-simulation").values), altitude
 
 
 @lru_cache(maxsize=64)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_models import released_simulation
 
 from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
 from controller.design.design import SHORT_PERIOD, Feedforward
@@ -37,6 +38,20 @@ def test_the_peer_s_settings_give_the_peer_s_gains(published_aircraft: Aircraft,
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, load_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degrees: str) -> None:
+    """Six digits are stored; 1e-5 of the air, the altitude of the standard atmosphere, moves the last two of them."""
+    own, in_its_air = released_simulation()
+    for altitude, digits in ((in_its_air, True), (40_000.0, False)):
+        point = find_operating_point(own, level_flight(math.radians(float(degrees)), altitude=altitude))
+        model = linearize(own, point)
+        for name, tables in PEER.items():
+            theirs = np.array(tables[degrees])
+            half_units = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(theirs))) - 5.0)
+            ours = solve_game(design_model(own, model, load_design(name)).game()).K
+            assert (np.abs(ours - theirs) <= half_units).all() == digits
 
 
 def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Aircraft, game: Game) -> None:

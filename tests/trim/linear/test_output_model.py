@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from known_models import released_simulation
 
 from controller.flight.plants import LinearizedAircraft
-from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, State, density, named_parameters
+from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, State
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.reporting.unit_system import shown_in
 from hfa_model.winds import DISTURBANCES, winds_named
@@ -25,8 +26,6 @@ PEER: dict[str, dict[str, float]] = {
     "headwind_outer": {"speed": 0.0, "alpha": -9.64155891e-03, "dihedral_rate": 5.30927866e-03},
     "updraft_outer": {"speed": 4.01027033e-02, "pitch_rate": -1.55866503, "dihedral_rate": 4.77260822e-02},
 }
-#: Its density at 40000 ft, slug/ft^3; ours is 1.6e-5 of it more.
-PEER_DENSITY = 5.872675956988981e-4
 
 
 def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> OperatingPoint:
@@ -83,10 +82,8 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
     """Column -> its largest relative error, with the parameters and the density of the released simulation."""
-    aircraft, height = Aircraft(named_parameters("gibson-2011-simulation").values), 40_000.0
-    for _ in range(3):
-        height += 20_800.0 * math.log(float(density(height)) / PEER_DENSITY)
-    point = point_of(aircraft, altitude=height)
+    aircraft, altitude = released_simulation()
+    point = point_of(aircraft, altitude=altitude)
     model = linearize(aircraft, point, disturbances=tuple(PEER), ground_drag=ground_drag)
     found = {}
     for name, column in zip(model.disturbances, model.E.T, strict=True):
