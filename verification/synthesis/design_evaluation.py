@@ -89,7 +89,7 @@ class DesignEvaluation:
             abscissa = max(abscissa, *(loop.abscissa for _, loop in corner_loops(flown, model, table)))
             worst = max(worst, abscissa)
             if worst >= 0.0:
-                yield Evaluation(LOST * (1.0 + worst), abscissa)
+                yield Evaluation(LOST * (1.0 + worst), worst)
         if worst >= 0.0:
             return
         missed.append((abscissa - tuning.abscissa) / abs(tuning.abscissa))

@@ -120,10 +120,11 @@ class Tuning:
 
 
 class Evaluation(NamedTuple):
-    """cost: what the search makes small. abscissa: of the worst corner, 1/s. errors: rms by output, rate: rad/s, of
-    each case. rms: by state, of each turbulence. gusts: the share of the envelope that each needs, 1 for all of it.
-    margin: smallest of all cases. fastest: 1/s. What was left out is empty, 0 or inf: all where a corner is
-    unstable, and what comes after a cost that is no longer of interest, which is then a lower bound."""
+    """cost: what the search makes small. abscissa: of the worst corner, of the worst loop where one is unstable, 1/s.
+    errors: rms by output, rate: rad/s, of each case. rms: by state, of each turbulence. gusts: the share of the
+    envelope that each needs, 1 for all of it. margin: smallest of all cases. fastest: 1/s. What was left out is empty,
+    0 or inf: all where a loop is unstable, and what comes after a cost that is no longer of interest, which is then a
+    lower bound."""
 
     cost: float
     abscissa: float

@@ -31,12 +31,13 @@ def tuning_report(tuning: Tuning, found: Tuned) -> Report:
     both = [_figures(tuning, each) for each in (found.first_evaluation, best)]
     names = list(both[1] or both[0])
     rows = [(name, *(f"{each[name]:.4g}" if name in each else "unstable" for each in both)) for name in names]
+    flown = (Table(("figure", "start", "best"), rows),) if rows else ()
     return Report(
         f"Search over {len(tuning.variables)} variables of {tuning.name}: cost {found.first_evaluation.cost:.6g} at "
         f"first, {best.cost:.6g} after {len(found.seen)} evaluations",
         (
             Table(("variable", "start", "best", "limits"), variables),
-            Table(("figure", "start", "best"), rows),
+            *flown,
             checks_block(checks),
         ),
         data={
@@ -73,14 +74,18 @@ def _figures(tuning: Tuning, found: Evaluation) -> dict[str, float]:
 
 
 def _checks(tuning: Tuning, best: Evaluation) -> Iterator[Check]:
+    if not best.rates:
+        worst = f"a loop has {best.abscissa:.3g} 1/s" if math.isfinite(best.abscissa) else "there is no controller"
+        yield at_most("abscissa", best.abscissa, tuning.abscissa, f"{worst}, so nothing was flown")
+        return
     yield at_most("abscissa", best.abscissa, tuning.abscissa, f"the worst corner has {best.abscissa:.3g} 1/s")
-    rate = max(best.rates, default=math.inf)
+    rate = max(best.rates)
     yield at_most("rate", rate, tuning.rate, f"an input moves at {math.degrees(rate):.3g} deg/s")
     if tuning.margin:
         yield at_least("margin", best.margin, tuning.margin, f"the smallest disk margin is {best.margin:.3g}")
     if math.isfinite(tuning.fastest):
         yield at_most("fastest", best.fastest, tuning.fastest, f"a loop has a pole of {best.fastest:.4g} 1/s")
-    for number, share in enumerate(best.gusts or (math.inf,) * len(tuning.gusts), 1):
+    for number, share in enumerate(best.gusts, 1):
         yield at_most(f"gust_{number}", share, 1.0, f"in gust {number} the aircraft leaves its envelope")
 
 

@@ -58,8 +58,8 @@ def test_the_cost_is_what_it_says(published_aircraft: Aircraft) -> None:
     assert missed.cost == pytest.approx(found.cost + PENALTY * (0.5 + 2.0 + missed.gusts[1] - 1.0))
     weak = Actuator(2, 0.2, 0.3)  # the case itself is not stable
     lost = evaluated(published_aircraft, turbulence=(tuning().turbulence[0]._replace(actuator=weak),))
-    assert lost.cost > LOST
-    assert lost.errors == ()
+    assert lost.cost == pytest.approx(LOST * (1.0 + lost.abscissa))
+    assert (lost.abscissa > 0.0, lost.errors) == (True, ())
 
 
 def test_what_is_no_longer_of_interest_is_not_flown(
