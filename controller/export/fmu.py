@@ -97,7 +97,8 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
     results = ("dy", "u") if loop.outputs else ("dy",)
     one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
-    call = f"    loop({', '.join(('y', 'v', *results))});" + "\n    (void)u;" * (not loop.outputs)
+    unused = "" if loop.outputs else "\n    (void)u;"
+    call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
     return (
         f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
         f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
