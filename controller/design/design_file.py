@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from controller.design.design import Actuator, Design, Feedforward
-from hfa_model.support.errors import BadInputError, shortened, shown
+from hfa_model.support.errors import BadInputError, said_of, shortened, shown
 from hfa_model.support.files import names_of, read_named, table_of
 from hfa_model.vectors import INPUTS
 
@@ -84,13 +84,19 @@ def _feedforward(where: str, data: Mapping[str, Any]) -> Feedforward:
     if "actuators" in table:
         made["actuators"] = _actuators(where, "feedforward.actuators", table_of(where, table, "actuators"))
     plain = {key: value for key, value in table.items() if key not in made}
-    return Feedforward(**_fields(where, "feedforward", plain, Feedforward), **made)
+    settings = _fields(where, "feedforward", plain, Feedforward)
+    with said_of(f"{where}: feedforward"):
+        return Feedforward(**settings, **made)
 
 
 def _actuators(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
-    return {
-        key: Actuator(**_fields(where, f"{entry}.{shortened(key)}", table, Actuator)) for key, table in tables.items()
-    }
+    made = {}
+    for key, table in tables.items():
+        place = f"{entry}.{shortened(key)}"
+        settings = _fields(where, place, table, Actuator)
+        with said_of(f"{where}: {place}"):
+            made[key] = Actuator(**settings)
+    return made
 
 
 def _fields(where: str, entry: str, table: Any, kind: type[Actuator | Feedforward]) -> dict[str, Any]:

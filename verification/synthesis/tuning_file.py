@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
-from hfa_model.support.errors import BadInputError, refuse_unknown, shown
+from hfa_model.support.errors import BadInputError, refuse_unknown, said_of, shown
 from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
 from hfa_model.variants import VARIANTS
 from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
@@ -164,7 +164,9 @@ def _place(where: str, name: str, table: Mapping[str, Any]) -> tuple[float, Actu
     settings = {key: table[key] for key in _ACTUATOR if key in table}
     for key, value in settings.items():
         finite_number(where, f"{name}.{key}", value)
-    return math.radians(finite_number(where, f"{name}.dihedral", table.get("dihedral"))), Actuator(**settings)
+    with said_of(f"{where}: {name}"):
+        actuator = Actuator(**settings)
+    return math.radians(finite_number(where, f"{name}.dihedral", table.get("dihedral"))), actuator
 
 
 def _list(where: str, data: Mapping[str, Any], key: str) -> list[tuple[str, Any]]:

@@ -69,7 +69,7 @@ def test_what_the_file_says_is_what_is_searched(tmp_path: Path) -> None:
         ("speed = 0.1", "sped = 0.1", "turbulence 1: objective: unknown state of the plant 'sped'; choose from speed"),
         ("[turbulence.objective]\ndihedral = 50.0\nspeed = 0.1", "", "[objective] is empty"),
         ("margin = 0.2", "margin = 0", "margin is 0; give a positive number"),
-        ("order = 2", "order = 3", "the order of an actuator is 3"),
+        ("order = 2", "order = 3", "gusts 1: the order of an actuator is 3"),
         ("dihedral = 100.0", "pitch = 1.0", "objective: unknown integral 'pitch'; choose from dihedral"),
         ("low = 5.0", "low = 5000.0", "variables.effort: give entries, and low below high"),
         (f"{A_Z} = [-1.0, 0.5]", f"{A_Z} = [-1.0]", "cases 1: the lists of ends differ in length"),
