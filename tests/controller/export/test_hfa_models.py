@@ -19,7 +19,7 @@ OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
 #: What Octave does, in one process: it takes as long as everything else here.
 SCRIPT = """
-pkg load control
+try; pkg load control; catch; exit(3); end
 [models, data] = hfa_models('sweep.mat');
 Q = diag([QQ]); R = diag([RR]);
 count = numel(models); E = zeros(6, count); K = zeros(5, 6, count);
@@ -66,6 +66,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(
         [str(OCTAVE), "--quiet", "--norc", "--eval", script], cwd=made, capture_output=True, text=True
     )
+    if done.returncode == 3:
+        pytest.skip("Octave is installed without its package control")
     assert (made / "missing.mat").exists(), done.stderr
     return made
 
