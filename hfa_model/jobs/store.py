@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
 
 from hfa_model.jobs.interrupts import held_back
+from hfa_model.jobs.layout import Layout
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.temporary import lock, temporary_folder
 from hfa_model.support.version import toolchain_version
@@ -25,46 +25,6 @@ from hfa_model.support.version import toolchain_version
 #: Whether a chunk is complete, (chunks,), and a checksum of each of its arrays, (chunks, arrays).
 _DONE, _CHECKSUMS = "done", "checksums"
 _UNREADABLE = 255
-
-
-class Array(NamedTuple):
-    """One array of a store: shape of one row, type, value of a row that is not yet computed.
-
-    axes: names of the axes of a row. about: its attributes: units, long_name.
-    """
-
-    shape: tuple[int, ...]
-    kind: str
-    fill: Any
-    axes: tuple[str, ...]
-    about: Mapping[str, Any]
-
-
-def described(meaning: str, units: str = "", units_of: str = "") -> dict[str, str]:
-    """Attributes of an array. units_of: the labels that hold the unit of each entry, where they have their own."""
-    said = {"long_name": meaning, "units": units, "units_of": units_of}
-    return {name: text for name, text in said.items() if text}
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """What a store holds. schema: names its form and version. what: the job in one word, for messages.
-
-    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the results; identity: a
-    hash of it. arrays: name -> one array, (N, *shape). labels: name -> its axis and a text for each place of it; that
-    of the same name as the axis are its coordinates. attributes: names and units of the columns.
-    """
-
-    schema: str
-    what: str
-    rows: int
-    row: str
-    chunk: int
-    plan: Mapping[str, Any]
-    identity: str
-    arrays: Mapping[str, Array]
-    labels: Mapping[str, tuple[str, Sequence[str]]]
-    attributes: Mapping[str, Any]
 
 
 class Store:
@@ -226,7 +186,7 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
     known = {"identity": layout.identity, "plan": json.dumps(layout.plan), **size, **layout.attributes}
     known |= {"schema": layout.schema, "toolchain": toolchain_version()}
     known |= {} if provenance is None else {"provenance": dict(provenance)}
-    group.attrs.update(known | {"checksum": _checksum_of(known)})
+    group.attrs.update(known | {"checksum": _checksum_of(group, known)})
 
 
 @held_back()
@@ -244,26 +204,20 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         raise BadInputError(f"{path} is not a {what}; start it without --resume") from error
     if "identity" not in attributes:
         raise BadInputError(f"{path} is not a {what} of this project")
-    _check_attributes(path, attributes)
-    if layout is not None:
-        _check_job(path, attributes, layout)
-    try:
-        store = Store(group, path)
-        lengths = {array.shape[0] for array in store._arrays.values()}
-        whole = lengths == {store.rows} and store._done.shape == (store.chunks,)
-    except Exception as error:
-        raise BadInputError(f"{path} is damaged, it lacks an array; start anew") from error
-    if not whole:
-        raise BadInputError(f"{path} is damaged, its arrays differ in length; start anew")
-    return store
-
-
-def _check_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
     if "checksum" not in attributes:
         raise BadInputError(f"{path} has no checksums: it is damaged or of an older version; compute it anew")
     known = {name: value for name, value in attributes.items() if name not in ("checksum", "session")}
-    if attributes["checksum"] != _checksum_of(known):
-        raise BadInputError(f"{path} is damaged, its attributes are not those that were written; start anew")
+    try:
+        whole = attributes["checksum"] == _checksum_of(group, known)
+    except Exception as error:
+        raise BadInputError(f"{path} is damaged, an array of it cannot be read; start anew") from error
+    if not whole:
+        raise BadInputError(
+            f"{path} is damaged, its attributes or the forms of its arrays are not those that were written; start anew"
+        )
+    if layout is not None:
+        _check_job(path, attributes, layout)
+    return Store(group, path)
 
 
 def _check_job(path: Path, attributes: Mapping[str, Any], layout: Layout) -> None:
@@ -277,8 +231,14 @@ def _check_job(path: Path, attributes: Mapping[str, Any], layout: Layout) -> Non
         raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
 
 
-def _checksum_of(attributes: Mapping[str, Any]) -> int:
-    return zlib.crc32(json.dumps(attributes, sort_keys=True).encode())
+def _checksum_of(group: Any, attributes: Mapping[str, Any]) -> int:
+    """CRC-32 of the attributes and of what decides how the chunks of each array are read."""
+    arrays = {name: group[name] for name in (*attributes["arrays"], _DONE, _CHECKSUMS)}
+    forms = {
+        name: [array.shape, array.chunks, str(array.dtype), str(array.fill_value), array.metadata.dimension_names]
+        for name, array in arrays.items()
+    }
+    return zlib.crc32(json.dumps([attributes, forms], sort_keys=True).encode())
 
 
 def store_in_sight(path: Path, mark: str) -> Store | None:

@@ -15,7 +15,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfa_model.jobs.store import Layout, Store, create_store, open_store, store_in_sight
+from hfa_model.jobs.layout import Layout
+from hfa_model.jobs.store import Store, create_store, open_store, store_in_sight
 from hfa_model.jobs.workers import Task, workers
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.jobs.store import Array, Layout, Store, described
+from hfa_model.jobs.layout import Array, Layout, described
+from hfa_model.jobs.store import Store
 from hfa_model.jobs.stream import stream
 from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import pytest
 
 from hfa_model import BadInputError
 from hfa_model.jobs import store
-from hfa_model.jobs.store import Array, Layout, checksum, described, open_store
+from hfa_model.jobs.layout import Array, Layout, described
+from hfa_model.jobs.store import checksum, open_store
 from hfa_model.jobs.stream import stream
 
 ROWS, CHUNK = 10, 3
@@ -97,9 +99,9 @@ def test_a_flag_that_cannot_be_read_is_a_chunk_to_compute(path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda attributes: attributes.update(units=["ft", "deg"]), "attributes are not those that were written"),
-        (lambda attributes: attributes.update(chunk=5), "attributes are not those that were written"),
-        (lambda attributes: attributes.pop("schema"), "attributes are not those that were written"),
+        (lambda attributes: attributes.update(units=["ft", "deg"]), "attributes or the forms"),
+        (lambda attributes: attributes.update(chunk=5), "attributes or the forms"),
+        (lambda attributes: attributes.pop("schema"), "attributes or the forms"),
         (lambda attributes: attributes.pop("checksum"), "has no checksums"),
         (lambda attributes: attributes.pop("identity"), "is not a .*store of this project"),
     ],
@@ -122,10 +124,24 @@ def test_damaged_descriptions_are_refused(path: Path, file: str, content: bytes)
         open_store(path, Job().layout)
 
 
-def test_an_array_of_another_length_is_refused(path: Path) -> None:
-    file = path / "square" / "zarr.json"
-    file.write_text(file.read_text().replace("10,", "999999999999,", 1))
-    with pytest.raises(BadInputError, match="differ in length"):
+@pytest.mark.parametrize("array", ["square", "done", "checksums"])
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        (("shape", 0), 999999999999),
+        (("chunk_grid", "configuration", "chunk_shape", 0), 7),
+        (("data_type",), "float32"),
+        (("dimension_names", 0), "another"),
+        (("fill_value",), 1),
+    ],
+)
+def test_an_array_of_another_form_is_refused(path: Path, array: str, entry: tuple, value: object) -> None:
+    file = path / array / "zarr.json"
+    changed = json.loads(file.read_text())
+    *way, last = entry
+    reduce(getitem, way, changed)[last] = value
+    file.write_text(json.dumps(changed))
+    with pytest.raises(BadInputError, match="the forms of its arrays"):
         open_store(path)
 
 
