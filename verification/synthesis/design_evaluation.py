@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,19 +28,25 @@ from verification.synthesis.tuning import Evaluation, Tuning
 #: Cost of a constraint that is missed by its own size, and of a design without a stable loop.
 PENALTY, LOST = 1e3, 1e6
 
+#: Dynamics and dihedral, rad, of a linear model.
+Place = tuple[str, float]
+Tables = Callable[[Place], ScheduledController]
+#: Dihedral, rad, and actuator of a linear flight -> its plant and its loop.
+Loops = Mapping[tuple[float, Actuator], tuple[DesignModel, ServoLoop]]
+
 
 class DesignEvaluation:
     """Evaluates values of the variables of a search; the linear models are made once."""
 
     def __init__(self, aircraft: Aircraft, tuning: Tuning) -> None:
-        self._aircraft, self._tuning = aircraft, tuning
-        self._models = {angle: level_model(aircraft, angle) for angle in dict(tuning.places)}
-        cornered = [Aircraft(aircraft.parameters, name) for name in tuning.dynamics or (aircraft.variant,)]
-        self._at_corners = [(each, level_model(each, angle)) for each in cornered for angle in tuning.angles]
-        self._in_gusts = []
-        for gust in tuning.gusts:
-            flown = Aircraft(aircraft.parameters, gust.dynamics or aircraft.variant)
-            self._in_gusts.append((flown, level_model(flown, gust.dihedral), gust))
+        self._tuning, self._own = tuning, aircraft.variant.name
+        self._corners = [(name, angle) for name in tuning.dynamics or (self._own,) for angle in tuning.angles]
+        self._in_gusts = [((gust.dynamics or self._own, gust.dihedral), gust) for gust in tuning.gusts]
+        self._models: dict[Place, tuple[Aircraft, LinearModel]] = {}
+        for name, angle in [*((self._own, angle) for angle, _ in tuning.places), *self._corners, *dict(self._in_gusts)]:
+            if (name, angle) not in self._models:
+                flown = aircraft if name == self._own else Aircraft(aircraft.parameters, name)
+                self._models[name, angle] = flown, level_model(flown, angle)
 
     def at(self, values: np.ndarray, below: float = math.inf) -> Evaluation:
         """Of values of the variables, as `of`."""
@@ -47,11 +54,8 @@ class DesignEvaluation:
 
     def held(self, entries: Mapping[str, Any]) -> tuple[float, ...]:
         """Of the entries of a design file, the largest peak stood in each gust of the search, ft/s, as `gust_held`."""
-        still = replace(design_of(self._tuning.name, entries), feedforward=None)
-        return tuple(
-            gust_held(flown, model, quick_controller(flown, model, still), gust)
-            for flown, model, gust in self._in_gusts
-        )
+        table_at = self._tables(replace(design_of(self._tuning.name, entries), feedforward=None))
+        return tuple(gust_held(*self._models[place], table_at(place), gust) for place, gust in self._in_gusts)
 
     def of(self, entries: Mapping[str, Any], below: float = math.inf) -> Evaluation:
         """The cost; `LOST` and more for a design that has no controller or no stable loop.
@@ -68,69 +72,82 @@ class DesignEvaluation:
             return Evaluation(2.0 * LOST, math.inf)
         return found
 
+    def _tables(self, design: Design) -> Tables:
+        """The controllers of a design, each made when it is first asked for."""
+        return cache(lambda place: quick_controller(*self._models[place], design))
+
     def _parts(self, design: Design) -> Iterator[Evaluation]:
         """The evaluation with ever more in it, by what it takes; no part makes the cost smaller."""
-        tuning, still = self._tuning, replace(design, feedforward=None)
-        tables = {angle: quick_controller(self._aircraft, model, still) for angle, model in self._models.items()}
-        closed = {place: self._closed(*place, tables) for place in tuning.places}
-        worst = max(loop.abscissa for _, loop in closed.values())
-        fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in closed.values())
-        missed, rms, sizes = [fastest / tuning.fastest - 1.0], [], []
-        for air in tuning.turbulence if worst < 0.0 else ():
-            states = turbulence_rms(*closed[air.dihedral, air.actuator], air.intensity, air.scale)
-            rms.append({name: states[name] for name in air.objective})
-            sizes += [size * states[name] for name, size in air.objective.items()]
-        found = Evaluation(self._cost(sizes, missed), math.inf, rms=tuple(rms), fastest=fastest)
+        tuning, account = self._tuning, _Account(self._tuning.power)
+        table_at = self._tables(replace(design, feedforward=None))
+        loops = {(angle, actuator): self._loop(angle, actuator, table_at) for angle, actuator in tuning.places}
+        worst, abscissa = max(loop.abscissa for _, loop in loops.values()), -math.inf
         if worst < 0.0:
+            found = self._add_turbulence(account, loops)
             yield found._replace(cost=min(found.cost, LOST))  # a corner may be unstable yet
-        abscissa = -math.inf
-        for flown, model in self._at_corners:
-            table = quick_controller(flown, model, still)
-            abscissa = max(abscissa, *(loop.abscissa for _, loop in corner_loops(flown, model, table)))
+        for place in self._corners:
+            corners = corner_loops(*self._models[place], table_at(place))
+            abscissa = max(abscissa, *(loop.abscissa for _, loop in corners))
             worst = max(worst, abscissa)
             if worst >= 0.0:
                 yield Evaluation(LOST * (1.0 + worst), worst)
         if worst >= 0.0:
             return
-        missed.append((abscissa - tuning.abscissa) / abs(tuning.abscissa))
-        found = found._replace(cost=self._cost(sizes, missed), abscissa=abscissa)
-        yield found
-        commanded = {case.dihedral for case in tuning.cases}
-        if design.feedforward:
-            tables = {angle: quick_controller(self._aircraft, self._models[angle], design) for angle in commanded}
-        shaping, flights = design.feedforward or Feedforward(), []
-        for case in tuning.cases:
-            plant = closed[case.dihedral, case.actuator][0]
-            flights.append(fly_commands(plant, tables[case.dihedral], case.ends, case.each, shaping))
-            sizes += [size * flights[-1].errors[name] for name, size in tuning.objective.items()]
-            missed.append(flights[-1].rate / tuning.rate - 1.0)
-        errors, rates = tuple(flight.errors for flight in flights), tuple(flight.rate for flight in flights)
-        found = found._replace(cost=self._cost(sizes, missed), errors=errors, rates=rates)
-        yield found
+        yield account.add(missed=[(abscissa - tuning.abscissa) / abs(tuning.abscissa)], abscissa=abscissa)
+        told_at = self._tables(design) if design.feedforward else table_at
+        yield self._add_commands(account, loops, told_at, design.feedforward or Feedforward())
         if tuning.margin:
-            margin = min(_margin(loop) for _, loop in closed.values())
-            missed.append(1.0 - margin / tuning.margin)
-            found = found._replace(cost=self._cost(sizes, missed), margin=margin)
-            yield found
-        for flown, model, gust in self._in_gusts:
-            share = gust_share(flown, model, quick_controller(flown, model, still), gust)
-            missed.append(share - 1.0)
-            found = found._replace(cost=self._cost(sizes, missed), gusts=(*found.gusts, share))
-            yield found
+            margin = min(_margin(loop) for _, loop in loops.values())
+            yield account.add(missed=[1.0 - margin / tuning.margin], margin=margin)
+        for place, gust in self._in_gusts:
+            share = gust_share(*self._models[place], table_at(place), gust)
+            yield account.add(missed=[share - 1.0], gusts=(*account.found.gusts, share))
 
-    def _cost(self, sizes: Sequence[float], missed: Sequence[float]) -> float:
-        """The norm of the sizes, and what is missed."""
-        with np.errstate(over="ignore"):
-            norm = np.linalg.norm(sizes, self._tuning.power) if sizes else 0.0
-        return float(norm + PENALTY * sum(max(0.0, each) for each in missed))
-
-    def _closed(
-        self, angle: float, actuator: Actuator, tables: dict[float, ScheduledController]
-    ) -> tuple[DesignModel, ServoLoop]:
+    def _loop(self, angle: float, actuator: Actuator, table_at: Tables) -> tuple[DesignModel, ServoLoop]:
         """The plant with this actuator at every input, and its loop."""
-        table = tables[angle]
-        plant = servo_plant(self._aircraft, self._models[angle], table, dict.fromkeys(table.inputs, actuator))
+        table = table_at((self._own, angle))
+        plant = servo_plant(*self._models[self._own, angle], table, dict.fromkeys(table.inputs, actuator))
         return plant, servo_loop(plant, table)
+
+    def _add_turbulence(self, account: _Account, loops: Loops) -> Evaluation:
+        """What turbulence costs, of stable loops, and their fastest pole."""
+        sizes, rms = [], []
+        for air in self._tuning.turbulence:
+            states = turbulence_rms(*loops[air.dihedral, air.actuator], air.intensity, air.scale)
+            rms.append({name: states[name] for name in air.objective})
+            sizes += [size * states[name] for name, size in air.objective.items()]
+        fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in loops.values())
+        return account.add(sizes, [fastest / self._tuning.fastest - 1.0], rms=tuple(rms), fastest=fastest)
+
+    def _add_commands(self, account: _Account, loops: Loops, table_at: Tables, shaping: Feedforward) -> Evaluation:
+        """What the commands of the cases cost."""
+        flights = []
+        for case in self._tuning.cases:
+            plant, table = loops[case.dihedral, case.actuator][0], table_at((self._own, case.dihedral))
+            flights.append(fly_commands(plant, table, case.ends, case.each, shaping))
+        errors, rates = tuple(flight.errors for flight in flights), tuple(flight.rate for flight in flights)
+        sizes = [size * each[name] for each in errors for name, size in self._tuning.objective.items()]
+        return account.add(sizes, [rate / self._tuning.rate - 1.0 for rate in rates], errors=errors, rates=rates)
+
+
+class _Account:
+    """An evaluation with ever more in it."""
+
+    def __init__(self, power: float) -> None:
+        self._power = power
+        self._sizes: list[float] = []
+        self._missed: list[float] = []
+        self.found = Evaluation(0.0, math.inf)
+
+    def add(self, sizes: Sequence[float] = (), missed: Sequence[float] = (), **figures: Any) -> Evaluation:
+        """sizes: of errors, weighted. missed: of constraints, as shares of their limits. figures: of the evaluation."""
+        self._sizes += sizes
+        self._missed += missed
+        with np.errstate(over="ignore"):
+            norm = np.linalg.norm(self._sizes, self._power) if self._sizes else 0.0
+        cost = float(norm + PENALTY * sum(max(0.0, each) for each in self._missed))
+        self.found = self.found._replace(cost=cost, **figures)
+        return self.found
 
 
 def _margin(loop: ServoLoop) -> float:

@@ -38,7 +38,7 @@ def tuning_report(tuning: Tuning, found: Tuned) -> Report:
         (
             Table(("variable", "start", "best", "limits"), variables),
             *flown,
-            checks_block(checks),
+            checks_block(map(_shown, checks)),
         ),
         data={
             "schema": SCHEMA,
@@ -87,6 +87,13 @@ def _checks(tuning: Tuning, best: Evaluation) -> Iterator[Check]:
         yield at_most("fastest", best.fastest, tuning.fastest, f"a loop has a pole of {best.fastest:.4g} 1/s")
     for number, share in enumerate(best.gusts, 1):
         yield at_most(f"gust_{number}", share, 1.0, f"in gust {number} the aircraft leaves its envelope")
+
+
+def _shown(check: Check) -> Check:
+    """For a table, a rate in deg/s."""
+    if check.name != "rate":
+        return check
+    return check._replace(name="rate deg/s", value=math.degrees(check.value), limit=math.degrees(check.limit))
 
 
 def shown_error(value: float, name: str) -> float:

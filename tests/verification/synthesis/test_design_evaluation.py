@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from servo_cases import A_Z
 
-from controller import Actuator
+from controller import Actuator, Design
 from controller.design.design_file import read_design
+from controller.design.scheduled_controller import ScheduledController
 from hfa_model import Aircraft
+from trim.linear.linear_model import LinearModel
 from verification.synthesis import design_evaluation
 from verification.synthesis.design_evaluation import LOST, PENALTY, DesignEvaluation
 from verification.synthesis.tuning import Case, Evaluation, InGust, InTurbulence, Tuning, Variable
@@ -89,6 +91,23 @@ def test_what_is_no_longer_of_interest_is_not_flown(
     assert reached == sorted(reached)
     assert reached[0] == (True, False, False, 0)
     assert len(set(reached)) == 5
+
+
+def test_the_controller_of_a_place_is_made_once(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For flights, corners and gusts alike; another place or other dynamics have their own."""
+    made: list[tuple[str, float]] = []
+    make = design_evaluation.quick_controller
+
+    def counted(aircraft: Aircraft, model: LinearModel, design: Design) -> ScheduledController:
+        made.append((aircraft.variant.name, round(math.degrees(model.point.states.dihedral))))
+        return make(aircraft, model, design)
+
+    monkeypatch.setattr(design_evaluation, "quick_controller", counted)
+    monkeypatch.setattr(design_evaluation, "gust_share", lambda *_: 0.5)
+    gust = tuning().gusts[0]
+    asked = (gust, gust._replace(peak=-1.0), gust._replace(dynamics="newton"), gust._replace(dihedral=0.1))
+    assert evaluated(published_aircraft, gusts=asked).gusts == (0.5,) * 4
+    assert made == [("published", 11), ("newton", 11), ("published", 6)]
 
 
 def test_no_more_corners_are_closed_than_until_one_is_unstable(

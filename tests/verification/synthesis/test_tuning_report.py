@@ -47,3 +47,13 @@ def test_what_was_not_flown_is_not_judged(tmp_path: Path, best: Evaluation, chec
     assert not report.data["ok"]
     assert said in report.text()
     assert ("figure" in report.text()) == bool(best.rates)
+
+
+def test_the_rate_is_in_degrees_for_a_person_and_in_radians_in_data(tmp_path: Path) -> None:
+    tuning = load_tuning(str(write_tuning(tmp_path, rate=0.25)))
+    flown = Evaluation(9.0, -1.0, ({"dihedral": 0.01, A_Z: 1.0},), (math.radians(0.5),), margin=0.1, fastest=9.0)
+    report = tuning_report(tuning, Tuned(tuning.first_values(), flown, tuning.first_values(), flown, (flown,)))
+    (row,) = [line.split() for line in report.text().splitlines() if line.startswith("rate")]
+    assert row == ["rate", "deg/s", "0.5", "0.25", "FAIL"]
+    (rate,) = [check for check in report.data["checks"] if check["name"] == "rate"]
+    assert (rate["value"], rate["limit"]) == (math.radians(0.5), math.radians(0.25))
