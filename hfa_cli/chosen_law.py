@@ -11,7 +11,7 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_cli.options.law_options import check_stored, game_on, seed_of, stored_law
 from hfa_cli.options.learning_options import law_name, law_settings
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -51,4 +51,4 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
 
 def show_learning(fraction: float, message: str) -> None:
     """One line on standard error, gone when done."""
-    Progress("learn").say(fraction, message)
+    ProgressLine("learn").say(fraction, message)

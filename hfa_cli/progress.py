@@ -17,7 +17,7 @@ def say_notes(warnings: Iterable[str]) -> None:
 _TRIAL, _LONG = 3.0, 300.0
 
 
-class Progress:
+class ProgressLine:
     """A counter on standard error, only when it is a terminal; at most one line, gone when done."""
 
     def __init__(self, what: str) -> None:

@@ -45,7 +45,7 @@ _BASE = {
 
 
 @dataclass(frozen=True)
-class Variable:
+class ScalarVariable:
     """A real variable of the FMU. start: None where it is calculated. rate_of: number of the state whose rate it is."""
 
     name: str
@@ -56,7 +56,7 @@ class Variable:
     rate_of: int = 0
 
 
-def variables(loop: ExportedLoop) -> list[Variable]:
+def variables(loop: ExportedLoop) -> list[ScalarVariable]:
     """States, their rates, the inputs of the aircraft where something sets them, the inputs of the loop."""
     n, flown = len(loop.states), len(STATES)
     listed: list[tuple[str, str | None, str, float | None]] = [
@@ -66,7 +66,7 @@ def variables(loop: ExportedLoop) -> list[Variable]:
         *((one.name, one.unit, "input", one.start) for one in loop.inputs),
     ]
     return [
-        Variable(*fields, reference=place, rate_of=place - n + 1 if n <= place < 2 * n else 0)
+        ScalarVariable(*fields, reference=place, rate_of=place - n + 1 if n <= place < 2 * n else 0)
         for place, fields in enumerate(listed)
     ]
 
@@ -165,14 +165,14 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, "unicode") + "\n"
 
 
-def _attributes(each: Variable) -> dict[str, str]:
+def _attributes(each: ScalarVariable) -> dict[str, str]:
     about = {"name": each.name, "valueReference": str(each.reference), "causality": each.causality}
     if each.causality != "input":
         about["initial"] = "calculated" if each.start is None else "exact"
     return about | {"variability": "continuous"}
 
 
-def _real(each: Variable) -> dict[str, str]:
+def _real(each: ScalarVariable) -> dict[str, str]:
     about = {} if each.unit is None else {"unit": each.unit}
     if each.start is not None:
         about["start"] = repr(float(each.start))

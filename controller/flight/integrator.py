@@ -15,6 +15,7 @@ from hfa_model.jobs.interrupts import held_back
 from hfa_model.native.bound import BoundFunction
 from hfa_model.native.machine_code import machine_code
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.telling import Progress
 
 #: Runs at least this long are worth compiling to machine code.
 COMPILE_FROM_STEPS = 50_000
@@ -41,7 +42,7 @@ def integrate(
     steps_per_tick: int,
     ticks: int,
     compile_code: bool | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     stop: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
 ) -> Trajectory:
     """y' = f(t, y, p) by the classical Runge-Kutta method of order 4.
@@ -120,7 +121,7 @@ def integrate_stiff(
     step: float,
     steps_per_tick: int,
     ticks: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     stop: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
 ) -> Trajectory:
     """y' = f(t, y, p) at multiples of `step`, s; arguments as in `integrator.integrate`.

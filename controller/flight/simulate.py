@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +17,7 @@ from controller.flight.uncertain import Uncertainty
 from controller.policy.flown_law import FlownLaw
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.telling import Progress
 from trim.point.operating_point import OperatingPoint
 
 
@@ -28,7 +28,7 @@ def fly(
     scenario: Scenario,
     envelope: Envelope,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> NonlinearFlight:
     """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + b w + d.
 
@@ -48,7 +48,7 @@ def fly_law(
     scenario: Scenario,
     envelope: Envelope,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> NonlinearFlight:
     """The nonlinear aircraft under a law, without a prediction.
 

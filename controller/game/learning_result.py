@@ -19,7 +19,7 @@ SCHEMA = "hfa.learning-result/1"
 _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 
 
-class Status(StrEnum):
+class LearningStatus(StrEnum):
     """What became of a run: every certificate holds, or not."""
 
     CONVERGED = "converged"
@@ -76,9 +76,9 @@ class LearningResult(Reported):
         return all(row.ok for row in self.certificates)
 
     @property
-    def status(self) -> Status:
+    def status(self) -> LearningStatus:
         """Whether every certificate holds, as a word."""
-        return Status.CONVERGED if self.converged else Status.FAILED
+        return LearningStatus.CONVERGED if self.converged else LearningStatus.FAILED
 
     @property
     def outcome(self) -> str:

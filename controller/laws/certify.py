@@ -71,7 +71,7 @@ def certificates(game: Game, equations: StackEquations, weights: np.ndarray, ric
         checked("abscissa of A - B K [1/s]", abscissa(game.A - game.B @ game.gain(P)), "<", 0.0),
         positivity(game, P, scales),
         checked("relative Riccati residual", relative_residual(game, P, scales), "<=", RESIDUAL_LIMIT),
-        checked("next Newton correction over |P|", newton_correction(game, P, scales), "<=", CORRECTION_LIMIT),
+        checked("next Newton correction over |P|", relative_correction(game, P, scales), "<=", CORRECTION_LIMIT),
         checked("rank of the stack", float(richness.rank), ">=", float(richness.size)),
         checked("smallest eigenvalue of Sigma", richness.smallest_eigenvalue, ">", richness.rounding),
     ]
@@ -113,7 +113,7 @@ def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     return left / total if total > 0.0 else left
 
 
-def newton_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
+def relative_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     """|N| / |P| with (A - S P)'N + N (A - S P) = A'P + PA + Q - PSP, Frobenius norms; inf when singular.
 
     Solved in coordinates z / scales.

@@ -11,9 +11,10 @@ from controller.game.zero_sum import Game
 from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.integral_rl import IrlSettings, integral_learning
 from controller.laws.published_law import PublishedSettings, published_law
-from controller.laws.run import Progress, run
+from controller.laws.run import run
 from controller.samples.recording import Stack
 from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.telling import SaidProgress
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,14 @@ def learn(
     seed: int = 0,
     *,
     pool: Stack | None = None,
-    progress: Progress | None = None,
+    progress: SaidProgress | None = None,
     **options: Any,
 ) -> LearningResult:
     """Learn the value z'Pz and the gain K of a game with one of `LAWS`.
 
     pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: fields of the
-    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress: see `run.Progress`.
+    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress: told which
+    fraction is done, and the residual.
 
     The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises
     BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-#: Called with the fraction done (0 to 1) and one line of text.
-Progress = Callable[[float, str], None]
+from hfa_model.support.telling import SaidProgress
+
 #: What a law carries from one tick to the next.
 Memory = dict[str, np.ndarray]
 
@@ -45,7 +45,7 @@ class Run:
     history: dict[str, np.ndarray]
 
 
-def run(process: Process, *, progress: Progress | None = None) -> Run:
+def run(process: Process, *, progress: SaidProgress | None = None) -> Run:
     """Run all ticks of a law."""
     memory = process.start()
     rows = [_row(process, 0, memory)]

@@ -30,7 +30,7 @@ class DrawnError(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Outcome(Reported):
+class MonteCarloResult(Reported):
     """Members that held, and that left by the state that left first, the earliest after `first_left` s.
 
     quantiles: quantity -> variable -> `QUANTILES` over those that held; None where none did.
@@ -45,7 +45,7 @@ class Outcome(Reported):
     where: str = ""
 
     @classmethod
-    def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> Outcome:
+    def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> MonteCarloResult:
         """From the members in a store. where: what the report says about where they are."""
         left, flown, factors = store.read("left"), store.read("flown"), store.read("factors")
         held, moving_air = left < 0, plan.scenario.moving_air

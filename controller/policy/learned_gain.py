@@ -11,10 +11,10 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.certify import abscissa, positivity
 from controller.laws.learn import learn
-from controller.laws.run import Progress
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.samples.recording import natural_spread
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.telling import SaidProgress
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
 BASELINE_EFFORT = 100.0
@@ -45,7 +45,9 @@ def baseline_weights(game: Game) -> tuple[float, ...]:
     return tuple(weights.tolist())
 
 
-def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:
+def learned_value(
+    game: Game, law: str, seed: int, progress: SaidProgress | None = None, **settings: Any
+) -> LearningResult:
     """The learning of a law on a game; the integral law starts from the baseline's policy, which is stabilizing.
 
     settings: of the law. Raises NoSolutionError, naming the certificate, when what was learned is not certified.

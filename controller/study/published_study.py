@@ -13,12 +13,13 @@ from controller.game.zero_sum import Game, published_game
 from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.certify import settled_at
 from controller.laws.published_law import PublishedSettings, published_law
-from controller.laws.run import Progress, run
+from controller.laws.run import run
 from controller.samples.recording import random_pool
 from controller.study.study_rows import STUDY, StudyCase
 from hfa_model.jobs.workers import workers
 from hfa_model.published import published_models
 from hfa_model.support.errors import NoSolutionError, refuse_unknown
+from hfa_model.support.telling import SaidProgress
 
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
@@ -114,7 +115,7 @@ def planned_runs(name: str, references: Mapping[float, Reference]) -> tuple[Plan
 
 def published_study(
     rows: tuple[str, ...] | None = None,
-    progress: Progress | None = None,
+    progress: SaidProgress | None = None,
     *,
     known: Callable[[str, Sequence[PlannedRun]], tuple[StudyRun, ...] | None] = lambda name, planned: None,
     keep: Callable[[StudyRow, Sequence[PlannedRun]], None] = lambda row, planned: None,

@@ -24,7 +24,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
 from verification.synthesis.tuning_file import load_tuning, save_design
@@ -79,17 +79,17 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         angles = array_of("--dihedral", arguments.dihedral or value_range("dihedral", _RANGE), _MOST_POINTS)
         controller = design_controller(
-            aircraft, arguments.design, angles, arguments.feedback or "", progress=Progress("design")
+            aircraft, arguments.design, angles, arguments.feedback or "", progress=ProgressLine("design")
         )
         about = {**controller.about, "provenance": provenance().to_dict()}
         controller = replace(controller, about=about)
     report, ok = controller_report(controller), True
     if arguments.corners:
-        checked = check_corners(aircraft, controller, progress=Progress("corners"))
+        checked = check_corners(aircraft, controller, progress=ProgressLine("corners"))
         report, ok = replace(report, parts=(*report.parts, checked.report())), checked.ok
         report = report.with_data(corners=checked.to_dict())
     if arguments.gusts:
-        limits = gust_limits(aircraft, controller, Progress("gusts"))
+        limits = gust_limits(aircraft, controller, ProgressLine("gusts"))
         report = replace(report, parts=(*report.parts, limits.report())).with_data(gusts=limits.to_dict())
     if arguments.output is not None:
         save_controller(arguments.output, controller)
@@ -106,7 +106,7 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
     if target is None or target.suffix.lower() != ".toml":
         raise BadInputError("--tune writes a design; name it with -o FILE.toml")
     record = target.with_name(f"{target.name}.record")
-    found = tune(aircraft, arguments.tune, record, Progress("search"))
+    found = tune(aircraft, arguments.tune, record, ProgressLine("search"))
     report = tuning_report(arguments.tune, found)
     entries = arguments.tune.entries_at(found.best)
     save_design(target, entries | {"description": f"found by a search from {arguments.tune.name}"})
@@ -121,7 +121,7 @@ def _line(arguments: argparse.Namespace, aircraft: Aircraft) -> int:
 
     options.refuse(arguments, ("output",), "belongs to a search; leave it out with --toward, or print --json")
     name, entries = arguments.toward
-    found = design_line(aircraft, arguments.tune, name, entries, Progress("line"))
+    found = design_line(aircraft, arguments.tune, name, entries, ProgressLine("line"))
     draw(arguments.picture, found.figure)
     show(found.report(), arguments, target=None)
     return 0

@@ -14,7 +14,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.law_options import add_controller, add_stored, add_weights, check_learning, controlled
 from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.reporting.text import in_degrees
 from hfa_model.support.errors import BadInputError
 from trim.linear.linear_model import linearize
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     law, scenario = controlled(arguments, aircraft, point, scenario)
     if law is None:
         law = flown_law_of(arguments, linearize(aircraft, point), scenario.tick if arguments.online else None)
-    result = fly(aircraft, point, law, scenario, envelope, progress=Progress("simulate"))
+    result = fly(aircraft, point, law, scenario, envelope, progress=ProgressLine("simulate"))
     checks: tuple[Check, ...] = ()
     if arguments.check:
         from verification.flights.agreement import agreement_checks

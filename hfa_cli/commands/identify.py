@@ -9,7 +9,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import parsed, whole
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit
 
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     target = arguments.output
     named = ("output",) * (target is not None and target.suffix.lower() == PARAMETERS)
     options.refuse_files(arguments, ("write", *named), "a parameters file is in ft, slug, lbf")
-    result = run_identification(arguments.seed, Progress("identify"))
+    result = run_identification(arguments.seed, ProgressLine("identify"))
     if arguments.write is not None:
         save_fit(result.fit, arguments.write / "parameters.toml")
     if target is not None and target.suffix.lower() == PARAMETERS:

@@ -15,7 +15,7 @@ from hfa_cli.options.flight_family import add_flights, family_of, interval_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     options.refuse(arguments, ("start",), "belongs to a single trim; leave it out")
     family = family_of(arguments)
     low, high = interval_of(arguments, family)
-    grid = coarsest_grid(family, low, high, arguments.tolerance, progress=Progress("lpv"))
+    grid = coarsest_grid(family, low, high, arguments.tolerance, progress=ProgressLine("lpv"))
     if arguments.certificate is not None:
         certify(grid, family, arguments.certificate, provenance())
     target = arguments.output

@@ -15,7 +15,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
 from hfa_cli.output import draw, tell
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from trim.linear.linear_model import linearize
 
 _MOST_POINTS = 1000
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
             speeds=speeds,
             dihedrals=dihedrals,
             commands=commands,
-            progress=Progress(f"map, {dynamics}"),
+            progress=ProgressLine(f"map, {dynamics}"),
         )
         found.append(result)
     report = map_report(tuple(found), law.name)

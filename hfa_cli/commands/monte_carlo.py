@@ -44,7 +44,7 @@ from hfa_cli.options.scenario_options import (
 )
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.temporary import temporary_folder
 from trim.linear.linear_model import LinearModel, linearize
@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when every member left its envelope."""
-    from controller.monte_carlo.monte_carlo_report import Outcome
+    from controller.monte_carlo.monte_carlo_report import MonteCarloResult
     from controller.monte_carlo.stored_members import stream_monte_carlo
 
     options.refuse_files(arguments, ("output",), "a store is in ft")
@@ -111,9 +111,9 @@ def run(arguments: argparse.Namespace) -> int:
             folder / "members.zarr" if target is None else target,
             **crew,
             provenance=provenance().to_dict(),
-            progress=Progress("simulate"),
+            progress=ProgressLine("simulate"),
         )
-        outcome = Outcome.of(plan, store, "members not kept" if target is None else f"members in {target}")
+        outcome = MonteCarloResult.of(plan, store, "members not kept" if target is None else f"members in {target}")
     report = outcome.report()
     tell(replace(report, data={**report.data, "store": arguments.output}), [plan.point], arguments, None)
     return 0 if outcome.held else 1

@@ -27,7 +27,7 @@ from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import BadInputError, said_of
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _check(arguments: argparse.Namespace) -> int:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
     # The certificate says which aircraft it is about; the output is not signed with that of the options.
     del arguments.parameters
-    found = checked_report(check_certificate(arguments.check, Progress("check")))
+    found = checked_report(check_certificate(arguments.check, ProgressLine("check")))
     show(found, arguments, target=arguments.output)
     return 0 if found.data["proved"] else 1
 
@@ -128,9 +128,9 @@ def _schedule(arguments: argparse.Namespace) -> int:
         high,
         known=file.known() if arguments.resume else None,
         save=file.save,
-        progress=Progress("prove"),
+        progress=ProgressLine("prove"),
     )
-    motion = prove_rate(family, file.table, low, high, progress=Progress("rate")) if arguments.rate else None
+    motion = prove_rate(family, file.table, low, high, progress=ProgressLine("rate")) if arguments.rate else None
     file.finish(result, motion)
     show(schedule_report(result, motion), arguments, target=None)
     return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1

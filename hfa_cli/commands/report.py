@@ -19,7 +19,7 @@ from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import stated
 from hfa_cli.printing import say
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
 from hfa_model.reporting.report import Report
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         claims=arguments.claims,
         flight=_flight_of(arguments),
         start=arguments.start,
-        progress=Progress("report").say,
+        progress=ProgressLine("report").say,
     )
     report = stated(main_report(job), arguments)
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]

@@ -14,7 +14,7 @@ from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
 from hfa_cli.origin import provenance
 from hfa_cli.printing import say
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.files import write_texts
 from hfa_model.support.jsonable import records_text
 
@@ -51,10 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
     setting = make_setting(section5_configuration(), arguments.matrices)
     folder = arguments.output
     folder.mkdir(exist_ok=True)
-    counters: dict[str, Progress] = {}
+    counters: dict[str, ProgressLine] = {}
 
     def show(section: str, done: int, total: int) -> None:
-        counters.setdefault(section, Progress(f"reproduce {section}"))(done, total)
+        counters.setdefault(section, ProgressLine(f"reproduce {section}"))(done, total)
 
     flight = setting.configuration.flight
     steps = flight.ticks * flight.steps_per_tick

@@ -16,7 +16,7 @@ from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import BadInputError
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -73,10 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
         game=games.weights_of(arguments),
         settings={} if arguments.law == "exact" else law_settings(arguments),
         gains=gains,
-        progress=Progress("certify"),
+        progress=ProgressLine("certify"),
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
-    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=Progress("simulate"))
+    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
     report = schedule_report(result, certified, change, arguments.law if gains is None else f"gain of {arguments.gain}")
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())

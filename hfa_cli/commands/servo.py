@@ -13,7 +13,7 @@ from hfa_cli.options.argument_types import check_folder, number, parsed
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import refuse_unknown
 
 
@@ -43,11 +43,11 @@ def run(arguments: argparse.Namespace) -> int:
     duration = DURATION if arguments.duration is None else arguments.duration
     aircraft = options.aircraft_of(arguments)
     controllers = {path: load_controller(path) for path in arguments.controller or ()}
-    counters: dict[str, Progress] = {}
+    counters: dict[str, ProgressLine] = {}
 
     def show_done(what: str, done: int, total: int) -> None:
         case = what.partition(",")[0]
-        counters.setdefault(case, Progress(f"servo {case}"))(done, total)
+        counters.setdefault(case, ProgressLine(f"servo {case}"))(done, total)
 
     names = CASES if arguments.case == "all" else (arguments.case,)
     results = [

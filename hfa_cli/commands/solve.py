@@ -13,7 +13,7 @@ import numpy as np
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.games import NamedGame, add_game, game_of
 from hfa_cli.output import show
-from hfa_cli.progress import Progress, say_notes
+from hfa_cli.progress import ProgressLine, say_notes
 from verification.meaning.solution_report import AnalysedGame, analyse_game, output_report, solution_report
 from verification.riccati.output_feedback import OutputGame
 from verification.synthesis.gust_cost import estimated_gust_cost, gust_cost
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     named = game_of(arguments)
-    found = analyse_game(named.game, Progress("solve"))
+    found = analyse_game(named.game, ProgressLine("solve"))
     _show(found, named, arguments)
     say_notes(named.warnings)
     return 0

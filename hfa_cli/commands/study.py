@@ -16,7 +16,7 @@ from hfa_cli.options.argument_types import check_folder, check_target, parsed, w
 from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 from hfa_model.support.errors import BadInputError
 
 #: Cases from which starting processes pays.
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         kept["known"] = folder.known
     names = _names(arguments.only)
     processes = arguments.workers or _processes(names)
-    rows = published_study(names, Progress("study").say, processes=processes, **kept)
+    rows = published_study(names, ProgressLine("study").say, processes=processes, **kept)
     show(study_report(rows), arguments, target=target)
     return 0
 

@@ -24,7 +24,7 @@ from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
-from hfa_cli.progress import Progress, say_notes
+from hfa_cli.progress import ProgressLine, say_notes
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import shown_unit
 from hfa_model.support.errors import BadInputError
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         condition=condition,
         start=arguments.start,
         full=arguments.full,
-        progress=Progress("sweep"),
+        progress=ProgressLine("sweep"),
     )
     notes = []
     failed = next((dict(zip(axes, result.values[i], strict=True)) for i in np.flatnonzero(~result.trimmed)), None)
@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.game:
         from verification.meaning.game_sweep import sweep_games, with_games
 
-        games = sweep_games(result, Progress("games"), **weights_of(arguments))
+        games = sweep_games(result, ProgressLine("games"), **weights_of(arguments))
     report = result.report()
     report = replace(report, notes=[*report.notes, *notes])
     _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
@@ -151,7 +151,7 @@ def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
         arguments.output,
         **crew,
         provenance=provenance().to_dict(),
-        progress=Progress("sweep"),
+        progress=ProgressLine("sweep"),
     )
     report = stored_sweep_report(plan, store, arguments.output)
     _show(report, arguments, None)

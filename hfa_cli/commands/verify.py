@@ -19,7 +19,7 @@ from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.options.learning_options import add_learning
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import draw, show
-from hfa_cli.progress import Progress, say_notes
+from hfa_cli.progress import ProgressLine, say_notes
 from hfa_model.support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
 from verification.critic.check_figure import check_figure
@@ -89,6 +89,6 @@ def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     with said_of(path):
         if isinstance(found, History):
-            told = Progress("compare")
+            told = ProgressLine("compare")
             return check_history(game, found, predefined_time=time, progress=told, **options_of_all)
         return check_critic(game, from_stored(game, found, functions), **options_of_all)

@@ -16,7 +16,7 @@ from hfa_model.reporting.data_files import SUFFIXES
 from hfa_model.support.errors import BadInputError, shortened
 from hfa_model.vectors import UNITS
 
-Value = TypeVar("Value")
+Parsed = TypeVar("Parsed")
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
 
@@ -113,10 +113,10 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
     return convert
 
 
-def parsed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
+def parsed(parse: Callable[[str], Parsed]) -> Callable[[str], Parsed]:
     """The type of what a function makes of a word; its BadInputError is the reason."""
 
-    def convert(text: str) -> Value:
+    def convert(text: str) -> Parsed:
         try:
             return parse(text)
         except BadInputError as error:

@@ -18,6 +18,7 @@ import numpy as np
 from hfa_model.jobs.layout import Layout
 from hfa_model.jobs.store import Store, create_store, open_store, store_in_sight
 from hfa_model.jobs.workers import Task, workers
+from hfa_model.support.telling import Progress
 
 
 class Job(Protocol):
@@ -43,7 +44,7 @@ def stream(
     scheduler: str | None = None,
     resume: bool = False,
     provenance: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Store:
     """Compute every row of the job that the store at `path` does not hold yet.
 

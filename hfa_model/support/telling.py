@@ -8,6 +8,10 @@ from typing import TypeVar
 Item = TypeVar("Item")
 #: Told how many of how many are done.
 Progress = Callable[[int, int], None]
+#: Told of what how many of how many are done.
+NamedProgress = Callable[[str, int, int], None]
+#: Told which fraction is done, and what is at work.
+SaidProgress = Callable[[float, str], None]
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:

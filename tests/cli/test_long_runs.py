@@ -6,7 +6,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_cli import progress
-from hfa_cli.progress import Progress
+from hfa_cli.progress import ProgressLine
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def test_what_takes_more_than_a_minute_is_announced_once(
 ) -> None:
     clock = iter(range(0, 1000, 2))
     monkeypatch.setattr(progress.time, "monotonic", lambda: float(next(clock)))
-    long, short = Progress("fly"), Progress("fly")
+    long, short = ProgressLine("fly"), ProgressLine("fly")
     for done in range(1, 10):
         long(done, 183)
     assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"

@@ -25,7 +25,7 @@ def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pyte
     words = ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "rows")
     names = ["theorem gains, explicit", "learning alone, frozen, implicit"]
     with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.progress.Progress.say", stop)
+        patched.setattr("hfa_cli.progress.ProgressLine.say", stop)
         assert hfa(*words, err=Terminal()).code == INTERRUPTED
     assert [path.name for path in Path("rows").iterdir()] == ["theorem-gains-explicit.json"]
     kept = json.loads(

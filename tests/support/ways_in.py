@@ -40,7 +40,7 @@ _SEARCH = (
 )
 _CHUNK = "hfa_model.jobs.stream.run_and_write"
 _POINTS = (_CHUNK, "trim.sweeps.stored_sweep.stored_sweep_report")
-_FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.Outcome.of")
+_FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.MonteCarloResult.of")
 #: What takes minutes with one word less, on all processors: of one input in a thousand.
 _MINUTES = (
     "hfa_cli.commands.study.published_study",

@@ -10,6 +10,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import save_parameters
 from hfa_model.published import published_models
+from hfa_model.support.telling import Progress
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
 from trim.identification.identification_result import IDENTIFIED, Fit, Identification, LeftOut, Structure
@@ -33,7 +34,7 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 )
 
 
-def run_identification(seed: int = 0, progress: Callable[[int, int], None] | None = None) -> Identification:
+def run_identification(seed: int = 0, progress: Progress | None = None) -> Identification:
     """Identify, then collect the evidence; a few seconds. progress: called with (stages done, stages in all)."""
     stages = len(ALTERNATIVES) + 2
 

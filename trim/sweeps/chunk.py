@@ -11,6 +11,7 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.telling import Progress
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES
 from trim.linear.linear_model import linearize
@@ -49,7 +50,7 @@ def run_chunk(
     compile_code: bool | None = None,
     condition: NamedCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Chunk:
     """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
 

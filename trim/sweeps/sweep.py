@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import VARIABLES, TrimCondition
@@ -28,7 +29,7 @@ def sweep(
     condition: TrimCondition | NamedCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
     full: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Sweep:
     """Trim and linearize at every point of the product of the given values.
 
@@ -91,9 +92,7 @@ def _axes(grid: Mapping[str, Sequence[float] | np.ndarray], condition: NamedCond
     return axes
 
 
-def _reasons(
-    chunk: Chunk, beyond: Callable[[int], str], progress: Callable[[int, int], None] | None
-) -> tuple[str, ...]:
+def _reasons(chunk: Chunk, beyond: Callable[[int], str], progress: Progress | None) -> tuple[str, ...]:
     """Why each point has no trim, "" where it has one."""
     total, slow = len(chunk.status), np.flatnonzero(chunk.status == BEYOND_LIMITS).tolist()
     reasons = [chunk.failures.get(index, "") for index in range(total)]

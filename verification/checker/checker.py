@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache, reduce
 from itertools import chain, pairwise, zip_longest
 from pathlib import Path
@@ -22,6 +22,7 @@ from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.files import read_json
+from hfa_model.support.telling import Progress
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, STATES
 from verification.arithmetic.ball_function import BallFunction
@@ -66,7 +67,7 @@ def sealed(head: str, origin: str) -> str:
     return f'{whole}, "checksum": "{hashlib.sha256(whole.encode()).hexdigest()}"}}\n'
 
 
-def check_certificate(path: Path, progress: Callable[[int, int], None] | None = None) -> Verified:
+def check_certificate(path: Path, progress: Progress | None = None) -> Verified:
     """BadInputError when the file is none or was edited; Rejected names the first box that fails."""
     ctx.prec, where, covers, done = 256, "the statement", {}, 0
     try:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification.experiments.experiment_flights import FlightRecord
-from verification.experiments.panels import COMMAND, LOST, Line, Panel
+from verification.experiments.panels import COMMAND, LOST, Line, PlotPanel
 
 #: Below this a logarithmic axis shows nothing: rounding.
 FLOOR = 1e-16
@@ -24,13 +24,13 @@ def label_of(record: FlightRecord, by: str) -> str:
     return name if record.held else f"{name}{LOST}{record.lost_at:.2g} s)"
 
 
-def state_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+def state_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> PlotPanel:
     """A state as a deviation from its trim, with its command."""
     row = LINEAR_STATES.index(state)
     lines = [Line(label_of(record, by), record.times, record.states[:, row]) for record in records]
     longest = max(records, key=lambda record: len(record.times))
     lines.append(Line(COMMAND, longest.times, longest.commands[:, row]))
-    return Panel(
+    return PlotPanel(
         title,
         _labelled(f"{_SYMBOLS[state]} - trim", getattr(STATE_UNITS, state)),
         tuple(lines),
@@ -38,29 +38,29 @@ def state_panel(title: str, state: str, records: Sequence[FlightRecord], by: str
     )
 
 
-def error_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+def error_panel(title: str, state: str, records: Sequence[FlightRecord], by: str, T_w: float) -> PlotPanel:
     """A tracking error z_i."""
     row = LINEAR_STATES.index(state)
     lines = tuple(Line(label_of(record, by), record.times, record.errors[:, row]) for record in records)
     label = _labelled(f"z{row + 1} = {_SYMBOLS[state]} error", getattr(STATE_UNITS, state))
-    return Panel(title, label, lines, marked=_mark(T_w, records))
+    return PlotPanel(title, label, lines, marked=_mark(T_w, records))
 
 
 def beside(
-    panel: Callable[..., Panel],
+    panel: Callable[..., PlotPanel],
     titles: Sequence[str],
     groups: Sequence[Sequence[FlightRecord]],
     by: str,
     T_w: float,
     *what: str,
-) -> tuple[Panel, ...]:
+) -> tuple[PlotPanel, ...]:
     """A panel for each group of flights, side by side; what: the state, where the panel shows one."""
     return tuple(panel(title, *what, group, by, T_w) for title, group in zip(titles, groups, strict=True))
 
 
 def input_panels(
     titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]], by: str, T_w: float
-) -> tuple[Panel, ...]:
+) -> tuple[PlotPanel, ...]:
     """The five inputs as deviations from trim: one row an input, one column a group of flights."""
     panels = []
     for row, name in enumerate(INPUTS):
@@ -70,20 +70,20 @@ def input_panels(
             label, marked = _labelled(name, unit), _mark(T_w, records)
             # The first instants are tens of times larger than the rest.
             limits = tuple(records[0].limits[:, row].tolist())
-            panels.append(Panel(title if row == 0 else "", label, lines, "asinh", marked, 0.1, limits))
+            panels.append(PlotPanel(title if row == 0 else "", label, lines, "asinh", marked, 0.1, limits))
     return tuple(panels)
 
 
-def weights_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
+def weights_panel(title: str, record: FlightRecord, T_w: float) -> PlotPanel:
     """The weights of the critic, in the units of the model (cost, ft/s, rad): the largest by name."""
     label = "weights W, of z in ft/s, rad"
-    return Panel(title, label, _named_lines(record, record.times, _weights(record)), "asinh", _mark(T_w))
+    return PlotPanel(title, label, _named_lines(record, record.times, _weights(record)), "asinh", _mark(T_w))
 
 
-def increments_panel(title: str, record: FlightRecord, T_w: float) -> Panel:
+def increments_panel(title: str, record: FlightRecord, T_w: float) -> PlotPanel:
     """Increments W(t + tick) - W(t), of the weights that `weights_panel` names too."""
     lines = _named_lines(record, record.times[:-1], np.diff(_weights(record), axis=0))
-    return Panel(title, "increments of W in a tick", lines, "asinh", _mark(T_w))
+    return PlotPanel(title, "increments of W in a tick", lines, "asinh", _mark(T_w))
 
 
 def _weights(record: FlightRecord) -> np.ndarray:
@@ -107,13 +107,13 @@ def _monomial(exponents: np.ndarray) -> str:
     return " ".join(f"z{i + 1}" + (f"^{power}" if power > 1 else "") for i, power in enumerate(exponents) if power)
 
 
-def residual_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+def residual_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> PlotPanel:
     """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
     lines = tuple(Line(label_of(one, by), one.times, np.maximum(np.abs(one.residual), FLOOR)) for one in records)
-    return Panel(title, "|Bellman residual|, cost / s", lines, "log", _mark(T_w))
+    return PlotPanel(title, "|Bellman residual|, cost / s", lines, "log", _mark(T_w))
 
 
-def update_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> Panel:
+def update_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: float) -> PlotPanel:
     """|W(t + tick) - W(t)| / tick over |W| at the end: the relative speed of learning, 1/s."""
     lines = []
     for record in records:
@@ -123,7 +123,7 @@ def update_panel(title: str, records: Sequence[FlightRecord], by: str, T_w: floa
         final = float(np.linalg.norm(record.critic.weights[-1]))
         speed = np.where(size > 0.0, size / steps / final, np.nan)  # a logarithmic axis has no place for rest
         lines.append(Line(label_of(record, by), record.times[:-1], speed))
-    return Panel(title, "|W'| / |W(end)|, 1/s", tuple(lines), "log", _mark(T_w))
+    return PlotPanel(title, "|W'| / |W(end)|, 1/s", tuple(lines), "log", _mark(T_w))
 
 
 def _labelled(name: str, unit: str) -> str:

@@ -65,7 +65,7 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
+class PlotPanel:
     """One pair of axes. y_label with its unit; scale: "linear", "log" or "asinh"; marked: times of vertical lines.
 
     linear_part: the part of the largest value below which an "asinh" axis is linear, rounded to a power of ten.
@@ -88,7 +88,7 @@ class PaperFigure:
     number: int
     title: str
     columns: int
-    panels: tuple[Panel, ...]
+    panels: tuple[PlotPanel, ...]
 
     def __str__(self) -> str:
         """Number and title."""
@@ -131,7 +131,7 @@ def draw(picture: PaperFigure) -> Figure:
     return figure
 
 
-def _draw_panel(axes: Axes, panel: Panel) -> None:
+def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
     if panel.scale == "asinh":
         _scale_by_asinh(axes, panel)
     else:
@@ -182,7 +182,7 @@ def _draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
             axes.plot(line.x, line.y, label=line.label, **style)
 
 
-def _scale_by_asinh(axes: Axes, panel: Panel) -> None:
+def _scale_by_asinh(axes: Axes, panel: PlotPanel) -> None:
     """Linear near 0, logarithmic beyond a power of ten; marked at 0 and at the powers of ten from there on."""
     largest = max((float(np.nanmax(np.abs(line.y), initial=0.0)) for line in panel.lines), default=0.0)
     if largest == 0.0:
@@ -205,6 +205,6 @@ def _marked_as(place: float) -> str:
     return f"${place / 10.0**power:.0f}\\cdot10^{{{power}}}$".replace("1\\cdot", "")
 
 
-def _reaches(panel: Panel, place: float) -> bool:
+def _reaches(panel: PlotPanel, place: float) -> bool:
     """Whether a line comes up to a place on the axis, or nearly."""
     return any(bool(np.any(line.y / place >= 0.7)) for line in panel.lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from hfa_model.jobs.workers import workers
 from hfa_model.provenance import Provenance
 from hfa_model.support.errors import refuse_unknown
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.telling import NamedProgress
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment_flights import FlightRecord, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
@@ -22,9 +23,6 @@ ALL = "all"
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
 _OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
 
-#: Called with what is simulated, and how many flights of how many are done.
-Progress = Callable[[str, int, int], None]
-
 
 def experiments(name: str) -> tuple[Experiment, ...]:
     """The experiment of a section, or all of them. Raises BadInputError for another name."""
@@ -35,7 +33,7 @@ def experiments(name: str) -> tuple[Experiment, ...]:
 
 
 def run_experiment(
-    experiment: Experiment, setting: Setting, progress: Progress | None = None, processes: int = 1
+    experiment: Experiment, setting: Setting, progress: NamedProgress | None = None, processes: int = 1
 ) -> Outcome:
     """Simulate every flight and check every claim. processes: that share the flights."""
     plans = experiment.flights(setting)
@@ -58,7 +56,7 @@ def reproduce(
     origin: Provenance,
     *,
     resume: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
     processes: int = 1,
 ) -> dict[str, Any]:
     """Run experiments into folder/section each, and return the table of their claims.

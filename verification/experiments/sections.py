@@ -22,12 +22,12 @@ from verification.experiments.flown_laws import (
 )
 from verification.experiments.measures import FLIGHTS
 from verification.experiments.metrics import TRACKED
-from verification.experiments.panels import Panel, PaperFigure
+from verification.experiments.panels import PaperFigure, PlotPanel
 from verification.experiments.setting import CASE_I, CASE_II, Setting
 
 Flights = Mapping[FlightPlan, FlightRecord]
 #: What a figure shows, how many columns it has, and its panels.
-Drawn = tuple[str, int, tuple[Panel, ...]]
+Drawn = tuple[str, int, tuple[PlotPanel, ...]]
 
 _TITLES = ("Case I, 15 deg", "Case II, 5 deg")
 #: Whose learning is drawn.

@@ -12,6 +12,7 @@ from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
 from hfa_model.aircraft import Aircraft
 from hfa_model.support.errors import BadInputError
+from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
 from verification.flights.recoverable_map import Edge, RecoverableMap
@@ -36,7 +37,7 @@ def recoverable_map(
     speeds: np.ndarray,
     dihedrals: np.ndarray,
     commands: np.ndarray,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> RecoverableMap:
     """Fly u = -K z from every start and to every command on the nonlinear aircraft and on its linear model.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from hfa_model.parameters import ParameterSet
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.reporting.text import angle_text, in_degrees
 from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.telling import SaidProgress
 from hfa_model.variants import variant_named
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
@@ -34,9 +35,6 @@ SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: A page with more would be too large to file (3 MB of data), or take minutes.
 MOST_SWEPT, MOST_ASKED = 151, 20
-
-#: Told which fraction of the work is done, and what is at work.
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ def main_job(
     claims: StoredClaims | None = None,
     flight: NamedCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
-    progress: Progress = lambda fraction, what: None,
+    progress: SaidProgress = lambda fraction, what: None,
 ) -> MainJob:
     """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
 

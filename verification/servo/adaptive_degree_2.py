@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from verification.servo.adaptive_parts import Memory, Part
+from verification.servo.adaptive_parts import MemoryParts, Part
 from verification.servo.adaptive_policy import AdaptivePolicy
 from verification.servo.reference_model import ALPHAS
 
@@ -29,7 +29,7 @@ class AdaptiveDegree2(AdaptivePolicy):
     (Thomsen, SimVFA, 2018).
     """
 
-    def law(self, memory: Memory, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
         """See the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         integrals, model, r = memory.take(_M), memory.take(_N), command[0]

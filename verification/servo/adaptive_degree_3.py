@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from verification.servo.adaptive_parts import A0, A1, A2, Filter, Memory, Tuner, operated, product_rate
+from verification.servo.adaptive_parts import A0, A1, A2, Filter, MemoryParts, Tuner, operated, product_rate
 from verification.servo.adaptive_policy import AdaptivePolicy
 
 #: Adaptation rates: of states, of the effectiveness, of the reference model's own inputs.
@@ -29,7 +29,7 @@ class AdaptiveDegree3(AdaptivePolicy):
     regressors and rates as in the simulation released with them.
     """
 
-    def law(self, memory: Memory, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
         """See the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         (r, r_rate), one = command, np.eye(_M)
@@ -61,7 +61,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         return u - ca.mtimes((A2 * psi_1[2] + A1 * psi_1[1]).T, drift.now)
 
     @staticmethod
-    def _of_errors(memory: Memory, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def _of_errors(memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]) -> ca.SX:
         """F_e."""
         bar, bar_12 = Filter(memory, _Y).drive(scaled), Filter(memory, _Y)
         psi_4, psi_5 = Tuner(memory, _Y, _Y), Tuner(memory, _Y, _Y)
@@ -74,7 +74,7 @@ class AdaptiveDegree3(AdaptivePolicy):
 
     @staticmethod
     def _of_drift(
-        memory: Memory, psi_1: Sequence[ca.SX], drift: Sequence[ca.SX], error: ca.SX, path: tuple[ca.SX, ca.SX]
+        memory: MemoryParts, psi_1: Sequence[ca.SX], drift: Sequence[ca.SX], error: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
         """F_ε."""
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()

@@ -23,7 +23,7 @@ class Part(NamedTuple):
     now: ca.SX
 
 
-class Memory:
+class MemoryParts:
     """The memory in parts, each with its start and its rate. memory: None to find out the starts alone."""
 
     def __init__(self, memory: ca.SX | None = None) -> None:
@@ -57,7 +57,7 @@ class Memory:
 class Filter:
     """α2 ξ'' + α1 ξ' + α0 ξ = x."""
 
-    def __init__(self, memory: Memory, size: int) -> None:
+    def __init__(self, memory: MemoryParts, size: int) -> None:
         self._memory, self._parts = memory, (memory.take(size), memory.take(size))
 
     @property
@@ -89,7 +89,7 @@ class Filter:
 class Tuner:
     """Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e',  g = 1 + μ ν'ν of the regressor ν."""
 
-    def __init__(self, memory: Memory, rows: int, columns: int, start: np.ndarray | None = None) -> None:
+    def __init__(self, memory: MemoryParts, rows: int, columns: int, start: np.ndarray | None = None) -> None:
         begun = None if start is None else start / A0
         self._memory = memory
         self._goal, self._X = memory.take(rows, columns, start), memory.take(rows, columns, begun)

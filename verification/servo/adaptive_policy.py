@@ -21,7 +21,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from trim.linear.linear_model import level_model
 from trim.point.operating_point import OperatingPoint
-from verification.servo.adaptive_parts import Memory
+from verification.servo.adaptive_parts import MemoryParts
 from verification.servo.reference_model import RATE, REGULATED, ReferenceModel, reference_model
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
@@ -44,7 +44,7 @@ class AdaptivePolicy(Unvaried, ABC):
     inputs: tuple[str, ...]
 
     @abstractmethod
-    def law(self, memory: Memory, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
         """Take the parts of the memory and set their rates; u, (m,).
 
         tables: A, B, K, L, S, R⁻¹ and the squared-up B. command: r and r'.
@@ -58,7 +58,7 @@ class AdaptivePolicy(Unvaried, ABC):
     @cached_property
     def start(self) -> np.ndarray:
         """The nominal parameters, everything else 0."""
-        memory, nothing = Memory(), ca.SX.zeros(len(self.inputs))
+        memory, nothing = MemoryParts(), ca.SX.zeros(len(self.inputs))
         self.law(memory, self._table.at(ca.SX(self.dihedral)), ca.SX.zeros(len(self.outputs.names)), (nothing, nothing))
         return memory.start
 
@@ -72,7 +72,7 @@ class AdaptivePolicy(Unvaried, ABC):
         return self._flown(t, seen, memory)[1]
 
     def _flown(self, t: ca.SX, seen: Seen, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        parts, command = Memory(memory), (self.commands.at(t), self.commands.rate(t))
+        parts, command = MemoryParts(memory), (self.commands.at(t), self.commands.rate(t))
         tables = self._table.at(self.dihedral + seen.states[_DIHEDRAL])
         u = self.law(parts, tables, self.outputs.at(seen), command)
         return u, parts.rate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
-from controller.flight.envelope import flight_envelope
+from controller.flight.envelope import flight_envelope, share_of_way
 from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
@@ -24,15 +24,14 @@ from hfa_model.reporting.report import Report
 from hfa_model.reporting.unit_system import english, system_in_force
 from hfa_model.support.files import write_text
 from hfa_model.support.jsonable import records_text
+from hfa_model.support.telling import NamedProgress
 from hfa_model.units_of_data import in_units_in_force
 from trim.point.condition import CONTROL_LIMITS, level_flight
 from trim.point.solve import find_operating_point
 from verification.servo.cases import CASES, DURATION, TRIM_DEG, Start, laws_of, scenario_of, simvfa_commands
-from verification.servo.servo_result import ServoFlight, servo_figure, share_of_way
+from verification.servo.servo_result import ServoFlight, servo_figure
 
 SCHEMA = "hfa.servo/1"
-#: Told what is flown, and how many flights of how many are done.
-Progress = Callable[[str, int, int], None]
 
 
 def fly_case(
@@ -40,7 +39,7 @@ def fly_case(
     name: str,
     controllers: Mapping[str, ScheduledController],
     duration: float = DURATION,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
     only: Sequence[str] = (),
 ) -> tuple[ServoFlight, ...]:
     """Every law, or those named in `only`, through the commands and the fault of a case of `CASES`."""
@@ -93,7 +92,7 @@ def run_case(
     *,
     duration: float = DURATION,
     resume: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
     only: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The result of a case, in FOLDER/CASE.json in the units in force, with its figure beside it.

@@ -58,15 +58,6 @@ class ServoFlight:
         }
 
 
-def share_of_way(values: np.ndarray, trim: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """max over i of (v_i - trim_i) / (limit_i - trim_i), towards whichever limit v_i lies, (N,).
-
-    values (N, k), trim (k,), limits (k, 2), lowest and highest.
-    """
-    away = values - trim
-    return np.asarray((away[:, :, None] / (limits - trim[:, None])).max(axis=(1, 2)))
-
-
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
     """Each commanded output with its command; what every law misses; how near it comes to limits and envelope.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +12,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.figure import new_figure
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
+from hfa_model.support.telling import Progress, told
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.moving_air import LARGEST
 from verification.synthesis.tuning import Evaluation, Tuning
@@ -112,14 +113,12 @@ def design_line(
     tuning: Tuning,
     toward: str,
     entries: Mapping[str, Any],
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> DesignLine:
     """entries: of the design file named `toward`. The flights, gusts and corners are those of the search."""
     evaluation, points = DesignEvaluation(aircraft, tuning), []
-    for number, share in enumerate(SHARES, 1):
+    for share in told(SHARES, progress):
         design = between(tuning.start, entries, share)
         found = evaluation.of(design)
         points.append(OnTheLine(share, found, evaluation.held(design) if found.errors else ()))
-        if progress is not None:
-            progress(number, len(SHARES))
     return DesignLine(tuning, toward, tuple(points))

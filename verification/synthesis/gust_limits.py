@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,13 +14,15 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.errors import NoSolutionError
-from trim.linear.linear_model import level_model
+from hfa_model.support.telling import Progress, told
+from trim.linear.linear_model import LinearModel, level_model
 from verification.flights.best_inputs import best_inputs
 from verification.synthesis.moving_air import LARGEST, gust_held
 from verification.synthesis.tuning import InGust
 
 #: ft: of the gusts.
 LENGTH = 400.0
+_ACTUATOR = Actuator()
 
 
 class GustLimit(NamedTuple):
@@ -60,24 +61,23 @@ class GustLimits(Reported):
         return {"length": LENGTH, "limits": [each._asdict() for each in self.limits]}
 
 
-def gust_limits(
-    aircraft: Aircraft, controller: ScheduledController, progress: Callable[[int, int], None] | None = None
-) -> GustLimits:
+def gust_limits(aircraft: Aircraft, controller: ScheduledController, progress: Progress | None = None) -> GustLimits:
     """Flown on the nonlinear aircraft. BadInputError when the controller is for another aircraft."""
-    acting, found = Actuator(), []
     ends = sorted({float(controller.dihedrals[0]), float(controller.dihedrals[-1])})
     controller.refuse_other(aircraft, ends[0], ends[-1])
-    for dihedral in ends:
-        model = level_model(aircraft, dihedral)
-        point, envelope = model.point, flight_envelope(aircraft.parameters, model.point)
-        for sign in (1.0, -1.0):
-            held = gust_held(aircraft, model, controller, InGust(dihedral, acting, LENGTH, sign))
-            try:
-                plant, names = NonlinearPlant(aircraft, point), controller.inputs
-                best = best_inputs(plant, envelope, names, LENGTH, sign, acting.bandwidth).peak
-            except NoSolutionError:
-                best = math.nan
-            found.append(GustLimit(dihedral, math.copysign(held, sign), best))
-            if progress is not None:
-                progress(len(found), 2 * len(ends))
-    return GustLimits(controller, acting, tuple(found))
+    models = [level_model(aircraft, dihedral) for dihedral in ends]
+    ways = [(model, sign) for model in models for sign in (1.0, -1.0)]
+    limits = tuple(_limit(aircraft, controller, *way) for way in told(ways, progress))
+    return GustLimits(controller, _ACTUATOR, limits)
+
+
+def _limit(aircraft: Aircraft, controller: ScheduledController, model: LinearModel, sign: float) -> GustLimit:
+    """At the angle of a linear model, upward or downward."""
+    dihedral = model.point.states.dihedral
+    held = gust_held(aircraft, model, controller, InGust(dihedral, _ACTUATOR, LENGTH, sign))
+    plant, envelope = NonlinearPlant(aircraft, model.point), flight_envelope(aircraft.parameters, model.point)
+    try:
+        best = best_inputs(plant, envelope, controller.inputs, LENGTH, sign, _ACTUATOR.bandwidth).peak
+    except NoSolutionError:
+        best = math.nan
+    return GustLimit(dihedral, math.copysign(held, sign), best)

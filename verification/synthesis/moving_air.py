@@ -10,7 +10,7 @@ from controller.design.design import Actuator
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.envelope import angles_of_attack, flight_envelope
+from controller.flight.envelope import angles_of_attack, flight_envelope, share_of_way
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario
@@ -74,8 +74,7 @@ def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledCont
     X0 = np.array(point.states)
     states = flown.flight.states + X0
     states[:, STATES.index("alpha")] = angles_of_attack(states, flown.flight.updrafts)
-    moved, lowest, highest = states - X0, np.array(envelope.lowest) - X0, np.array(envelope.highest) - X0
-    return float(np.where(moved > 0.0, moved / highest, moved / lowest).max())
+    return float(share_of_way(states, X0, np.array([envelope.lowest, envelope.highest]).T).max())
 
 
 def gust_held(aircraft: Aircraft, model: LinearModel, controller: ScheduledController, gust: InGust) -> float:

@@ -22,7 +22,7 @@ class Variable(NamedTuple):
     high: float
 
 
-class Case(NamedTuple):
+class InCommands(NamedTuple):
     """One linear flight: dihedral rad, the actuator of every input, commands (K, q) held for `each` s."""
 
     dihedral: float
@@ -70,7 +70,7 @@ class Tuning:
     name: str
     start: Mapping[str, Any]
     variables: tuple[Variable, ...]
-    cases: tuple[Case, ...]
+    cases: tuple[InCommands, ...]
     objective: Mapping[str, float]
     angles: tuple[float, ...]
     abscissa: float

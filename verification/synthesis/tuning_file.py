@@ -14,7 +14,7 @@ from controller.design.design_file import design_of, read_design
 from hfa_model.support.errors import BadInputError, refuse_unknown, said_of, shown
 from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
 from hfa_model.variants import VARIANTS
-from verification.synthesis.tuning import Case, InGust, InTurbulence, Tuning, Variable
+from verification.synthesis.tuning import InCommands, InGust, InTurbulence, Tuning, Variable
 
 _SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest", "dynamics", "power")
 _KEYS = (*_SETTINGS, "variables", "objective", "cases", "turbulence", "gusts")
@@ -116,7 +116,7 @@ def _variable(where: str, name: str, table: Any) -> Variable:
     return Variable(name, entries, low, high)
 
 
-def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> Case:
+def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> InCommands:
     name = f"cases {number}"
     _known(where, name, table, _CASE)
     ends = table_of(where, table, "ends")
@@ -126,7 +126,7 @@ def _case(where: str, number: int, table: Any, outputs: tuple[str, ...]) -> Case
     if len({len(each) for each in steps}) != 1 or not steps[0]:
         raise BadInputError(f"{where}: {name}: the lists of ends differ in length; give as many steps to each")
     each = _number(where, table, "each", 70.0, positive=True)
-    return Case(*_place(where, name, table), each, np.array(steps).T)
+    return InCommands(*_place(where, name, table), each, np.array(steps).T)
 
 
 def _turbulence(where: str, name: str, table: Any, states: tuple[str, ...]) -> InTurbulence:

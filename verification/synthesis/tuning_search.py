@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from hfa_model.jobs.finished import stamp
 from hfa_model.provenance import parameter_hash
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import regular_file, write_text
+from hfa_model.support.telling import Progress
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 
@@ -28,7 +29,7 @@ FIRST, LARGEST, SMALLEST, AGAIN = 0.5, 1.5, 0.015, 0.25
 GROW, SHRINK = 1.3, 0.97
 
 
-def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Callable[[int, int], None] | None = None) -> Tuned:
+def tune(aircraft: Aircraft, tuning: Tuning, record: Path, progress: Progress | None = None) -> Tuned:
     """A (1 + 1) evolution strategy: l + σ m z from the best logarithms l so far, m of 0 and 1, z normal.
 
     The better of two designs is all that it asks for, so that an evaluation ends where it is known to be the worse one.

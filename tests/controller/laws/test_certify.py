@@ -13,8 +13,8 @@ from controller.game.learning_result import Excitation
 from controller.laws.certify import (
     RESIDUAL_LIMIT,
     certificates,
-    newton_correction,
     positivity,
+    relative_correction,
     relative_residual,
     settled_at,
 )
@@ -67,7 +67,7 @@ def test_small_errors_of_P_are_seen_and_sized(name: str) -> None:
     error = 1e-7 * (error + error.T) * np.linalg.norm(exact.P) / np.linalg.norm(error)
     assert "next Newton correction over |P|" in failures(game, QUADRATIC.weights(exact.P + error))
     relative = np.linalg.norm(error) / np.linalg.norm(exact.P)
-    assert newton_correction(game, exact.P + error, np.ones(6)) == pytest.approx(relative, rel=0.01)
+    assert relative_correction(game, exact.P + error, np.ones(6)) == pytest.approx(relative, rel=0.01)
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -112,7 +112,7 @@ def test_weights_beyond_the_quadratic_ones_fail() -> None:
 
 def test_singular_closed_loop_has_no_correction() -> None:
     game = Game(A=[[1.0]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf)
-    assert newton_correction(game, np.array([[1.0]]), np.ones(1)) == np.inf
+    assert relative_correction(game, np.array([[1.0]]), np.ones(1)) == np.inf
 
 
 def test_relations_are_what_they_say() -> None:

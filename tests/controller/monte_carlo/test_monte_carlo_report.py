@@ -10,12 +10,12 @@ import pytest
 from member_plans import EVERYTHING, with_scenario
 
 from controller import MonteCarlo, gain_law, stream_monte_carlo
-from controller.monte_carlo.monte_carlo_report import Outcome
+from controller.monte_carlo.monte_carlo_report import MonteCarloResult
 
 
 def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:
     lost = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
-    report = Outcome.of(lost, stream_monte_carlo(lost, tmp_path / "a.zarr")).report()
+    report = MonteCarloResult.of(lost, stream_monte_carlo(lost, tmp_path / "a.zarr")).report()
     data = report.data
     assert "held their envelope: 0 of 1\nleft it, by the state that left first: pitch_rate 1" in report.text()
     assert data["held"] == 0
@@ -29,6 +29,6 @@ def test_deviations_are_shown_where_the_air_moves(
     plan: MonteCarlo, tmp_path: Path, turbulence: tuple[float, ...] | None
 ) -> None:
     few = replace(with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=turbulence)), members=2)
-    text = Outcome.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
+    text = MonteCarloResult.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
     assert ("peak deviation" in text) == (turbulence is not None)
     assert "rms error dihedral" in text

@@ -11,7 +11,7 @@ from experiment_configurations import BRIEF, COARSE, changed
 from hfa_model.reporting.figure import png_bytes
 from verification import make_setting
 from verification.experiments.flown_laws import CERTIFIED, MODIFIED, PRINTED
-from verification.experiments.panels import COMMAND, LOST, Line, Panel, PaperFigure, draw
+from verification.experiments.panels import COMMAND, LOST, Line, PaperFigure, PlotPanel, draw
 from verification.experiments.reproduction import EXPERIMENTS, run_experiment
 from verification.experiments.sections import Outcome
 
@@ -29,12 +29,12 @@ def noise() -> Outcome:
     return run_experiment(EXPERIMENTS["5.4"], make_setting(changed(COARSE, BRIEF)))
 
 
-def picture_of(*panels: Panel) -> PaperFigure:
+def picture_of(*panels: PlotPanel) -> PaperFigure:
     return PaperFigure(3, "Title", 2, panels)
 
 
 def test_what_is_drawn_is_what_is_stored() -> None:
-    panel = Panel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),))
+    panel = PlotPanel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),))
     picture = picture_of(panel, panel)
     axes = draw(picture).axes[0]
     drawn = {line.get_label(): line for line in axes.get_lines()}
@@ -46,7 +46,7 @@ def test_what_is_drawn_is_what_is_stored() -> None:
 
 
 def test_lines_differ_without_color() -> None:
-    axes = draw(picture_of(Panel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),)))).axes[0]
+    axes = draw(picture_of(PlotPanel("left", "speed, ft/s", LINES, marked=((10.0, "T_w"),)))).axes[0]
     drawn = {line.get_label(): line for line in axes.get_lines()}
     assert drawn[COMMAND].get_linestyle() == "--"
     assert drawn[CERTIFIED].get_linestyle() == "-"
@@ -55,7 +55,7 @@ def test_lines_differ_without_color() -> None:
 
 
 def test_axes_are_named_and_the_legend_names_every_law() -> None:
-    figure = draw(picture_of(Panel("left", "speed, ft/s", LINES), Panel("right", "alpha, rad", LINES)))
+    figure = draw(picture_of(PlotPanel("left", "speed, ft/s", LINES), PlotPanel("right", "alpha, rad", LINES)))
     assert [axes.get_ylabel() for axes in figure.axes] == ["speed, ft/s", "alpha, rad"]
     assert [axes.get_xlabel() for axes in figure.axes] == ["time, s", "time, s"]
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {line.label for line in LINES}
@@ -64,14 +64,16 @@ def test_axes_are_named_and_the_legend_names_every_law() -> None:
 @pytest.mark.parametrize("scale", ["log", "asinh"])
 def test_values_that_an_axis_leaves_out_do_not_shorten_it(scale: str) -> None:
     values = np.where(TIMES < 5.0, 1000.0 * np.exp(-TIMES), np.nan)
-    axes = draw(picture_of(Panel("left", "size", (Line(MODIFIED, TIMES, values),), scale))).axes[0]
+    axes = draw(picture_of(PlotPanel("left", "size", (Line(MODIFIED, TIMES, values),), scale))).axes[0]
     assert axes.get_xlim()[1] > 20.0
     assert axes.get_yscale() == scale
     assert [text.get_text() for text in axes.texts] == ["0 from 4.9 s on"]
 
 
 def test_limits_are_drawn_where_a_line_comes_near_them() -> None:
-    panel = Panel("left", "aileron_outer, rad", (Line(MODIFIED, TIMES, np.sin(TIMES)),), "asinh", (), 0.1, (-1.1, 2.0))
+    panel = PlotPanel(
+        "left", "aileron_outer, rad", (Line(MODIFIED, TIMES, np.sin(TIMES)),), "asinh", (), 0.1, (-1.1, 2.0)
+    )
     figure = draw(picture_of(panel))
     assert [line.get_ydata()[0] for line in figure.axes[0].get_lines() if line.get_label() == "limit"] == [-1.1]
     assert "limit" in [text.get_text() for text in figure.legends[0].get_texts()]
@@ -84,19 +86,19 @@ def test_limits_are_drawn_where_a_line_comes_near_them() -> None:
 )
 def test_a_scale_has_marks_enough(largest: float, marks: list[str]) -> None:
     line = Line(MODIFIED, TIMES, largest * np.abs(np.sin(TIMES)))
-    axes = draw(picture_of(Panel("left", "size", (line,), "asinh", (), 0.1))).axes[0]
+    axes = draw(picture_of(PlotPanel("left", "size", (line,), "asinh", (), 0.1))).axes[0]
     assert [text.get_text() for text in axes.get_yticklabels()] == marks
 
 
 def test_the_legend_is_above_where_no_caption_is() -> None:
-    figure = draw(picture_of(Panel("left", "speed, ft/s", LINES)))
+    figure = draw(picture_of(PlotPanel("left", "speed, ft/s", LINES)))
     figure.canvas.draw()
     assert figure.legends[0].get_window_extent().y0 > figure.axes[0].get_window_extent().y1
     assert figure.legends[0].get_title().get_text() == "Figure 3. Title"
 
 
 def test_a_bundle_of_nothing_is_drawn() -> None:
-    figure = draw(picture_of(Panel("left", "weights W", (Line("weights", TIMES, np.zeros((201, 3))),), "asinh")))
+    figure = draw(picture_of(PlotPanel("left", "weights W", (Line("weights", TIMES, np.zeros((201, 3))),), "asinh")))
     assert len(figure.axes[0].get_lines()) == 3
     assert png_bytes(figure).startswith(b"\x89PNG")
 
@@ -105,7 +107,7 @@ def test_a_flight_that_was_lost_at_once_is_drawn() -> None:
     nothing = Line(MODIFIED, TIMES[:0], np.zeros(0))
     for lines in ((nothing,), (nothing, LINES[0])):
         for scale in ("linear", "log", "asinh"):
-            assert len(draw(picture_of(Panel("left", "size", lines, scale))).axes) == 1 + 1
+            assert len(draw(picture_of(PlotPanel("left", "size", lines, scale))).axes) == 1 + 1
 
 
 def test_every_panel_of_an_experiment_has_units_and_the_learning_time(noise: Outcome, tmp_path: Path) -> None:
@@ -130,7 +132,7 @@ def test_processes_share_the_flights(noise: Outcome) -> None:
 
 def test_a_bundle_is_pale_and_its_panel_names_the_lines_beside_it() -> None:
     lines = (Line("the other 3", TIMES, np.ones((201, 3))), Line("z1 z2", TIMES, TIMES), Line("z4^2", TIMES, -TIMES))
-    figure = draw(picture_of(Panel("left", "weights W", lines, "asinh"), Panel("right", "speed, ft/s", LINES)))
+    figure = draw(picture_of(PlotPanel("left", "weights W", lines, "asinh"), PlotPanel("right", "speed, ft/s", LINES)))
     left, right = figure.axes[:2]
     assert [text.get_text() for text in left.get_legend().get_texts()] == ["the other 3", "z1 z2", "z4^2"]
     assert right.get_legend() is None

@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from verification.servo.adaptive_parts import A0, A1, A2, MU, Filter, Memory, Tuner, operated, product_rate
+from verification.servo.adaptive_parts import A0, A1, A2, MU, Filter, MemoryParts, Tuner, operated, product_rate
 
 
 def test_the_memory_keeps_parts_starts_and_rates_in_order() -> None:
     y = ca.SX.sym("y", 7)
-    memory = Memory(y)
+    memory = MemoryParts(y)
     one, other = memory.take(2, 2, np.array([[1.0, 2.0], [3.0, 4.0]])), memory.take(3)
     memory.move(other, 3 * other.now)
     memory.move(one, 2 * one.now)
@@ -23,7 +23,7 @@ def test_the_memory_keeps_parts_starts_and_rates_in_order() -> None:
 def test_a_filter_has_the_response_of_its_transfer_functions() -> None:
     """Driven by sin ωt, low and high settle to α2 / Π and (α2 s + α1) / Π at s = iω, derivatives to s times that."""
     w, y, t = 1.3, ca.SX.sym("y", 2), ca.SX.sym("t")
-    memory = Memory(y)
+    memory = MemoryParts(y)
     driven = Filter(memory, 1).drive(ca.sin(w * t))
     high = driven.high(w * ca.cos(w * t))
     seen = ca.Function("seen", [t, y], [memory.rate, ca.vertcat(*driven.low, *high)])
@@ -39,7 +39,7 @@ def test_a_filter_has_the_response_of_its_transfer_functions() -> None:
 def test_a_tuner_comes_to_rest_at_what_it_was_driven_to() -> None:
     """Φ' = γ ν e' for a second, then e = 0: Ψ goes to Φ = γ ν e' whatever its speed g, and starts where it was said."""
     y, e, nu = ca.SX.sym("y", 12), ca.SX.sym("e", 2), np.array([3.0, -4.0])
-    memory = Memory(y)
+    memory = MemoryParts(y)
     psi, psi_rate, _ = Tuner(memory, 2, 2, np.eye(2)).drive(0.5, ca.SX(ca.DM(nu)), e)
     seen = ca.Function("seen", [y, e], [memory.rate, psi, psi_rate])
     g = 1 + MU * 25.0

@@ -31,7 +31,7 @@ from verification.servo.cases import (
     simvfa_commands,
 )
 from verification.servo.servo_flights import fly_case, run_case
-from verification.servo.servo_result import ServoFlight, servo_figure, servo_report, share_of_way
+from verification.servo.servo_result import ServoFlight, servo_figure, servo_report
 from verification.synthesis.controllers import design_controller
 
 ORIGIN = Provenance("hfa servo")
@@ -217,12 +217,6 @@ def test_a_picture_shows_limits_and_names_laws_that_are_alike_together(published
         np.testing.assert_array_equal(alike.get_ydata(), 100.0 * held[0].used[used])
         assert lost_line.get_ydata()[-1] == 100.0 * lost.used[used][-1]
         assert set(limit.get_ydata()) == {100.0}
-
-
-def test_the_share_of_the_way_counts_from_the_trim_to_the_limit_on_that_side() -> None:
-    values = np.array([[1.0, 0.0], [2.5, 0.0], [0.5, 0.0], [1.0, -3.0]])
-    limits = np.array([[0.0, 4.0], [-4.0, 1.0]])
-    np.testing.assert_allclose(share_of_way(values, np.array([1.0, 0.0]), limits), [0.0, 0.5, 0.5, 0.75])
 
 
 @pytest.mark.parametrize("design", ["servo-states", pytest.param("servo", marks=pytest.mark.slow)])

@@ -16,7 +16,7 @@ from hfa_model import Aircraft
 from trim.linear.linear_model import LinearModel
 from verification.synthesis import design_evaluation
 from verification.synthesis.design_evaluation import LOST, PENALTY, DesignEvaluation
-from verification.synthesis.tuning import Case, Evaluation, InGust, InTurbulence, Tuning, Variable
+from verification.synthesis.tuning import Evaluation, InCommands, InGust, InTurbulence, Tuning, Variable
 
 
 def tuning() -> Tuning:
@@ -25,7 +25,7 @@ def tuning() -> Tuning:
         name="tune.toml",
         start=read_design("servo"),
         variables=(Variable("effort", ("weights.inputs.aileron_outer",), 0.01, 1e4),),
-        cases=(Case(angle, sound, 20.0, [[0.02, -1.0], [0.0, 0.0]]),),  # type: ignore[arg-type]
+        cases=(InCommands(angle, sound, 20.0, [[0.02, -1.0], [0.0, 0.0]]),),  # type: ignore[arg-type]
         objective={"dihedral": 100.0},
         angles=(angle,),
         abscissa=-1e-6,
