@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from controller import Game, basis
 from verification import Candidate, GameSolution, from_gain, from_value, from_weights, solve_game
@@ -66,12 +67,15 @@ def other_root(game: Game) -> np.ndarray:
     real = min((i for i in stable if abs(values[i].imag) < 1e-9), key=lambda i: values[i].real)
     chosen = [int(np.argmin(np.abs(values + values[real]))) if i == real else i for i in stable]
     P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
+    for _ in range(3):  # to rounding
+        P = (P + P.T) / 2
+        P = P + solve_continuous_lyapunov((game.A - game.S @ P).T, -game.residual(P))
     return (P + P.T) / 2
 
 
 def recorded_policy(game: Game) -> np.ndarray:
     """The value of the policies of another P, as a stack with frozen policies teaches it."""
-    from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+    from scipy.linalg import solve_continuous_are
 
     P0 = solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
     return solve_continuous_lyapunov((game.A - game.S @ P0).T, -(game.Q + P0 @ game.S @ P0))

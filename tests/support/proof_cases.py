@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from known_models import exact_gain, model_at
 
-from controller import GainTable
+from controller import GainTable, Game
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
 from verification import Family
@@ -27,6 +27,12 @@ def family(dynamics: str = "published") -> Family:
 def exact_table(*angles: float, dynamics: str = "published") -> GainTable:
     """The exact game's gains at the angles, deg."""
     return GainTable(np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]))
+
+
+def scalar_game(delta: float) -> Game:
+    """a = -1, b = e = q = r = 1: p² (1 - 1/δ²) + 2 p - 1 = 0."""
+    one = np.eye(1)
+    return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
 def unstable_between(low: float, high: float) -> GainTable:

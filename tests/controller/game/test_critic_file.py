@@ -23,9 +23,7 @@ W = np.arange(9.0).reshape(3, 3)
 K = np.arange(6.0).reshape(3, 1, 2)
 
 
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def written(text: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
+from planted_critics import other_root
 
 from controller import Game, basis, learn, random_pool, record
 from controller.game.learning_result import Excitation
@@ -30,19 +31,6 @@ def failures(game: Game, weights: np.ndarray, richness: Excitation | None = None
     equations = StackEquations.build(game, functions, stack, stack.channel_scales())
     found = richness or equations.excitation(equations.scaled(weights))
     return [row.name for row in certificates(game, equations, weights, found) if not row.ok]
-
-
-def other_root(game: Game) -> np.ndarray:
-    """A symmetric root of the Riccati equation that does not stabilize: one mode taken from the wrong half."""
-    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    values, vectors = np.linalg.eig(H)
-    real = [i for i in range(len(values)) if abs(values[i].imag) < 1e-9]
-    stable_real = max((i for i in real if values[i].real < 0.0), key=lambda i: values[i].real)
-    mirror = min(real, key=lambda i: abs(values[i] + values[stable_real]))
-    chosen = [i for i in range(len(values)) if values[i].real < 0.0 and i != stable_real] + [mirror]
-    n = len(game.A)
-    P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
-    return (P + P.T) / 2.0
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -18,10 +18,7 @@ from hfa_model import BadInputError
 from verification import Candidate, from_gain, from_value, from_weights, solve_game
 from verification.critic.candidate import from_run
 
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 @pytest.mark.parametrize(

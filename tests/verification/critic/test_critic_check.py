@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from game_samples import failed_names, game_models
 from planted_critics import other_root
 
-from controller import Game, LearningResult, basis, published_game
+from controller import Game, LearningResult, basis
 from controller.game.basis import BASES
 from controller.game.learning_result import Excitation
-from hfa_model import BadInputError, NoSolutionError, published_models
+from hfa_model import BadInputError, NoSolutionError
 from verification import check_critic, from_gain, from_value, from_weights, solve_game
 from verification.critic import critic_check
 from verification.critic.run_checks import settling_time
@@ -18,18 +19,9 @@ from verification.critic.run_checks import settling_time
 QUADRATIC = basis("quadratic", 6)
 
 
-def _game(dihedral_deg):
-    model = next(model for model in published_models() if model.dihedral_deg == dihedral_deg)
-    return published_game(model.A, model.B)
-
-
 @pytest.fixture
 def game():
-    return _game(15.0)
-
-
-def _failed(check):
-    return {row.name for row in check.checks if not row.ok}
+    return game_models()["published-15"]
 
 
 @pytest.mark.parametrize("name", BASES)
@@ -37,7 +29,7 @@ def test_the_exact_weights_pass_in_every_basis(game, name):
     functions = basis(name, 6)
     exact = solve_game(game)
     check = check_critic(game, from_weights(game, functions.weights(exact.P), functions))
-    assert check.ok, _failed(check)
+    assert check.ok, failed_names(check.checks)
     assert check.P_rel_error <= 1e-12
     assert check.K_rel_error <= 1e-12
     assert check.diagnosis == ""
@@ -45,7 +37,7 @@ def test_the_exact_weights_pass_in_every_basis(game, name):
 
 
 def test_the_other_printed_model_passes_too():
-    game = _game(5.0)
+    game = game_models()["published-5"]
     assert check_critic(game, from_value(game, solve_game(game).P)).ok
 
 
@@ -70,22 +62,22 @@ def test_the_limit_is_the_limit(game):
     noise = np.random.default_rng(0).standard_normal(P.shape)
     noise = (noise + noise.T) * np.abs(P)
     off = P + 1e-5 * noise * np.linalg.norm(P) / np.linalg.norm(noise)
-    assert "P_rel_error" in _failed(check_critic(game, from_value(game, off)))
-    assert "P_rel_error" not in _failed(check_critic(game, from_value(game, off), limit=2e-5))
+    assert "P_rel_error" in failed_names(check_critic(game, from_value(game, off)).checks)
+    assert "P_rel_error" not in failed_names(check_critic(game, from_value(game, off), limit=2e-5).checks)
 
 
 def test_another_root_with_a_tiny_residual_is_refused(game):
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
     check = check_critic(game, from_value(game, P))
-    assert {"P_rel_error", "game_loop_abscissa"} <= _failed(check)
-    assert "riccati_residual" not in _failed(check)
+    assert {"P_rel_error", "game_loop_abscissa"} <= failed_names(check.checks)
+    assert "riccati_residual" not in failed_names(check.checks)
     assert "another root of the Riccati equation" in check.diagnosis
 
 
 def test_the_lqr_solution_is_not_the_games(game):
     check = check_critic(game, from_value(game, solve_game(game.with_delta(math.inf)).P))
-    assert {"P_rel_error", "K_rel_error", "policy_rel_error", "riccati_residual"} <= _failed(check)
+    assert {"P_rel_error", "K_rel_error", "policy_rel_error", "riccati_residual"} <= failed_names(check.checks)
     assert "LQR solution" in check.diagnosis
     gain_only = check_critic(game, from_gain(game, solve_game(game.with_delta(math.inf)).K))
     assert "LQR gain" in gain_only.diagnosis
@@ -101,7 +93,7 @@ def test_two_weights_in_each_others_place_are_named(game):
 
 def test_a_gain_of_the_wrong_sign_is_named(game):
     check = check_critic(game, from_gain(game, -solve_game(game).K))
-    assert {"K_rel_error", "control_loop_abscissa", "l2_gain"} <= _failed(check)
+    assert {"K_rel_error", "control_loop_abscissa", "l2_gain"} <= failed_names(check.checks)
     assert "wrong sign" in check.diagnosis
 
 
@@ -112,7 +104,7 @@ def test_the_value_of_a_recorded_policy_is_not_the_games(game):
     loop = game.A - game.S @ P0
     P = solve_continuous_lyapunov(loop.T, -(game.Q + P0 @ game.S @ P0))
     check = check_critic(game, from_value(game, P))
-    assert {"P_rel_error", "riccati_residual"} <= _failed(check)
+    assert {"P_rel_error", "riccati_residual"} <= failed_names(check.checks)
     assert check.diagnosis == ""  # its residual looks like that of any other error
 
 
@@ -152,7 +144,7 @@ def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game):
     assert residual < 1e-10
     candidate = from_weights(game, weights, QUADRATIC)
     check = check_critic(game, candidate, run=_result(game, weights, 15), predefined_time=10.0)
-    assert {"P_rel_error", "riccati_residual", "data_rank"} <= _failed(check)
+    assert {"P_rel_error", "riccati_residual", "data_rank"} <= failed_names(check.checks)
     assert "rank 15 of 21" in check.diagnosis
     assert not check_critic(game, candidate).ok
 
@@ -163,7 +155,7 @@ def test_a_run_is_also_checked_for_its_settling_time(game):
     run = _result(game, weights, 21)
     assert check_critic(game, candidate, run=run, predefined_time=2.0).ok
     late = check_critic(game, candidate, run=run, predefined_time=0.5)
-    assert _failed(late) == {"settling_time"}
+    assert failed_names(late.checks) == {"settling_time"}
     assert late.diagnosis == ""  # the critic is the game's: no mistake of its numbers explains the delay
 
 
@@ -182,7 +174,7 @@ def test_a_critic_of_sizes_that_overflow_fails(game, size):
     """Its numbers are finite, and P S P is not."""
     exact = solve_game(game)
     for candidate in (from_value(game, size * exact.P), from_gain(game, -size * exact.K)):
-        assert "K_rel_error" in _failed(check_critic(game, candidate))
+        assert "K_rel_error" in failed_names(check_critic(game, candidate).checks)
 
 
 @pytest.mark.filterwarnings("ignore:Input")  # SciPy, on a Lyapunov equation that rounding makes singular
@@ -192,7 +184,8 @@ def test_a_value_that_rounding_alone_makes_ends_and_fails(game, state, size, mon
     monkeypatch.setattr(critic_check, "diagnose", lambda *_: "")  # the cause is sought elsewhere
     P = solve_game(game).P.copy()
     P[state, state] += size
-    assert {"saddle_control_loses", "saddle_control_slope_error"} <= _failed(check_critic(game, from_value(game, P)))
+    check = check_critic(game, from_value(game, P))
+    assert {"saddle_control_loses", "saddle_control_slope_error"} <= failed_names(check.checks)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])
@@ -201,7 +194,7 @@ def test_a_critic_that_is_not_finite_fails(game, number):
     weights[2] = number
     with np.errstate(invalid="ignore"):
         check = check_critic(game, from_weights(game, weights, QUADRATIC))
-    assert {"K_rel_error", "control_loop_abscissa"} <= _failed(check)
+    assert {"K_rel_error", "control_loop_abscissa"} <= failed_names(check.checks)
 
 
 def test_wrong_shapes_are_named(game):

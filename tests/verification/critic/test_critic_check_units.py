@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cli import hfa
 from game_files import stored
+from game_samples import failed_names
 
 from controller import Game, basis
 from hfa_cli.main import DONE, FAILED
@@ -31,10 +32,6 @@ def judged(game: Game, candidate: Candidate) -> CriticCheck:
     return check_critic(game, candidate)
 
 
-def failed(check: CriticCheck) -> set[str]:
-    return {row.name for row in check.checks if not row.ok}
-
-
 @pytest.fixture
 def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search for a cause, which takes most of the time and no part in the verdict, is left out."""
@@ -53,7 +50,7 @@ def test_a_wrong_column_or_row_of_the_gain_is_seen(state: float, of_input: float
     for factor in (-1.0, 0.0, 1.0 + 1e-4):
         for change in ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]]):
             wrong = judged(game, from_gain(game, K * change))
-            assert failed(wrong) >= {"K_balanced_error", "policy_rel_error"}
+            assert failed_names(wrong.checks) >= {"K_balanced_error", "policy_rel_error"}
 
 
 @pytest.mark.usefixtures("no_cause")
@@ -64,7 +61,7 @@ def test_a_wrong_entry_of_the_value_is_seen(state: float) -> None:
     for i, j in ((0, 0), (0, 1), (1, 1)):
         wrong = P.copy()
         wrong[i, j] = wrong[j, i] = P[i, j] * (1.0 + 1e-3)
-        assert "P_balanced_error" in failed(judged(game, from_value(game, wrong)))
+        assert "P_balanced_error" in failed_names(judged(game, from_value(game, wrong)).checks)
 
 
 @pytest.mark.parametrize("state", UNITS)

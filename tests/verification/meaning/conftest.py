@@ -1,22 +1,5 @@
 """The games that the meaning of a solution is tested on: those of the two printed models."""
 
-from __future__ import annotations
+from printed_games import first, game
 
-import numpy as np
-import pytest
-from game_samples import game_models
-
-from controller import Game
-from verification import solve_game
-
-
-@pytest.fixture(params=sorted(game_models()))
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
-
-
-@pytest.fixture(scope="session")
-def first() -> tuple[Game, np.ndarray]:
-    """The game of one of them and its P."""
-    game = game_models()["published-15"]
-    return game, solve_game(game).P
+__all__ = ["first", "game"]

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from known_models import model_at
-from proof_cases import ORIGIN, family, forge
+from known_models import game_at
+from proof_cases import ORIGIN, family, forge, scalar_game
 
-from controller import Game, basis, published_game
+from controller import Game, basis
 from controller.game.history import StoredCritic
 from hfa_model import NoSolutionError
 from verification import check_certificate, prove_critic, prove_solution, solve_game
@@ -24,21 +24,10 @@ from verification.proof.game_certificate import critic_claim, solution_claim
 Content = dict[str, Any]
 
 
-def aircraft_game(dynamics: str = "published") -> Game:
-    model = model_at(15.0, dynamics)
-    return published_game(model.A, model.B)
-
-
-def scalar_game() -> Game:
-    """a = -1, b = e = q = r = 1, delta = 2: below delta_min an eigenvalue of the Hamiltonian is on the axis."""
-    one = np.eye(1)
-    return Game(A=-one, B=one, E=one, Q=one, R=one, delta=2.0)
-
-
 @pytest.fixture(scope="module")
 def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("proof") / "solution.json"
-    proof = prove_solution(aircraft_game(), family(), 15.0)
+    proof = prove_solution(game_at(15.0), family(), 15.0)
     write_certificate(path, ORIGIN, "game", *solution_claim(proof, family(), 15.0))
     return path
 
@@ -47,7 +36,7 @@ def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def critic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """W off by 1e-6 and K off by 1e-3."""
     path = tmp_path_factory.mktemp("proof") / "critic.json"
-    game, functions = aircraft_game(), basis("quadratic", 6)
+    game, functions = game_at(15.0), basis("quadratic", 6)
     exact = solve_game(game)
     stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
     write_certificate(
@@ -72,7 +61,7 @@ def test_a_critic_is_verified(critic: Path) -> None:
 
 def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
     path = tmp_path / "scalar.json"
-    proof = prove_solution(scalar_game())
+    proof = prove_solution(scalar_game(2.0))
     claim, boxes = solution_claim(proof, None, None)
     assert "axis" in boxes["refused"][0]
     write_certificate(path, ORIGIN, "game", claim, boxes)
@@ -87,7 +76,7 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
 
 def test_a_gain_that_does_not_stabilize_is_certified_so(tmp_path: Path) -> None:
     path = tmp_path / "critic.json"
-    proof = prove_critic(aircraft_game(), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
+    proof = prove_critic(game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
     write_certificate(path, ORIGIN, "game", *critic_claim(proof, None, None))
     data = checked_report(check_certificate(path)).data
     assert data["closed_loop_hurwitz"] is False

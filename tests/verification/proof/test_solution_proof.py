@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from proof_cases import family, model_at
+from known_models import game_at
+from proof_cases import family, scalar_game
 from reference_riccati import reference_solution
 
-from controller import Game, basis, published_game
+from controller import Game, basis
 from controller.game.history import StoredCritic
 from hfa_model import BadInputError, NoSolutionError
 from verification import minimum_delta, prove_critic, prove_solution, solve_game
@@ -19,33 +20,22 @@ from verification.proof.solution_proof import distance
 from verification.riccati.existence import DeltaMin
 
 
-def aircraft_game(degrees: float = 15.0, dynamics: str = "published") -> Game:
-    model = model_at(degrees, dynamics)
-    return published_game(model.A, model.B)
-
-
-def scalar_game(delta: float) -> Game:
-    """a = -1, b = e = q = r = 1: p² (1 - 1/δ²) + 2 p - 1 = 0."""
-    one = np.eye(1)
-    return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
-
-
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
-    proof = prove_solution(aircraft_game(15.0, dynamics), family(dynamics), 15.0)
+    proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
     assert proof.radius < 1e-12
     assert proof.unstable == 2
     assert proof.delta is not None
     assert proof.delta.width <= 1e-6
-    found = minimum_delta(aircraft_game(15.0, dynamics))
+    found = minimum_delta(game_at(15.0, dynamics))
     assert proof.delta.refused < found.value * (1 + 1e-6)
     assert proof.delta.value > found.refused * (1 - 1e-6)
 
 
 def test_the_enclosure_holds_the_sixty_digits() -> None:
     flint_or_refusal()
-    game = aircraft_game()
+    game = game_at(15.0)
     P = enclose_solution(BallGame.of(game)).P
     reference = reference_solution(game).P
     assert distance(reference, P).at_most < 1e-15  # the reference is rounded to doubles
@@ -79,7 +69,7 @@ def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
 @pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
 def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
     flint_or_refusal()
-    game = aircraft_game()
+    game = game_at(15.0)
     smallest = minimum_delta(game).value
     ours = BallGame.of(game)
     assert has_value(ours.with_delta(smallest * (1 + share)))
@@ -90,12 +80,12 @@ def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
 
 def test_a_game_without_a_value_is_refused() -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
-        prove_solution(aircraft_game().with_delta(50.0))
+        prove_solution(game_at(15.0).with_delta(50.0))
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-3])
 def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
-    game, functions = aircraft_game(), basis("quadratic", 6)
+    game, functions = game_at(15.0), basis("quadratic", 6)
     exact = solve_game(game)
     stored = StoredCritic(functions.weights(exact.P) * (1 + size), exact.P * (1 + size), exact.K * (1 + size))
     proof = prove_critic(game, stored, functions, family(), 15.0)
@@ -107,11 +97,11 @@ def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
 
 
 def test_a_gain_that_does_not_stabilize_is_proved_so() -> None:
-    proof = prove_critic(aircraft_game(), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
+    proof = prove_critic(game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
     assert proof.stabilizes is False
     assert proof.distances["K"].at_least <= 1.0 <= proof.distances["K"].at_most
 
 
 def test_a_critic_of_another_size_is_refused() -> None:
     with pytest.raises(BadInputError, match="P has shape"):
-        prove_critic(aircraft_game(), StoredCritic(None, np.eye(3), None), basis("quadratic", 6))
+        prove_critic(game_at(15.0), StoredCritic(None, np.eye(3), None), basis("quadratic", 6))

@@ -6,18 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from game_samples import game_models, random_game
+from game_samples import random_game
 from reference_riccati import reference_solution
 
 from controller import Game
 from hfa_model import NoSolutionError
 from verification import minimum_delta, solve_game
 from verification.riccati.existence import has_value
-
-
-@pytest.fixture(params=sorted(game_models()))
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:

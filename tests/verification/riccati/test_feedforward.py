@@ -20,11 +20,6 @@ MODELS = sorted(game_models())
 ZERO = np.zeros(6)
 
 
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
-
-
 def _paper_disturbance(t: float) -> np.ndarray:
     """d(t) of the paper (Section 5.1)."""
     slow = np.array([0.1, 0.2, 0.2, 0.1, 0.1, 0.1])

@@ -16,19 +16,6 @@ from verification import bounded_real_gain, minimum_delta, solve_game
 from verification.riccati.existence import has_value
 from verification.riccati.frequency_response import SweptGain, gain_checks, gain_is_below, swept_gain
 
-MODELS = sorted(game_models())
-
-
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
-
-
-@pytest.fixture(scope="module")
-def first() -> tuple[Game, np.ndarray]:
-    game = game_models()[MODELS[0]]
-    return game, solve_game(game).P
-
 
 def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
     K = solve_game(game).K

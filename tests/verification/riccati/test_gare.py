@@ -28,11 +28,6 @@ OURS = regenerated_models()
 I2 = np.eye(2)
 
 
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
-
-
 # Accuracy ------------------------------------------------------------------------------------------------------------
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from game_samples import game_models
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game
@@ -12,13 +11,7 @@ from hfa_model import NoSolutionError
 from verification import minimum_delta
 from verification.riccati.certificate import iterated_solution
 
-MODELS = sorted(game_models())
 I2 = np.eye(2)
-
-
-@pytest.fixture(params=MODELS)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]
 
 
 def test_second_derivation_is_exact_to_1e12(game: Game) -> None:
