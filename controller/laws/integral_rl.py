@@ -17,9 +17,9 @@ from controller.laws.certify import conclude
 from controller.laws.run import Memory, Run
 from controller.samples import recording
 from controller.samples.probing import ProbingFlight
-from controller.samples.recording import record, refuse_poor, unit_rows
+from controller.samples.recording import Stack, record, refuse_poor, unit_rows
 from controller.samples.stack_equations import StackEquations
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError, refuse_unknown
 
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10
@@ -55,7 +55,7 @@ class IrlSettings:
         law_settings.positive("probe", self.probe)
         law_settings.counting("intervals", self.intervals, MOST_INTERVALS)
         law_settings.counting("iterations", self.iterations)
-        law_settings.one_of("form", self.form, ("game", "lqr"))
+        refuse_unknown("form is", self.form, ("game", "lqr"))
         if not self.disturbance >= 0.0:
             raise BadInputError(f"disturbance is {self.disturbance}; it must be at least 0")
 
@@ -128,7 +128,7 @@ class IntegralLearning:
         if not s.disturbance_measured:
             d = np.zeros_like(d)
         ends = z[:: NODES + 1]
-        scales = recording.Stack(ends, ends).channel_scales()
+        scales = Stack(ends, ends).channel_scales()
         inside = np.arange(1, len(times)).reshape(self.intervals, NODES + 1)[:, :NODES]
         z, weight = z / scales, 0.5 * s.interval * quadrature
 
@@ -217,6 +217,8 @@ class IntegralLearning:
         return conclude("irl", self.target, self.equations, finished.history, richness, chosen, self.seed, diagnostics)
 
 
-def integral_learning(game: Game, chosen: IrlSettings, seed: int) -> IntegralLearning:
-    """The baseline on a probing flight of its own, with the quadratic basis."""
+def integral_learning(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None = None) -> IntegralLearning:
+    """The baseline on a probing flight of its own, with the quadratic basis; BadInputError for a pool."""
+    if pool is not None:
+        raise BadInputError("law 'irl' records its own data; give no pool")
     return IntegralLearning(game, basis("quadratic", game.A.shape[0]), chosen, seed)

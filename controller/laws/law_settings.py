@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import Basis
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError
 
 #: Weights beyond this overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60
@@ -65,11 +65,6 @@ def recorded(settings: Any, step: str) -> None:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-
-
-def one_of(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Raise BadInputError unless the setting is one of the choices."""
-    refuse_unknown(f"{name} is", value, choices)
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:

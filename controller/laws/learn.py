@@ -25,16 +25,10 @@ class Law:
     build: Callable[[Game, Any, int, Stack | None], Any]
 
 
-def _irl(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None) -> Any:
-    if pool is not None:
-        raise BadInputError("law 'irl' records its own data; give no pool")
-    return integral_learning(game, chosen, seed)
-
-
 LAWS: dict[str, Law] = {
     "certified": Law(CertifiedSettings, certified_law),
     "published": Law(PublishedSettings, published_law),
-    "irl": Law(IrlSettings, _irl),
+    "irl": Law(IrlSettings, integral_learning),
 }
 
 

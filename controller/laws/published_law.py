@@ -30,7 +30,7 @@ from controller.laws.run import Memory, Run
 from controller.samples import recording
 from controller.samples.recording import Stack
 from controller.samples.stack_equations import StackEquations
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError, refuse_unknown
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
 ROWS = 1000
@@ -71,10 +71,10 @@ class PublishedSettings:
         """Refuse what cannot run, naming the setting."""
         law_settings.recorded(self, "step")
         law_settings.positive("gamma", self.gamma)
-        law_settings.one_of("normalisation", self.normalisation, ("root", "squared"))
-        law_settings.one_of("stack_policies", self.stack_policies, ("frozen", "reevaluated"))
-        law_settings.one_of("integrator", self.integrator, ("explicit", "proximal"))
-        law_settings.one_of("coordinates", self.coordinates, ("raw", "scaled"))
+        refuse_unknown("normalisation is", self.normalisation, ("root", "squared"))
+        refuse_unknown("stack_policies is", self.stack_policies, ("frozen", "reevaluated"))
+        refuse_unknown("integrator is", self.integrator, ("explicit", "proximal"))
+        refuse_unknown("coordinates is", self.coordinates, ("raw", "scaled"))
         if self.gains is not None and not (len(self.gains) == 2 and all(gain >= 0.0 for gain in self.gains)):
             raise BadInputError(f"gains are {self.gains}; they must be two numbers (alpha1, alpha2) of at least 0")
 

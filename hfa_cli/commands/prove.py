@@ -111,7 +111,7 @@ def _certificate(arguments: argparse.Namespace) -> Path | None:
 
 def _schedule(arguments: argparse.Namespace) -> int:
     from verification.proof.certificate_file import ScheduleCertificate
-    from verification.proof.proof_report import schedule_report
+    from verification.proof.proof_report import schedule_proof_report
     from verification.proof.rate_proof import prove_rate
     from verification.proof.schedule_proof import prove_schedule
 
@@ -132,7 +132,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
     )
     motion = prove_rate(family, file.table, low, high, progress=ProgressLine("rate")) if arguments.rate else None
     file.finish(result, motion)
-    show(schedule_report(result, motion), arguments, target=None)
+    show(schedule_proof_report(result, motion), arguments, target=None)
     return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1
 
 

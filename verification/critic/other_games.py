@@ -113,7 +113,7 @@ def game_at_another_angle(
     angle = searched(
         at_dihedral,
         list(ANGLES),
-        lambda other: _gain_difference(other, K) if P is None else _value_difference(other, P),
+        lambda other: _gain_difference(other, K) if P is None else value_error_of(other, quick_solution(other), P),
     )
     if angle is not None:
         yield OtherGame(f"at dihedral {angle:.4f} deg", at_dihedral(angle))
@@ -169,10 +169,6 @@ def least(
         max_nfev=_STEPS,
     )
     return Least(found.x, float(np.linalg.norm(found.fun)), first)
-
-
-def _value_difference(game: Game, P: np.ndarray) -> np.ndarray:
-    return value_error_of(game, quick_solution(game), P)
 
 
 def _gain_difference(game: Game, K: np.ndarray) -> np.ndarray:

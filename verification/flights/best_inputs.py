@@ -46,7 +46,8 @@ def best_inputs(
     NoSolutionError when it finds none. Source: Waechter and Biegler, Math. Programming 106 (2006).
     """
     X0, U0 = np.array(plant.point.states), np.array(plant.point.inputs)
-    rows, m, n, count = [INPUTS.index(name) for name in names], len(names), len(STATES) + len(names), _steps()
+    rows, m, n = [INPUTS.index(name) for name in names], len(names), len(STATES) + len(names)
+    count = round(SECONDS / STEP)
     x, c, w = ca.SX.sym("x", n), ca.SX.sym("c", m), ca.SX.sym("w")
     u = ca.SX.zeros(len(INPUTS))
     u[rows] = x[len(STATES) :]
@@ -109,10 +110,6 @@ def _limits(
     low[place], high[place] = -math.pi / 3, math.pi / 3  # over ground: only the angle through the air is limited
     moves = SHARE * (np.array(CONTROL_LIMITS) - np.array(plant.point.inputs)[:, None])[rows]
     return np.append(low, moves[:, 0]), np.append(high, moves[:, 1]), angles
-
-
-def _steps() -> int:
-    return round(SECONDS / STEP)
 
 
 def _shape(times: np.ndarray, plant: NonlinearPlant, length: float) -> np.ndarray:

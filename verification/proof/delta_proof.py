@@ -44,7 +44,7 @@ def prove_delta_min(game: BallGame, found: DeltaMin) -> ProvedDelta | None:
         return None
     middle = math.sqrt(found.value * found.refused)
     highs = (middle * (1.0 + distance) for distance in _DISTANCES)
-    high = next((delta for delta in highs if has_value(game.with_delta(delta))), None)
+    high = next((delta for delta in highs if value_is_proved(game.with_delta(delta))), None)
     lows = (middle * (1.0 - distance) for distance in _DISTANCES)
     refused = next(((delta, why) for delta in lows if (why := none_exists(game.with_delta(delta)))), None)
     return None if high is None or refused is None else _narrowed(game, ProvedDelta(high, *refused))
@@ -54,7 +54,7 @@ def _narrowed(game: BallGame, bracket: ProvedDelta) -> ProvedDelta:
     """Halved until it is as narrow as `WIDTH`, or its middle cannot be decided."""
     while bracket.width > WIDTH:
         middle = math.sqrt(bracket.value * bracket.refused)
-        if has_value(game.with_delta(middle)):
+        if value_is_proved(game.with_delta(middle)):
             bracket = bracket._replace(value=middle)
         elif reason := none_exists(game.with_delta(middle)):
             bracket = bracket._replace(refused=middle, reason=reason)
@@ -63,7 +63,7 @@ def _narrowed(game: BallGame, bracket: ProvedDelta) -> ProvedDelta:
     return bracket
 
 
-def has_value(game: BallGame) -> bool:
+def value_is_proved(game: BallGame) -> bool:
     """A stabilizing and positive definite solution is proved to exist."""
     try:
         return enclose_solution(game).is_value

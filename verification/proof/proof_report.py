@@ -14,7 +14,7 @@ from verification.proof.solution_proof import CriticProof, SolutionProof
 SCHEMA = "hfa.proof/1"
 
 
-def schedule_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
+def schedule_proof_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
     """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
     loop, modes = _runs(proof.loop), _runs(proof.modes, proof.crossings)
     where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {proof.family.aircraft.variant.name} dynamics"

@@ -15,7 +15,7 @@ from hfa_model import BadInputError, default_parameters
 from hfa_model.reporting.text import Table
 from verification import check_certificate, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
-from verification.proof.proof_report import schedule_report
+from verification.proof.proof_report import schedule_proof_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined
 from verification.riccati.balancing import spectrum
 
@@ -64,7 +64,7 @@ def test_an_instability_between_two_angles_is_found_and_refuted(end: float, unst
     assert 0.0 < sum(high - low for low, high in proof.loop.gaps) < 0.03
     assert proof.rate > 0.0
     assert replace(proof, loop=Cover((), ())).rate == 0.0
-    report = schedule_report(proof)
+    report = schedule_proof_report(proof)
     assert f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for" in report.text()
     (loop,) = [each for each in report.parts if isinstance(each, Table) and each.header[0].startswith("loop")]
     assert [row[1] for row in loop.rows].count("open") == len(proof.loop.gaps)
@@ -88,7 +88,7 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
     spread = tuple(known.standard_errors.get(name, 0.0) for name in known.values._fields)
     proof = prove_schedule(replace(family(), spread=spread), exact_table(11.5, 11.53125), 11.5, 11.53125)
     assert proof.crossings == [(11.5, 11.53125, (0, 2))]
-    rows = schedule_report(proof).data["modes"]
+    rows = schedule_proof_report(proof).data["modes"]
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
 
 

@@ -15,7 +15,7 @@ from verification import minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix
 from verification.balls.game_balls import BallGame, enclose_solution
-from verification.proof.delta_proof import has_value, none_exists, prove_delta_min
+from verification.proof.delta_proof import none_exists, prove_delta_min, value_is_proved
 from verification.proof.solution_proof import distance
 from verification.riccati.existence import DeltaMin
 
@@ -72,9 +72,9 @@ def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
     game = game_at(15.0)
     smallest = minimum_delta(game).value
     ours = BallGame.of(game)
-    assert has_value(ours.with_delta(smallest * (1 + share)))
+    assert value_is_proved(ours.with_delta(smallest * (1 + share)))
     assert none_exists(ours.with_delta(smallest * (1 + share))) is None
-    assert not has_value(ours.with_delta(smallest * (1 - share)))
+    assert not value_is_proved(ours.with_delta(smallest * (1 - share)))
     assert none_exists(ours.with_delta(smallest * (1 - share))) is not None
 
 
