@@ -1,4 +1,4 @@
-"""What a closed loop does at its worst frequency: the L2 gain, by two methods that share nothing, and the disk margin.
+"""What a closed loop does at its worst frequency: the L2 gain, by two methods, and the disk margin.
 
 Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is
 sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
@@ -81,7 +81,8 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     """L2 gain to 1e-9 relative by bisection on `gain_is_below`; inf when A - B K is not Hurwitz, or so stiff that
     rounding hides every bound.
 
-    The number returned is the upper end: it was seen to be above the gain.
+    Begun around the `swept_gain`, which alone is believed nothing: both ends are judged by `gain_is_below`. The number
+    returned is the upper end: it was seen to be above the gain.
     Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
     """
     loop = game.A - game.B @ K
@@ -91,7 +92,9 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     typical = math.sqrt(np.linalg.norm(game.S_disturbance) * np.linalg.norm(cost)) / float(np.linalg.norm(loop))
     if typical == 0.0:
         return 0.0
-    lower = upper = typical
+    expected = max(swept_gain(game, K).gain, ZERO * typical)
+    upper = expected * (1.0 + 0.4 * TOLERANCE)
+    lower = expected * (1.0 - 0.4 * TOLERANCE)
     while not gain_is_below(game, K, upper):
         lower, upper = upper, 4.0 * upper
         if math.isinf(upper):

@@ -136,3 +136,18 @@ def test_the_search_for_the_smallest_delta_needs_a_gain_to_begin_from(monkeypatc
     monkeypatch.setattr("verification.riccati.existence.bounded_real_gain", lambda game, K: math.inf)
     with pytest.raises(NoSolutionError, match="rounding hides its L2 gain"):
         minimum_delta(STIFF)
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.3, 1.0 - 2e-6, 1.0 + 2e-6, 7.0])
+def test_a_sweep_that_errs_does_not_move_the_gain(
+    first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch, factor: float
+) -> None:
+    """The bisection begins where the sweep says, and believes it nothing."""
+    game, P = first
+    K = game.gain(P)
+    right = bounded_real_gain(game, K)
+    swept = swept_gain(game, K)
+    planted = swept._replace(gain=factor * swept.gain)
+    monkeypatch.setattr("verification.riccati.frequency_response.swept_gain", lambda *_: planted)
+    assert bounded_real_gain(game, K) == pytest.approx(right, rel=2e-9)
+    assert not gain_checks(game, K)[-1].ok
