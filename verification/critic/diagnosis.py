@@ -16,7 +16,9 @@ from verification.critic.critic_errors import input_weights, relative_error, val
 from verification.critic.discrete_answers import discrete_answers
 from verification.critic.other_actuators import answers_with_other_actuators, without_positions
 from verification.critic.other_games import (
+    OtherGame,
     game_at_another_angle,
+    game_of_both,
     games_of_gain,
     games_of_value,
     printed_games,
@@ -38,6 +40,7 @@ _ROUNDING = 1e-9
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
 _NOT_TOGETHER = "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
+_WITH_ANOTHER_R = "K is not R⁻¹B'P: it is that of the stored P {}"
 
 
 def diagnose(
@@ -62,7 +65,11 @@ def diagnose(
     symmetric = (P + P.T) / 2.0
     together = _gain_error(game, K, game.gain(P)) <= limit
     if all(check.ok for check in value_errors(game, P, exact.P, limit)):
-        return _beyond(candidate) or _of_gain(game, exact, K) or ("" if together else _NOT_TOGETHER)
+        return (
+            _beyond(candidate)
+            or _of_gain(game, exact, K)
+            or ("" if together else _with_another_R(game, P, K) or _NOT_TOGETHER)
+        )
     return (
         ("" if relative_error(P, P.T) <= limit else "P is not symmetric: the value z'Pz depends on (P + P')/2 alone")
         or _of_value(game, exact, candidate, symmetric)
@@ -178,9 +185,28 @@ def _of_both(
     at_dihedral: Callable[[float], Game] | None,
 ) -> str:
     """Of which other game both are, where each alone names the same one."""
+    if (other := _of_this_K(game, P, K)) is not None:
+        with contextlib.suppress(NoSolutionError):
+            if _value_error(game, P, solve_game(other.game).P) <= EXPLAINED * min(_value_error(game, P, exact.P), 1.0):
+                return f"this is the solution and gain of another game, {other.difference}"
     found = _of_another_game(game, exact, P, K, at_dihedral)
     same = found and found == _of_another_game(game, exact, None, K, at_dihedral)
     return found.format("solution and gain") if same else ""
+
+
+def _with_another_R(game: Game, P: np.ndarray, K: np.ndarray) -> str:
+    """What is said of a K that another R makes of a P that is right."""
+    other = _of_this_K(game, P, K)
+    return "" if other is None else _WITH_ANOTHER_R.format(other.difference)
+
+
+def _of_this_K(game: Game, P: np.ndarray, K: np.ndarray) -> OtherGame | None:
+    """The game with another R of which K is R⁻¹B'P, but for `EXPLAINED` of what R of this game leaves."""
+    other = game_of_both(game, P, K)
+    if other is None:
+        return None
+    allowed = EXPLAINED * min(_gain_error(game, K, game.gain(P)), 1.0)
+    return other if _gain_error(game, K, other.game.gain(P)) <= allowed else None
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:

@@ -33,6 +33,8 @@ _STEP = 1e-5
 _NO_GAME = 1e3
 #: A difference as small as this is none, and cannot be brought to a part of itself.
 _ROUNDING = 1e-9
+#: Factors of the inputs that differ by less, relative, are one.
+SAME_FACTOR = 1e-6
 _Made = TypeVar("_Made")
 REACHED = 0.1
 
@@ -95,6 +97,27 @@ def games_of_gain(game: Game, K: np.ndarray) -> Iterator[OtherGame]:
         found = searched(game_at, starts, lambda other: _gain_difference(other, K))
         if found is not None:
             yield OtherGame(said.format(value(found)), game_at(found))
+
+
+def game_of_both(game: Game, P: np.ndarray, K: np.ndarray) -> OtherGame | None:
+    """The game with another R, scaled as a whole or input by input, by which K, (m, n), would be R⁻¹B'P of P, (n, n).
+
+    Only a guess: factors of the rows of K, by least squares.
+    """
+    claimed = game.gain(P)
+    squares = (claimed**2).sum(axis=1)
+    if np.count_nonzero(claimed) < len(K) + REDUNDANT or not squares.all():
+        return None
+    shares = (claimed * K).sum(axis=1) / squares
+    if not np.all(shares > 0.0):
+        return None
+    if np.ptp(shares) <= SAME_FACTOR * shares.max():
+        scale = 1.0 / float(shares.mean())
+        return next(_other(f"with R {scale:.4g} times as large", game, R=scale * game.R), None)
+    if not _diagonal(game.R):
+        return None
+    R = np.diag(game.R) / shares
+    return next(_other(f"with R = diag({_entries(R)})", game, R=np.diag(R)), None)
 
 
 def printed_games(game: Game) -> Iterator[OtherGame]:
