@@ -17,7 +17,7 @@ from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
 from hfa_model.dynamics import by_name, state_rates, symbols
 from hfa_model.native.bound import BoundFunction, cached_per_thread
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, is_finite, shown
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES, State
 
@@ -77,7 +77,7 @@ class Aircraft:
     """
 
     def __init__(self, parameters: Parameters | None = None, dynamics: str | Variant = "published") -> None:
-        self.parameters = default_parameters().values if parameters is None else parameters
+        self.parameters = default_parameters().values if parameters is None else _checked_parameters(parameters)
         self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
         self._functions = compiled_dynamics(self.variant)
         self._p = np.array(self.parameters, dtype=float)
@@ -118,7 +118,7 @@ class Aircraft:
         return control.nlsys(update, None, name=name, states=STATES, inputs=INPUTS, outputs=STATES, params=values)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        state, control = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        state, control = _numbers("state", x), _numbers("input", u)
         for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
             if vector.shape != (len(names),):
                 raise BadInputError(f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}")
@@ -138,6 +138,22 @@ class Aircraft:
         if not all(np.isfinite(result).all() for result in results):
             raise FloatingPointError(f"{name} of the {self.variant.name} dynamics are not finite")
         return results
+
+
+def _checked_parameters(parameters: Parameters) -> Parameters:
+    if not isinstance(parameters, Parameters):
+        raise TypeError("parameters must be Parameters, as in default_parameters().values")
+    for name, value in parameters._asdict().items():
+        if not is_finite(value):
+            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
+    return parameters
+
+
+def _numbers(kind: str, values: ArrayLike) -> np.ndarray:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInputError(f"{kind} is {shown(values)}; give numbers") from error
 
 
 def check_in_range(x: State) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import Quantity
 
 #: The highest altitude that the two layers below cover, ft (the 20 km geopotential limit lies at 65,824 ft).
@@ -27,8 +28,11 @@ def density(altitude: Quantity) -> Quantity:
     """ρ(h) = p(H) / (R T(H)) with the geopotential altitude H = r h / (r + h).
 
     altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression.
-    Returns the density in slug/ft^3. Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
+    Returns the density in slug/ft^3. BadInputError for a number outside of that range.
+    Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
+    if isinstance(altitude, (int, float)) and not 0.0 <= altitude <= HIGHEST_ALTITUDE:
+        raise BadInputError(f"altitude is {altitude:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
     geopotential = _geopotential(altitude)
     kelvin = _temperature(geopotential)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)

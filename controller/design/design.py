@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
+from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive, shown
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
 
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
@@ -119,6 +119,11 @@ class Design:
         """Name what is wrong before anything is built."""
         if not self.inputs:
             raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
+        for name, actuator in self.actuators.items():
+            if not isinstance(actuator, Actuator):
+                raise BadInputError(
+                    f"design {self.name}: the actuator of {name} is {shown(actuator)}; give an Actuator"
+                )
         answered = tuple({**self.feedforward.weights, **self.feedforward.rates}) if self.feedforward else ()
         outputs = (*OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
         for what, names, choices in (

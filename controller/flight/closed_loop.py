@@ -113,9 +113,9 @@ class ClosedLoop:
         """y(0) for x(0) = `initial`, actuators at trim; memory: of the policy at the start, 0 unless given."""
         n, moved, k, _ = self._y_sizes
         own = np.zeros(k) if memory is None else memory
-        if (len(initial), len(own)) != (n, k):
+        if (np.shape(initial), np.shape(own)) != ((n,), (k,)):
             raise BadInputError(
-                f"the flight starts with {len(initial) + len(own)} numbers; plant and policy have {n} and {k}"
+                f"the flight starts with {np.size(initial) + np.size(own)} numbers; plant and policy have {n} and {k}"
             )
         return np.concatenate([initial, np.zeros(moved), own, _NOTHING if self.gust is None else self.gust.start()])
 

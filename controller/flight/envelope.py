@@ -14,7 +14,7 @@ from hfa_model.kinematics import angle_of_attack
 from hfa_model.native.bound import RowsFunction, cached_per_thread
 from hfa_model.parameters import Parameters
 from hfa_model.reporting.text import degrees, short_number
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_model.vectors import STATE_UNITS, STATES, UNITS, State
 from trim.point.condition import STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
@@ -157,7 +157,7 @@ def flight_envelope(
     for given, pair in (changes or {}).items():
         name = "alpha" if given == ANGLE_OF_ATTACK else given
         refuse_unknown("the envelope has no state", name, STATES)
-        pairs[name] = pair
+        pairs[name] = pair_of(f"the envelope of {given}", pair)
     for name, (lowest, highest) in pairs.items():
         if not lowest <= getattr(at, name) <= highest:
             found, low, high = (describe(name, value) for value in (getattr(at, name), lowest, highest))

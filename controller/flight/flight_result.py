@@ -106,7 +106,8 @@ class NonlinearFlight(Reported):
             parts.insert(0, tracking_table(_tracked(self, law.policy)))
         if checks:
             parts.append(checks_block(checks))
-        return Report(self.title(words), parts, data=_data(self, law, checks), records=_records(self))
+        notes = ["nothing disturbs this flight, which stays at trim"] if self.scenario.calm else []
+        return Report(self.title(words), parts, notes, _data(self, law, checks), _records(self))
 
     def history(self) -> dict[str, Any]:
         """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""

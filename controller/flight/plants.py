@@ -93,6 +93,10 @@ class NonlinearPlant(SevenStates, Unvaried):
     aircraft: Aircraft | Equations
     point: OperatingPoint
 
+    def __post_init__(self) -> None:
+        """A trim of other dynamics is none of this aircraft."""
+        self.point.refuse_other(self.aircraft.variant)
+
     def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """f(X0 + x, U0 + u, w), disturbed."""
         X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.flight.gusts import Dryden
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_model.vectors import LINEAR_STATES
 
 _ERRORS, _NOISE, _AIR = range(3)
@@ -40,11 +40,13 @@ class Uncertainty:
         ):
             for name, value in given.items():
                 refuse_unknown(f"unknown {what}", name, names)
-                if not (np.isfinite(value) and value >= 0.0):
-                    raise BadInputError(f"the standard deviation of {name} is {value}; it must not be negative")
+                if not (is_finite(value) and value >= 0.0):
+                    raise BadInputError(
+                        f"the standard deviation of {name} is {shown(value)}; it must be a number that is not negative"
+                    )
         for value in self.turbulence or ():
-            if not (np.isfinite(value) and value > 0.0):
-                raise BadInputError(f"the turbulence has {value}; intensity and scale must be positive numbers")
+            if not (is_finite(value) and value > 0.0):
+                raise BadInputError(f"the turbulence has {shown(value)}; intensity and scale must be positive numbers")
 
     def factors(self, seed: int, member: int) -> np.ndarray:
         """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ² = ln(1 + s²).

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.array_file import real_array
 from hfa_model.published import published_data
-from hfa_model.support.errors import BadInputError
+from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -51,7 +52,7 @@ class Game:
         _check_definite("Q", self.Q, strictly=False)
         _check_definite("R", self.R, strictly=True)
         if not (isinstance(self.delta, (int, float, np.floating)) and self.delta > 0):
-            raise BadInputError(f"delta is {self.delta}; it must be a positive number")
+            raise BadInputError(f"delta is {shown(self.delta)}; it must be a positive number")
         if self.delta != np.inf and self.delta > LARGEST**0.5:
             raise BadInputError(
                 f"delta is {self.delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
@@ -84,6 +85,17 @@ class Game:
         """K = R⁻¹ B' P, (m, n): the control policy of the value z'Pz is u = -K z."""
         return self.R_inverse_B_transposed @ P
 
+    def checked_gain(self, K: np.ndarray) -> np.ndarray:
+        """K as floats. BadInputError when it has another shape than B', or is complex."""
+        K = real_array("K", K)
+        n, m = self.B.shape
+        if K.shape != (m, n):
+            hint = ": give its transpose" if K.shape == (n, m) else ""
+            raise BadInputError(
+                f"K is {_shape(K)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}"
+            )
+        return K
+
     def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
         """L = δ⁻² E' P, (k, n): the worst disturbance for the value z'Pz is d = L z."""
         return self.E.T @ P / self.delta**2
@@ -108,6 +120,8 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
         if not hasattr(model, "B"):
             raise BadInputError("B is missing; give A and B, or a linear model")
         A, B = model.A, model.B
+    for name in changes:
+        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
     settings = published_data()["game"]
     A = matrix_of("A", A)
     defaults = {

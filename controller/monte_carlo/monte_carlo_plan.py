@@ -46,8 +46,9 @@ class MonteCarlo:
     def __post_init__(self) -> None:
         """Name what is wrong before the simulation."""
         for name, lowest in (("members", 1), ("seed", 0)):
-            if getattr(self, name) < lowest:
+            if not getattr(self, name) >= lowest:
                 raise BadInputError(f"{name} is {getattr(self, name)}; it must be at least {lowest}")
+        self.point.refuse_other(variant_named(self.dynamics))
         for name in ("reference", "disturbance", "noise"):
             if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")

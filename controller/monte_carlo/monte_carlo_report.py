@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, limited_names
+from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.jobs.store import Store
 from hfa_model.reporting.report import Report, Reported
@@ -102,7 +103,9 @@ class MonteCarloResult(Reported):
             **self.quantiles,
             "errors": {name: drawn._asdict() for name, drawn in self.errors.items()},
         }
-        return Report(title, parts, data=data)
+        alike = plan.scenario.uncertainty == Uncertainty()
+        notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
+        return Report(title, parts, notes, data)
 
 
 def _quantiles(values: np.ndarray, names: tuple[str, ...]) -> Mapping[str, list[float] | None]:

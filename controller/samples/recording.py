@@ -83,7 +83,7 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     """`count` states drawn uniformly from a box, with their drifts; half_widths: (n,), by default `natural_spread`."""
     n = game.A.shape[0]
     widths = natural_spread(game) if half_widths is None else np.asarray(half_widths, dtype=float)
-    if widths.shape != (n,) or not np.all(widths > 0.0):
+    if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
         raise BadInputError(f"the box needs {n} positive half-widths, not {widths.tolist()}")
     return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
 

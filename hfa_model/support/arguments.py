@@ -9,8 +9,9 @@ import numbers
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from types import FunctionType
-from typing import Any, get_origin
+from dataclasses import is_dataclass
+from types import FunctionType, UnionType
+from typing import Any, Union, get_args, get_origin
 
 from hfa_model.support.errors import BadInputError, NoSolutionError, on_one_line, shown
 
@@ -30,28 +31,50 @@ def explained(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
     def called(*given: Any, **named: Any) -> Any:
         try:
             return call(*given, **named)
-        except (BadInputError, NoSolutionError):
+        except NoSolutionError:
             raise
         except Exception as error:
-            wrong = _wrong_argument(call, given, named, str(error) if isinstance(error, ValueError) else "")
-            if wrong:
-                raise BadInputError(on_one_line(f"{name}: {wrong}")) from error
+            said, ours = str(error), isinstance(error, BadInputError)
+            if ours and "\n" not in said:
+                raise
+            # A message of ours of many lines repeats what was given: something that prints as a report, or an array.
+            wrong = _wrong_argument(call, given, named, said if isinstance(error, ValueError) and not ours else "")
+            if wrong or ours:
+                raise BadInputError(on_one_line(f"{name}: {wrong or said}")) from error
             raise
 
     return called
 
 
 def explained_class(cls: type) -> None:
-    """The same for what makes an object of a class; it stays the class that it is."""
+    """The same for what makes an object of a class; it stays the class that it is.
+
+    A dataclass keeps what it is given, and nobody would say what is wrong with it until it is used. So one that checks
+    nothing itself (`__post_init__`) refuses every argument of a wrong kind, and any other those that are to be objects
+    of our classes.
+    """
     made = vars(cls).get("__init__")
-    if isinstance(made, FunctionType) and not hasattr(made, "__wrapped__"):
-        cls.__init__ = explained(cls.__name__, made)  # type: ignore[misc]
+    if not isinstance(made, FunctionType) or hasattr(made, "__wrapped__"):
+        return
+    make, keeps, all_kinds = explained(cls.__name__, made), is_dataclass(cls), not hasattr(cls, "__post_init__")
+
+    @functools.wraps(made)
+    def checked(*given: Any, **named: Any) -> None:
+        make(*given, **named)
+        wrong = _wrong_argument(made, given, named, "", all_kinds=all_kinds) if keeps else ""
+        if wrong:
+            raise BadInputError(on_one_line(f"{cls.__name__}: {wrong}"))
+
+    cls.__init__ = checked  # type: ignore[misc]
 
 
-def _wrong_argument(call: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any], refused: str) -> str:
+def _wrong_argument(
+    call: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any], refused: str, *, all_kinds: bool = True
+) -> str:
     """The first argument that does not fit, what it is, and what it must be.
 
     When all fit: the numbers and arrays with the reason for which they are `refused`, or "" where there is none.
+    all_kinds: else only of those that must be objects of our classes.
     """
     signature = inspect.signature(call)
     try:
@@ -64,7 +87,7 @@ def _wrong_argument(call: Callable[..., Any], given: tuple[Any, ...], named: dic
         if isinstance(parameter.annotation, str) and parameter.kind is not parameter.VAR_KEYWORD
     }
     for name, value in arguments.items():
-        if name in kinds and not _fits(value, kinds[name], call):
+        if name in kinds and (all_kinds or _is_ours(kinds[name], call)) and not _fits(value, kinds[name], call):
             others = [each for each in kinds if each != name and _is_ours(kinds[each], call)]
             meant = [each for each in others if value is not None and _fits(value, kinds[each], call)]
             hint = f"; give it as {meant[0]}" if len(meant) == 1 else ""
@@ -112,29 +135,36 @@ def _is_a(value: Any, name: str, call: Callable[..., Any]) -> bool:
         "int": isinstance(value, numbers.Integral),
         "ndarray": array and np.ndim(value) > 0,
         "Mapping": isinstance(value, Mapping),
+        "dict": isinstance(value, Mapping),
         "Sequence": isinstance(value, Sequence) and not isinstance(value, str),
         "Callable": callable(value),
     }
     if name in plain:
         return plain[name]
-    cls = _class(name, call)
-    if cls is not None and getattr(cls, "_is_protocol", False):
+    classes = _classes(name, call)  # none: a name that nobody knows, and anything may be one
+    return not classes or any(_is_one(value, each) for each in classes)
+
+
+def _is_one(value: Any, cls: type) -> bool:
+    if getattr(cls, "_is_protocol", False):
         return all(hasattr(value, each) for each in {*vars(cls), *inspect.get_annotations(cls)} if each[0] != "_")
-    return cls is None or isinstance(value, cls)  # None: a name for many kinds, and anything may be one
+    return isinstance(value, numbers.Real if cls is float else cls)
 
 
-def _class(name: str, call: Callable[..., Any]) -> type | None:
-    """The class of that name, where the function or a door knows one."""
+def _classes(name: str, call: Callable[..., Any]) -> tuple[type, ...]:
+    """The class of that name, or those that it is another name of, where the function or a door knows it."""
     found = getattr(inspect.unwrap(call), "__globals__", {}).get(name)
     for package, homes in DOORS.items():
         if found is None and name in homes:
             found = getattr(sys.modules[package], name)
-    found = get_origin(found) or found
-    return found if isinstance(found, type) else None
+    alternatives = get_args(found) if isinstance(found, UnionType) or get_origin(found) is Union else (found,)
+    classes = tuple(get_origin(each) or each for each in alternatives)
+    return classes if all(isinstance(each, type) for each in classes) else ()
 
 
 def _is_ours(kind: str, call: Callable[..., Any]) -> bool:
-    return any(_class(name, call) is not None for name in _names(kind))
+    """Whether it may be an object of a class of ours."""
+    return any(each.__module__.partition(".")[0] in DOORS for name in _names(kind) for each in _classes(name, call))
 
 
 def _makers(name: str) -> list[str]:
@@ -151,8 +181,7 @@ def _makers(name: str) -> list[str]:
 def _said(value: Any) -> str:
     if value is None or isinstance(value, (str, numbers.Number)):
         return shown(value)
-    shape = getattr(value, "shape", None)
-    if isinstance(shape, tuple):
-        return f"an array of shape {shape}"
+    if type(value).__module__ == "numpy":
+        return f"an array of shape {value.shape}"
     name = type(value).__name__
     return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"

@@ -39,6 +39,9 @@ def open_door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         elif isinstance(found, FunctionType) and not hasattr(found, "__wrapped__"):
             found = explained(name, found)
             found.__module__ = package  # where it is found again when it is pickled
+            made = found.__annotations__.get("return")
+            if made in homes:
+                look_up(made)  # what it makes checks what it is made of
         return found
 
     def list_names() -> list[str]:

@@ -41,10 +41,28 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
         raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices)}")
 
 
+def is_finite(value: object) -> bool:
+    """Whether it is a number, and a finite one."""
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):  # no number; a whole one of more than 308 digits
+        return False
+
+
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
-    """BadInputError unless the value is finite and above 0."""
-    if not (math.isfinite(value) and value > 0.0):
-        raise BadInputError(f"{what} is {value}{unit}; it must be a positive number")
+    """BadInputError unless the value is a finite number above 0."""
+    if not (is_finite(value) and value > 0.0):
+        said = f"{value}{unit}" if isinstance(value, float) else shown(value)
+        raise BadInputError(f"{what} is {said}; it must be a positive number")
+
+
+def pair_of(what: str, ends: Any) -> tuple[float, float]:
+    """The lowest and the highest. BadInputError unless they are two numbers, which may be infinite."""
+    try:
+        lowest, highest = (end + 0.0 for end in ends)
+    except (TypeError, ValueError) as error:
+        raise BadInputError(f"{what} is {shown(ends)}; give two numbers, (lowest, highest)") from error
+    return lowest, highest
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

@@ -269,16 +269,13 @@ def linearize(
     for. ground_drag: with these winds the drag takes the speed over ground, not that through the air.
     BadInputError when the point belongs to other dynamics than the aircraft, or an output or a wind is unknown.
     """
-    if point.dynamics != aircraft.variant.name:
-        raise BadInputError(
-            f"the operating point was trimmed with {point.dynamics!r} dynamics, the aircraft has "
-            f"{aircraft.variant.name!r}; trim it again"
-        )
+    point.refuse_other(aircraft.variant)
     _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))
     watched = None
     if outputs is not None or disturbances is not None:
-        seen = outputs or (STATES if full else LINEAR_STATES)
-        watched = output_model(aircraft, point, seen, STATES, disturbances or UPDRAFT, ground_drag=ground_drag)
+        seen = tuple(outputs or (STATES if full else LINEAR_STATES))
+        winds = tuple(disturbances or UPDRAFT)
+        watched = output_model(aircraft, point, seen, STATES, winds, ground_drag=ground_drag)
     model = LinearModel(A, B, STATES, INPUTS, point, watched)
     return model if full else model.select(LINEAR_STATES)
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from hfa_model.reporting.text import Table, eigenvalue_text
-from hfa_model.vectors import STATE_SCALES
+from hfa_model.support.errors import refuse_unknown
+from hfa_model.vectors import STATE_SCALES, STATES
 
 #: Which states make which mode.
 _FAMILIES = {
@@ -140,6 +141,8 @@ def track_modes(A: np.ndarray, states: tuple[str, ...]) -> np.ndarray:
     units of `STATE_SCALES`) holds on to the shape of a mode where eigenvalues cross, the second tells the two
     members of a pair apart. The first point is ordered fastest first, positive imaginary part first.
     """
+    for name in states:
+        refuse_unknown("unknown state", name, STATES)
     values, vectors = np.linalg.eig(A)
     scales = np.array([getattr(STATE_SCALES, name) for name in states])
     shapes = vectors / scales[:, None]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
 from hfa_model.published import published_data
 from hfa_model.reporting.text import shown_unit, shown_value
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
@@ -82,9 +82,10 @@ class TrimCondition:
             refuse_unknown("unknown rate", name, STATES)
         rates = {f"the rate of {name}": value for name, value in self.rates.items()}
         for name, value in (*self.imposed.items(), *rates.items()):
-            if not math.isfinite(value):
-                raise BadInputError(f"{name} is {value}; give a finite number")
-        for name, (lowest, highest) in self.limits.items():
+            if not is_finite(value):
+                raise BadInputError(f"{name} is {shown(value)}; give a finite number")
+        for name, ends in self.limits.items():
+            lowest, highest = pair_of(f"limits of {name}", ends)
             if not lowest < highest:
                 raise BadInputError(
                     f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}; "

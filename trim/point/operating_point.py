@@ -16,6 +16,7 @@ from hfa_model.reporting.unit_system import english, in_force, unit_in_force
 from hfa_model.support.errors import BadInputError, shortened, shown
 from hfa_model.support.files import read_json, write_text
 from hfa_model.support.jsonable import json_text
+from hfa_model.variants import Variant
 from hfa_model.vectors import (
     INPUT_UNITS,
     INPUTS,
@@ -90,6 +91,14 @@ class OperatingPoint(Reported):
             f"dihedral {angle_text(self.states.dihedral)} lies beyond the paper's range, "
             f"which ends at {angle_text(PAPER_RANGE)}"
         ]
+
+    def refuse_other(self, variant: Variant) -> None:
+        """BadInputError when the point was trimmed with other dynamics."""
+        if self.dynamics != variant.name:
+            raise BadInputError(
+                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has {variant.name!r}; "
+                "trim it again"
+            )
 
     def balances(self, equation: str) -> bool:
         """Whether the residual of an equation is small enough."""

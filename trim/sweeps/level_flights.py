@@ -19,6 +19,7 @@ from hfa_model.native.bound import BoundFunction, cached_per_thread
 from hfa_model.native.machine_code import machine_code
 from hfa_model.native.vector_code import vector_code
 from hfa_model.parameters import Parameters
+from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, Quantity, State
 from trim.point.condition import BALANCED, LIMITS, VARIABLES, level_flight
@@ -34,7 +35,7 @@ _EQUATIONS = ("speed", "alpha", "pitch_rate", "dihedral_rate")
 START = (40.0, 0.0, 0.0, 0.0)
 _NEWTON_STEPS = 3
 _MORE_NEWTON_STEPS = 20
-_N, _M = len(STATES), len(INPUTS)
+_N, _M, _P = len(STATES), len(INPUTS), len(Parameters._fields)
 _SIZES = (_N, _M, _N * _N, _N * _M, _N)
 _CHUNK = 250
 _BALANCED_COLUMNS = [-_N + STATES.index(name) for name in BALANCED]
@@ -66,6 +67,8 @@ def level_conditions(
 
     Variables that belong to no condition, parameters of the aircraft, are left out. rad, ft/s, ft.
     """
+    for name in variables:
+        refuse_unknown("unknown variable", name, (*CONDITION, *Parameters._fields))
     paper, given = level_flight(0.0).imposed, dict(zip(variables, np.asarray(values).T, strict=True))
     nothing = np.zeros(len(values))
 
@@ -108,9 +111,17 @@ def solve_level_flights(
     machine code; by default from `COMPILE_FROM` points on. vector: that of the vector unit, several points at once;
     entries agree within 1e-13 of their size, not bit for bit. Points outside the model come out as not trimmed.
     """
-    count = len(conditions)
+    count, given = len(conditions), np.asarray(parameters, dtype=float)
+    if np.shape(conditions) != (count, len(CONDITION)):
+        raise BadInputError(f"conditions are {np.shape(conditions)}; they must be (N, {len(CONDITION)})")
+    if given.shape not in ((_P,), (count, _P)):
+        raise BadInputError(
+            f"parameters are {given.shape}; they must be ({_P},), or one row for each of {count} points"
+        )
+    for name in limits or {}:
+        refuse_unknown("unknown variable with limits", name, LIMITS)
     use_machine_code = count >= COMPILE_FROM if compile_code is None else compile_code
-    constants = np.broadcast_to(np.asarray(parameters, dtype=float), (count, len(Parameters._fields)))
+    constants = np.broadcast_to(given, (count, _P))
     fast = _vector_function(variant) if vector else None
     if fast is not None:
         flat = fast(conditions, constants)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
 from trim.linear.modes import modes_of, track_modes
@@ -83,13 +83,23 @@ def _axes(grid: Mapping[str, Sequence[float] | np.ndarray], condition: NamedCond
     """The values of each variable, checked."""
     for name in grid:
         refuse_unknown("cannot sweep", name, VARIABLES)
-    axes = {name: np.asarray(values, dtype=float) for name, values in grid.items()}
+    axes = {name: _axis(name, values) for name, values in grid.items()}
     total = math.prod(axis.size for axis in axes.values()) if axes else 0
     if not 0 < total <= MOST_POINTS:
         raise BadInputError(f"the sweep has {total} points; give 1 to {MOST_POINTS}")
     for corner in (np.argmin, np.argmax):
         condition_at(condition, tuple(axes), np.array([axis[corner(axis)] for axis in axes.values()]))
     return axes
+
+
+def _axis(name: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    try:
+        axis = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        axis = np.zeros(())
+    if axis.ndim != 1:
+        raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
+    return axis
 
 
 def _reasons(chunk: Chunk, beyond: Callable[[int], str], progress: Progress | None) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.reporting.text import angle_text
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE, VARIABLES
@@ -69,6 +69,8 @@ class SweepPlan:
         ends_of = {}
         for name, values in self.axes.items():
             refuse_unknown("cannot sweep", name, PLANNED)
+            if not isinstance(values, (tuple, list, np.ndarray, Steps)):
+                raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers, or Steps")
             ends = ends_of[name] = (
                 values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
             )

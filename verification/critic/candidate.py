@@ -60,12 +60,7 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
 
 def from_gain(game: Game, K: np.ndarray) -> Candidate:
     """u = -K z. BadInputError when K has another shape than B', or is complex."""
-    K = real_array("K", K)
-    n, m = game.B.shape
-    if K.shape != (m, n):
-        hint = ": give its transpose" if K.shape == (n, m) else ""
-        raise BadInputError(f"K is {_shape(K)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}")
-    return Candidate(K, None, basis("quadratic", n))
+    return Candidate(game.checked_gain(K), None, basis("quadratic", len(game.A)))
 
 
 def from_run(game: Game, run: LearningResult) -> Candidate:

@@ -12,6 +12,7 @@ from hfa_model.reporting.checks import Check, checks_block
 from hfa_model.reporting.report import Block, Part, Report, Reported
 from hfa_model.reporting.text import Table, entry_rows, numbered
 from hfa_model.reporting.unit_system import in_force
+from hfa_model.support.errors import BadInputError
 from hfa_model.support.jsonable import finite_or_none
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box
@@ -109,6 +110,9 @@ def check_report(
     """
     m, n = check.exact.K.shape
     states, inputs = states or numbered("x", n), inputs or numbered("u", m)
+    for what, names, count in (("states", states, n), ("inputs", inputs, m)):
+        if len(names) != count:
+            raise BadInputError(f"{len(names)} names of {what} are given; the critic has {count}")
     candidate, exact, units = check.candidate, check.exact, (state_units or ("",) * n, input_units or ("",) * m)
     both = () if candidate.P is None else (candidate.P, exact.P)
     records = Table(

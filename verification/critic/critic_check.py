@@ -13,6 +13,7 @@ from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, at_least, at_most, below
+from hfa_model.support.errors import refuse_unless_positive
 from hfa_model.support.telling import Progress
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import CriticCheck
@@ -52,6 +53,7 @@ def check_critic(
     Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
     exact, box = solve_game(game), box or ordinary_box(game)
+    refuse_unless_positive("limit", limit)
     flight = flight_cost(game, exact, candidate.K)
     gain, too_large = flight.gain, f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
     K, P, finite = candidate.K, candidate.P, candidate.finite

@@ -137,6 +137,8 @@ def certified_schedule(
     gains: in place of a law, as they are, certified or not. condition: dihedral -> trim.
     Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
     """
+    if np.ndim(dihedrals) != 1 or len(dihedrals) < 2:
+        raise BadInputError("a schedule needs at least two dihedrals, in increasing order")
     grid = []
     for dihedral in told(dihedrals.tolist(), progress):
         model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))

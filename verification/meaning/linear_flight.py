@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import LARGEST, Game
-from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError
 
 #: A policy or a forcing: (t, z) -> vector.
 Feedback = Callable[[float, np.ndarray], np.ndarray]
@@ -43,6 +43,9 @@ def simulate(
     """
     from scipy.integrate import solve_ivp
     from scipy.linalg import block_diag
+
+    if np.ndim(times) != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
+        raise BadInputError("the times of a flight must be at least two numbers that increase")
 
     price = 0.0 if math.isinf(game.delta) else game.delta**2  # no disturbance, no pay-off: inf * 0 is 0
     # z' = [A B E] y and J' = y'D y with y = (z, u, d): thousands of calls a flight.

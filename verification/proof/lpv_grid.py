@@ -12,7 +12,7 @@ from flint import arb_mat
 
 from controller.game.zero_sum import published_game
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import NoSolutionError
+from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import INPUT_SCALES
@@ -70,10 +70,14 @@ def coarsest_grid(
 ) -> LpvGrid:
     """As few nodes as the bound allows: from `low` on, every step is the longest whose bound stays below the tolerance.
 
+    low, high: dihedral, degrees. tolerance: of every error in `LpvGrid.error`.
+
     Between nodes a distance h apart F - F̂ is the integral of F'' against Peano's kernel, whose own integral is at most
     h²/8; so |F - F̂| <= h² max |F''| / 8 in any norm. K is compared with its polynomial on each cell. Nodes are ends of
     cells of 1/16 deg. NoSolutionError when no step is fine enough.
     """
+    if not low < high:
+        raise BadInputError(f"the interval goes from {low:g} to {high:g} deg; give the lower end first")
     branch = TrimBranch(family)
     cells: list[_Cell] = []
     count = max(1, round((high - low) / _CELL))

@@ -81,6 +81,8 @@ def prove_rate(
 ) -> RateProof:
     """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
 
+    low, high: dihedral, degrees. The rate found is in deg/s.
+
     P solves A_c'P + P A_c = -W at some angles, with one W for all, and is linear between: V is continuous, its
     derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
     """

@@ -21,6 +21,8 @@ def segments(table: GainTable, low: float, high: float) -> list[DihedralBox]:
     """The interval, cut at the angles of the table, degrees. BadInputError when the table does not reach."""
     if len(table.dihedral_deg) < 2:
         raise BadInputError("a table of gains needs at least two dihedral angles, in increasing order")
+    if not low < high:
+        raise BadInputError(f"the interval goes from {low:g} to {high:g} deg; give the lower end first")
     first, last = float(table.dihedral_deg[0]), float(table.dihedral_deg[-1])
     if low < first or high > last:
         raise BadInputError(

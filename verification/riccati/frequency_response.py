@@ -85,7 +85,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     returned is the upper end: it was seen to be above the gain.
     Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
     """
-    loop = game.A - game.B @ K
+    loop = game.A - game.B @ game.checked_gain(K)
     if not is_hurwitz(loop):
         return math.inf
     cost = game.Q + K.T @ game.R @ K
@@ -220,7 +220,7 @@ def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]
 
 def loop_grid(game: Game, K: np.ndarray) -> np.ndarray:
     """`frequency_grid` of A and A - B K; NoSolutionError when that is not Hurwitz."""
-    closed = spectrum(game.A - game.B @ K)
+    closed = spectrum(game.A - game.B @ game.checked_gain(K))
     if closed.abscissa >= 0.0:
         raise NoSolutionError(f"A - B K has abscissa {closed.abscissa:+.4g} 1/s: an unstable loop has no margins")
     both = np.concatenate([closed.eigenvalues, np.linalg.eigvals(game.A)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, matrix_of
 from hfa_model.reporting.checks import Check, at_most, below
 from hfa_model.reporting.text import eigenvalue_text
 from hfa_model.support.errors import BadInputError, NoSolutionError
@@ -38,7 +38,9 @@ class OutputGame:
     V: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check the shapes; the dual game checks the numbers."""
+        """Check everything once, so that no solver has to."""
+        for name in ("C", "D", "V"):
+            object.__setattr__(self, name, matrix_of(name, getattr(self, name)))
         n, m = self.game.B.shape
         p = len(self.C)
         for name, shape in (("C", (p, n)), ("D", (p, m)), ("V", (p, p))):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flight_cases import SMALL, FlownCase, flown, signal
 
-from controller import OneMinusCosine, Scenario, flight_envelope
+from controller import Harmonic, OneMinusCosine, Scenario, Signal, Uncertainty, flight_envelope
 from hfa_model import LINEAR_STATES, STATES, BadInputError
 
 N = len(LINEAR_STATES)
@@ -118,3 +118,17 @@ def test_in_still_air_both_angles_are_one(newton: FlownCase) -> None:
 def test_scenarios_that_cannot_be_flown_are_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(BadInputError, match=said):
         Scenario(**change)
+
+
+def test_a_flight_that_nothing_disturbs_says_so(newton: FlownCase) -> None:
+    still = Scenario(duration=0.1)
+    assert still.calm
+    assert repr(flown(newton, still)).endswith("Note: nothing disturbs this flight, which stays at trim")
+    for change in (
+        {"initial": np.array([1.0, 0, 0, 0, 0, 0, 0])},
+        {"errors": {"lift_slope": 1.1}},
+        {"gust": OneMinusCosine(100.0, 3.0, 68.0)},
+        {"noise": Signal(np.zeros(6), np.zeros(6), (Harmonic(1.0, np.ones(6), np.zeros(6)),))},
+        {"uncertainty": Uncertainty(turbulence=(3.0, 1750.0))},
+    ):
+        assert not replace(still, **change).calm  # type: ignore[arg-type]

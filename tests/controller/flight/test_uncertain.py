@@ -97,7 +97,10 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"errors": {"lift_slope": -0.1}}, "the standard deviation of lift_slope is -0.1; it must not be negative"),
+        (
+            {"errors": {"lift_slope": -0.1}},
+            "the standard deviation of lift_slope is -0.1; it must be a number that is not",
+        ),
         ({"errors": {"lift_slope": np.nan}}, "the standard deviation of lift_slope is nan"),
         ({"noise": {"alpha": np.inf}}, "the standard deviation of alpha is inf"),
         ({"noise": {"altitude": 0.1}}, "unknown noise of state 'altitude'; choose from speed"),

@@ -49,7 +49,7 @@ SMALL: dict[str, Any] = {
         ({"delta": 0.0}, "delta is 0.0; it must be a positive number"),
         ({"delta": -1.0}, "delta is -1.0; it must be a positive number"),
         ({"delta": math.nan}, "delta is nan; it must be a positive number"),
-        ({"delta": "200"}, "delta is 200; it must be a positive number"),
+        ({"delta": "200"}, "delta is '200'; it must be a positive number"),
         ({"delta": 1e-60}, r"1/delta\^2 must not exceed"),
         ({"delta": 1e300}, r"delta is 1e\+300; it must not exceed 1e\+50; give inf"),
         ({"delta": 10**400}, "it must not exceed 1e.50; give inf"),

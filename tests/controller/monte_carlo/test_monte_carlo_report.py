@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, with_scenario
 
-from controller import MonteCarlo, gain_law, stream_monte_carlo
+from controller import MonteCarlo, Uncertainty, gain_law, stream_monte_carlo
 from controller.monte_carlo.monte_carlo_report import MonteCarloResult
 
 
@@ -32,3 +32,10 @@ def test_deviations_are_shown_where_the_air_moves(
     text = MonteCarloResult.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
     assert ("peak deviation" in text) == (turbulence is not None)
     assert "rms error dihedral" in text
+
+
+def test_members_that_are_all_alike_are_said_to_be(plan: MonteCarlo, tmp_path: Path) -> None:
+    said = "Note: nothing differs from member to member: give parameter errors, noise or turbulence"
+    alike = replace(with_scenario(plan, uncertainty=Uncertainty()), members=1)
+    assert said in MonteCarloResult.of(alike, stream_monte_carlo(alike, tmp_path / "a.zarr")).report().text()
+    assert said not in MonteCarloResult.of(plan, stream_monte_carlo(plan, tmp_path / "b.zarr")).report().text()

@@ -13,7 +13,7 @@ from proof_cases import ORIGIN, exact_table, family, unstable_between
 from controller import GainTable
 from hfa_model import BadInputError, default_parameters
 from hfa_model.reporting.text import Table
-from verification import check_certificate, prove_schedule
+from verification import check_certificate, coarsest_grid, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import schedule_proof_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined
@@ -151,3 +151,12 @@ def test_the_whole_range_is_proved(dynamics: str) -> None:
     assert [count for _, _, count in proof.modes.counts] == [0, 2, 3]
     assert proof.rate > 0.29
     assert_agrees_with_doubles(proof, dynamics)
+
+
+@pytest.mark.parametrize(("low", "high"), [(15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))])
+def test_nothing_is_proved_of_an_interval_without_angles(low: float, high: float) -> None:
+    """Once: proved, since no box was refuted."""
+    with pytest.raises(BadInputError, match=f"goes from {low:g} to {high:g} deg; give the lower end first"):
+        prove_schedule(family(), exact_table(14.0, 15.0), low, high)
+    with pytest.raises(BadInputError, match="the interval goes from"):
+        coarsest_grid(family(), low, high, 1e-3)
