@@ -16,6 +16,8 @@ from trim.point.operating_point import BALANCE, OperatingPoint, Status
 
 #: An entry of the scaled Jacobian up to which a variable does not move an equation.
 _NOTHING = 1e-12
+#: What the effects of other variables may leave of the effect of one that moves nothing else, relative.
+_DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -152,12 +154,34 @@ class TrimProblem:
             why += f"; {equations} equations for {count} unknowns, set more free"
         if idle := self._idle(unknowns):
             why += f"; {' and '.join(idle)} moves none of them, set something else free"
+        elif not can_balance and (alike := self._alike(unknowns)):
+            why += f"; {'; '.join(alike)}; set something else free"
         return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
 
     def _idle(self, unknowns: np.ndarray) -> list[str]:
         """The free variables that no equation feels: their columns of the Jacobian are 0."""
         felt = np.abs(self.linearization(unknowns)[1]).max(axis=0)
         return [name for name, most in zip(self.condition.free, felt, strict=True) if most <= _NOTHING]
+
+    def _alike(self, unknowns: np.ndarray) -> list[str]:
+        """Which free variables move the equations as others do, where fewer directions are left than equations.
+
+        Column by column of the Jacobian: one that is a sum of multiples of those before it adds nothing.
+        """
+        jacobian = self.linearization(unknowns)[1]
+        found: list[str] = []
+        kept: list[int] = []
+        for column, name in enumerate(self.condition.free):
+            before, here = jacobian.take(kept, axis=1), jacobian[:, column]
+            shares = np.linalg.lstsq(before, here)[0]
+            if np.linalg.norm(here - before @ shares) > _DEPENDENT * np.linalg.norm(here):
+                kept.append(column)
+                continue
+            parts = np.linalg.norm(before, axis=0) * np.abs(shares)
+            others = [self.condition.free[kept[i]] for i in np.flatnonzero(parts > _DEPENDENT * parts.max())]
+            together = " does" if len(others) == 1 else " do together"
+            found.append(f"{name} moves them only as {' and '.join(others)}{together}")
+        return found if len(kept) < self.count(unknowns)[0] else []
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
         """The limits that the unknowns lie at, and what is wanted instead."""

@@ -8,6 +8,8 @@ import pytest
 from hfa_model import Aircraft, BadInputError, Input, Parameters, State, aircraft_loads, rates_from_loads
 from hfa_model.variants import VARIANTS, Variant
 from trim import TrimError, find_operating_point, level_flight, release
+from trim.point.operating_point import Status
+from trim.point.trim_problem import TrimProblem
 
 UPRIGHT = {"dihedral": (-np.pi / 2, np.pi / 2)}
 
@@ -21,6 +23,41 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Aircraft) -> None:
     with pytest.raises(TrimError) as refusal:
         find_operating_point(aircraft, release(condition, hold={"aileron_outer": 0.3}))
     assert "moves none" not in str(refusal.value)
+
+
+def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> None:
+    """Tails that are small and far away only pitch: the outer ones can do nothing that the center one cannot."""
+    p = aircraft.parameters
+    far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
+    alike = Aircraft(far, aircraft.variant)
+    condition = level_flight(float(np.radians(15.0)))
+    same = "elevator_outer moves them only as elevator_center does; set something else free"
+    with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\)$"):
+        find_operating_point(alike, condition)
+    find_operating_point(alike, release(condition, free=("aileron_center",), hold={"elevator_outer": 0.0}))
+
+
+def test_three_controls_of_which_two_would_do_are_named() -> None:
+    """A column that is the sum of two others is a pair with neither."""
+    problem = Planted(Aircraft(), level_flight(float(np.radians(15.0))))
+    with pytest.raises(TrimError, match=r"elevator_outer moves them only as throttle and elevator_center do together"):
+        raise TrimError(problem.failure(np.zeros(4)), problem.point(np.zeros(4), Status.FAILED))
+
+
+class Planted(TrimProblem):
+    """The elevators at the outer panels do what the throttle and half the other elevator do."""
+
+    def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = super().linearization(unknowns)
+        jacobian[:, 3] = jacobian[:, 0] + 0.5 * jacobian[:, 2]
+        return residual, jacobian
+
+
+def test_controls_that_differ_are_not_said_to_be_alike(aircraft: Aircraft) -> None:
+    """Limits refuse this one: what is missing is no direction."""
+    with pytest.raises(TrimError) as refusal:
+        find_operating_point(aircraft, level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 0.01)}))
+    assert "moves them only as" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
