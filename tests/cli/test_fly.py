@@ -49,6 +49,27 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert len(lines) == 102
 
 
+def test_a_flight_that_nothing_disturbs_is_noted() -> None:
+    words = (*FLY, "--duration", "0.1")
+    options = "--initial, --gust, --turbulence, --disturbance, --noise, --reference, --command, --error"
+    note = f"nothing disturbs this flight, which begins at trim; {options} would"
+    calm = hfa(*words, "--json")
+    assert (calm.code, calm.err) == (0, f"hfa: note: {note}\n")
+    assert json.loads(calm.out)["warnings"] == [note]
+    assert hfa(*words, "--actuators", "0.02:60").err == calm.err
+    assert hfa("fly", "--dihedral", "15", "--duration", "0.1", "--online").err == calm.err
+    for disturbed in (
+        (*words, "--initial", "pitch=1"),
+        (*words, "--gust", "50:2:0.05"),
+        (*words, "--turbulence", "1:500"),
+        (*words, "--disturbance", "pitch_rate=0.1"),
+        (*words, "--noise", "alpha=0.1"),
+        (*words, "--reference", "pitch=1"),
+        (*words, "--error", "lift_slope=0.99"),
+    ):
+        assert "nothing disturbs" not in hfa(*disturbed).err, disturbed
+
+
 def test_the_command_says_what_left_first_and_exits_with_1() -> None:
     result = hfa(
         *FLY, "--initial", "paper", "--reference", "paper", "--disturbance", "paper", "--noise", "paper", "--json"
