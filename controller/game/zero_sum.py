@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -51,15 +51,7 @@ class Game:
                 raise BadInputError(f"{name} is {_shape(matrix)}; with this A and B it must be {shape[0]} x {shape[1]}")
         _check_definite("Q", self.Q, strictly=False)
         _check_definite("R", self.R, strictly=True)
-        if not (isinstance(self.delta, (int, float, np.floating)) and self.delta > 0):
-            raise BadInputError(f"delta is {shown(self.delta)}; it must be a positive number")
-        if self.delta != np.inf and self.delta > LARGEST**0.5:
-            raise BadInputError(
-                f"delta is {self.delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
-            )
-        if self.delta**2 < 1.0 / LARGEST:
-            raise BadInputError(f"delta is {self.delta}; 1/delta^2 must not exceed {LARGEST:g}")
-        object.__setattr__(self, "delta", float(self.delta))
+        object.__setattr__(self, "delta", _delta_of(self.delta))
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:
@@ -105,8 +97,11 @@ class Game:
         return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
 
     def with_delta(self, delta: float) -> Game:
-        """The same game at another disturbance weight."""
-        return replace(self, delta=delta)
+        """The same game at another disturbance weight; its matrices have been checked, and are not checked again."""
+        other = object.__new__(type(self))
+        shared = {name: value for name, value in vars(self).items() if name != "S"}
+        vars(other).update(shared, delta=_delta_of(delta))
+        return other
 
 
 def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any) -> Game:
@@ -141,30 +136,44 @@ def matrix_of(name: str, value: Any) -> np.ndarray:
         raise BadInputError(f"{name} is not a matrix of real numbers: its rows differ in length") from error
     if matrix.dtype.kind not in "iuf":  # NumPy would turn text into numbers and drop imaginary parts
         raise BadInputError(f"{name} is not a matrix of real numbers")
-    matrix = matrix.astype(float)
+    matrix = matrix.astype(float, copy=False)
     if matrix.ndim != 2:
         raise BadInputError(f"{name} has {matrix.ndim} dimension(s); it must be a matrix")
-    if not np.all(np.isfinite(matrix)):
-        row, column = np.argwhere(~np.isfinite(matrix))[0]
-        raise BadInputError(f"{name}[{row}][{column}] is {matrix[row, column]}; every entry must be finite")
-    if np.abs(matrix).max(initial=0.0) > LARGEST:
-        raise BadInputError(f"{name} has an entry of {np.abs(matrix).max():g}; entries must not exceed {LARGEST:g}")
+    if not (largest := np.abs(matrix).max(initial=0.0)) <= LARGEST:
+        if not np.isfinite(largest):
+            row, column = np.argwhere(~np.isfinite(matrix))[0]
+            raise BadInputError(f"{name}[{row}][{column}] is {matrix[row, column]}; every entry must be finite")
+        raise BadInputError(f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g}")
     matrix.setflags(write=False)
     return matrix
+
+
+def _delta_of(delta: float) -> float:
+    if not (isinstance(delta, (int, float, np.floating)) and delta > 0):
+        raise BadInputError(f"delta is {shown(delta)}; it must be a positive number")
+    if delta != np.inf and delta > LARGEST**0.5:
+        raise BadInputError(
+            f"delta is {delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
+        )
+    if delta**2 < 1.0 / LARGEST:
+        raise BadInputError(f"delta is {delta}; 1/delta^2 must not exceed {LARGEST:g}")
+    return float(delta)
 
 
 def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
+    if strictly and _is_definite(matrix):
+        return
     smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if strictly and not _is_definite(matrix):
+    if strictly:
         rounding = " but for rounding" if smallest > 0.0 else ""
         raise BadInputError(
             f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every eigenvalue "
             "positive"
         )
-    if not strictly and smallest < -1e-12 * scale:
+    if smallest < -1e-12 * scale:
         raise BadInputError(
             f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
         )

@@ -15,6 +15,8 @@ from trim.point.trim_problem import TrimProblem
 
 _MAX_NEWTON_STEPS = 50
 _MAX_HALVINGS = 20
+#: Steps to the least effort: to its last digits, and where least squares found no balance, and there hardly is one.
+_MOST_STEPS, _FEW_STEPS = 500, 100
 
 
 class TrimError(NoSolutionError):
@@ -86,11 +88,12 @@ def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
 
 def _least_effort_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
-    best = _polished(problem, _least_effort(problem, guess))
+    nearest = _polished(problem, _bounded_least_squares(problem, guess))
+    found = problem.solved(nearest)
+    best = _polished(problem, _least_effort(problem, guess, _MOST_STEPS if found else _FEW_STEPS))
     if problem.solved(best):
         return best
-    nearest = _polished(problem, _bounded_least_squares(problem, guess))
-    return _polished(problem, _least_effort(problem, nearest)) if problem.solved(nearest) else nearest
+    return _polished(problem, _least_effort(problem, nearest, _MOST_STEPS)) if found else nearest
 
 
 def _polished(problem: TrimProblem, unknowns: np.ndarray) -> np.ndarray:
@@ -147,7 +150,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     return np.asarray(result.x)
 
 
-def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
+def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> np.ndarray:
     """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits."""
     from scipy.optimize import minimize
 
@@ -166,6 +169,6 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
             "fun": lambda unknowns: problem.residual(unknowns)[movable],
             "jac": lambda unknowns: problem.linearization(unknowns)[1][movable],
         },
-        options={"ftol": 1e-15, "maxiter": 500},
+        options={"ftol": 1e-15, "maxiter": most},
     )
     return problem.clip(np.asarray(result.x))

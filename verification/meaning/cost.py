@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -129,10 +130,10 @@ def _checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float) -> tu
         raise BadInputError("the flight from this initial state costs nothing; choose another initial state")
     rng = np.random.default_rng(0)
     control = [(step, np.zeros_like(L)) for step in rng.standard_normal((DIRECTIONS, *K.shape))]
-    checks = _judge("control", np.array([_changes(game, P, step, initial, base, change) for step in control]))
+    checks = _judge("control", np.array([*_changes(game, P, control, initial, base, change)]))
     if math.isfinite(game.delta) and L.size > 0:
         disturbance = [(np.zeros_like(K), step) for step in rng.standard_normal((DIRECTIONS, *L.shape))]
-        losses = -np.array([_changes(game, P, step, initial, base, change) for step in disturbance])
+        losses = -np.array([*_changes(game, P, disturbance, initial, base, change)])
         checks += _judge("disturbance", losses)
     return checks
 
@@ -160,34 +161,43 @@ def _judge(player: str, losses: np.ndarray) -> tuple[Check, ...]:
 
 
 def _changes(
-    game: Game, P: np.ndarray, step: tuple[np.ndarray, np.ndarray], initial: np.ndarray, base: float, change: float
-) -> tuple[float, float]:
-    """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`; nan where
-    rounding changes it more.
+    game: Game,
+    P: np.ndarray,
+    steps: list[tuple[np.ndarray, np.ndarray]],
+    initial: np.ndarray,
+    base: float,
+    change: float,
+) -> Iterator[tuple[float, float]]:
+    """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`, in each
+    direction; nan where rounding changes it more. Directions are alike: the search begins at the ε of the last one.
     """
     K, L = game.gain(P), game.disturbance_gain(P)
 
-    def is_small(size: float) -> bool:
-        control, disturbance = K + size * step[0], L + size * step[1]
-        if not is_hurwitz(game.A - game.B @ control + game.E @ disturbance):
+    def is_small(size: float, step: tuple[np.ndarray, np.ndarray]) -> bool:
+        try:
+            X = cost_matrix(game, K + size * step[0], L + size * step[1])
+        except NoSolutionError:  # not Hurwitz
             return False
-        return abs(float(initial @ cost_matrix(game, control, disturbance) @ initial) / base - 1.0) <= change
+        return abs(float(initial @ X @ initial) / base - 1.0) <= change
 
     size = 1.0
-    while size < LARGEST_STEP and is_small(size):
-        size *= 2.0
-    while not is_small(size):
-        size /= 2.0
+    for step in steps:
+        while size < LARGEST_STEP and is_small(size, step):
+            size *= 2.0
+        while size >= SMALLEST_STEP and not is_small(size, step):
+            size /= 2.0
         if size < SMALLEST_STEP:  # the two costs of P itself differ: a P of rounding alone
-            return math.nan, math.nan
-    try:
-        first, second = (
-            simulated_cost(game, K + part * step[0], L + part * step[1], initial) / base - 1.0
-            for part in (size, size / RATIO)
-        )
-    except NoSolutionError:  # Hurwitz at one step and not at a smaller one
-        return math.nan, math.nan
-    return first, second
+            size = 1.0
+            yield math.nan, math.nan
+            continue
+        try:
+            first, second = (
+                simulated_cost(game, K + part * step[0], L + part * step[1], initial) / base - 1.0
+                for part in (size, size / RATIO)
+            )
+        except NoSolutionError:  # Hurwitz at one step and not at a smaller one
+            first, second = math.nan, math.nan
+        yield first, second
 
 
 class FlightCost(NamedTuple):
