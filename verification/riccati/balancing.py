@@ -38,13 +38,17 @@ class Spectrum(NamedTuple):
         mislead when an eigenvalue is badly conditioned: a double eigenvalue on the axis is computed with |Re λ| of
         about 1e-8 ‖M‖, but its axis_distance is of the order of rounding, 1e-16. Source: Byers 1988.
         """
+        return self.nearest_to_axis()[0]
+
+    def nearest_to_axis(self) -> tuple[float, float]:
+        """`axis_distance`, and the ω >= 0 where it is, rad/s."""
         frequencies = np.unique(np.abs(self.eigenvalues.imag))
         if len(frequencies) > FEW:
             frequencies = _nearly_singular(self.balanced, frequencies)
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
-        smallest = float(np.linalg.svd(shifted, compute_uv=False)[:, -1].min())
-        norm = float(np.linalg.norm(self.balanced, 2))
-        return smallest / norm if norm > 0.0 else 0.0
+        smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
+        place, norm = int(np.argmin(smallest)), float(np.linalg.norm(self.balanced, 2))
+        return float(smallest[place]) / norm if norm > 0.0 else 0.0, float(frequencies[place])
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:

@@ -51,3 +51,11 @@ def test_a_mode_on_the_axis_among_many_is_seen() -> None:
     damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])
     damped[-2:, -2:] = [[0.0, 3.0], [-3.0, 0.0]]
     assert spectrum(turn @ damped @ turn.T).axis_distance() <= 1e-15
+
+
+def test_the_frequency_is_that_of_the_distance_and_not_of_the_eigenvalue_of_least_damping() -> None:
+    found = spectrum(jordan(np.random.default_rng(0), 40))
+    least_damped = found.eigenvalues[np.argmax(found.eigenvalues.real)]
+    distance, frequency = found.nearest_to_axis()
+    assert distance == found.axis_distance()
+    assert frequency < 2.0 < abs(least_damped.imag)
