@@ -69,10 +69,9 @@ def tell(
     arguments: argparse.Namespace,
     target: Path | None,
     only_in_files: dict[str, Any] | None = None,
-    more: Sequence[str] = (),
 ) -> None:
-    """Print the report, or its data, and write the file; then what should be known of the trims `points`, and more."""
-    notes = [*dict.fromkeys(warning for point in points for warning in point.warnings), *more]
+    """Print the report, or its data, and write the file; then what should be known of the trims `points`."""
+    notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
     told = report.with_data(warnings=notes)
     show(told, arguments, target=target, only_in_files=only_in_files)
     say_notes(notes)

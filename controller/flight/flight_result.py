@@ -33,6 +33,12 @@ from trim.point.operating_point import OperatingPoint
 
 FLIGHT_SCHEMA = "hfa.flight/1"
 
+#: Said of a flight that stays at trim: whose deviations are at most so large, in the units of states and inputs.
+UNDISTURBED = (
+    "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or errors of parameters"
+)
+_STILL = 1e-6
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearFlight(Reported):
@@ -106,7 +112,8 @@ class NonlinearFlight(Reported):
             parts.insert(0, tracking_table(_tracked(self, law.policy)))
         if checks:
             parts.append(checks_block(checks))
-        notes = ["nothing disturbs this flight, which stays at trim"] if self.scenario.calm else []
+        still = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max()) <= _STILL
+        notes = [UNDISTURBED] if still else []
         return Report(self.title(words), parts, notes, _data(self, law, checks), _records(self))
 
     def history(self) -> dict[str, Any]:

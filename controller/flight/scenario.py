@@ -74,13 +74,6 @@ class Scenario:
         return self.gust is not None or self.uncertainty.turbulence is not None
 
     @property
-    def calm(self) -> bool:
-        """Whether nothing happens: every flight of it stays at trim."""
-        signals = (self.reference, self.disturbance, self.noise)
-        still = not (self.moving_air or self.errors or np.any(self.initial) or self.samples is not None)
-        return still and self.uncertainty == Uncertainty() and not any(map(_moves, signals))
-
-    @property
     def ticks(self) -> int:
         """Ticks in the flight."""
         return round(self.duration / self.tick)
@@ -114,10 +107,6 @@ class Scenario:
             "actuators": None if self.actuators is None else asdict(self.actuators),
             "gust": _gust_data(self.gust),
         }
-
-
-def _moves(signal: TimeVector) -> bool:
-    return not isinstance(signal, Signal) or bool(signal.harmonics or signal.constant.any() or signal.slope.any())
 
 
 def _gust_data(gust: Any) -> dict[str, Any] | None:

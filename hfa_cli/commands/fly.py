@@ -27,9 +27,6 @@ _MOVED = dict.fromkeys(("to", "over", "points"), "schedule") | dict.fromkeys(
     ("map", "speeds", "dihedrals", "commands"), "map"
 )
 
-#: Options that take a flight off trim.
-_DISTURBING = ("initial", "gust", "turbulence", "disturbance", "noise", "reference", "command", "error")
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa fly`."""
@@ -76,16 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
         checks = agreement_checks(aircraft, law, result)
     report = result.report(law, checks)
     draw(arguments.picture, lambda: flight_figure(result, report.title))
-    tell(report, [point], arguments, arguments.output, result.history(), _undisturbed(arguments))
+    tell(report, [point], arguments, arguments.output, result.history())
     return 0 if result.departure is None and all(check.ok for check in checks) else 1
-
-
-def _undisturbed(arguments: argparse.Namespace) -> list[str]:
-    """A note where no option is given that takes the flight off trim."""
-    if any(getattr(arguments, name) is not None for name in _DISTURBING):
-        return []
-    options_named = ", ".join(f"--{name}" for name in _DISTURBING)
-    return [f"nothing disturbs this flight, which begins at trim; {options_named} would"]
 
 
 def _refuse_moved(arguments: argparse.Namespace) -> None:

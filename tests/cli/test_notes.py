@@ -19,7 +19,7 @@ COMMANDS = {
     "solve": ("solve",),
     "learn": ("learn", "--set", "predefined_time=2"),
     "verify": ("verify", "--set", "predefined_time=2"),
-    "fly": ("fly", *SHORT, "--initial", "speed=0.1"),
+    "fly": ("fly", *SHORT),
     "map": ("map", "--law", "exact", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
     "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
 }
