@@ -5,9 +5,10 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from known_models import model_at
 
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
-from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from trim import OperatingPoint, linearize
 
 #: What python-control solves for, and the equations that it balances.
 HELD = [INPUTS.index("aileron_center")]
@@ -16,7 +17,7 @@ BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dih
 
 @pytest.fixture(scope="module")
 def trimmed(aircraft: Aircraft) -> OperatingPoint:
-    return find_operating_point(aircraft, level_flight(np.radians(10.0)))
+    return model_at(10.0, aircraft.variant.name).point
 
 
 def test_its_operating_point_is_ours(aircraft: Aircraft, trimmed: OperatingPoint) -> None:

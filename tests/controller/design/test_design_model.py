@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_models import released_simulation
+from known_models import model_at, released_simulation
 
 from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
 from controller.design.design import SHORT_PERIOD, Feedforward
@@ -28,8 +28,7 @@ PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding
 
 
 def design_at(aircraft: Aircraft, design: Design, degrees: float) -> DesignModel:
-    point = find_operating_point(aircraft, level_flight(math.radians(degrees)))
-    return design_model(aircraft, linearize(aircraft, point), design)
+    return design_model(aircraft, model_at(degrees, aircraft.variant.name), design)
 
 
 @pytest.mark.parametrize("name", PEER)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
+from known_models import model_at
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
 from hfa_model import STATES, Aircraft, BadInputError
@@ -16,7 +17,7 @@ from hfa_model.dynamics import state_rates, symbols
 from hfa_model.native.c_code import c_function
 from hfa_model.support.files import write_texts
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
-from trim import OperatingPoint, find_operating_point, level_conditions, level_flight, linearize, solve_level_flights
+from trim import OperatingPoint, level_conditions, solve_level_flights
 
 pytestmark = needs_gcc
 POINTS = 1000
@@ -25,9 +26,8 @@ POINTS = 1000
 @pytest.fixture(scope="module")
 def folder(aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("c")
-    point = find_operating_point(aircraft, level_flight(np.radians(15.0)))
     gain = np.arange(30.0).reshape(5, 6) / 100
-    write_texts(made, c_model_texts(CModel(aircraft, linearize(aircraft, point), gain, "from */ here")))
+    write_texts(made, c_model_texts(CModel(aircraft, model_at(15.0, aircraft.variant.name), gain, "from */ here")))
     compiled(made, "-shared", "-fPIC", SOURCE, "-o", "hfa.so")
     return made
 
@@ -87,8 +87,8 @@ def test_what_is_no_level_flight_is_said(library: ctypes.CDLL, changed: dict[str
 
 
 def test_the_policy_and_the_constants(library: ctypes.CDLL, folder: Path, aircraft: Aircraft) -> None:
-    point = find_operating_point(aircraft, level_flight(np.radians(15.0)))
-    model, gain = linearize(aircraft, point), np.arange(30.0).reshape(5, 6) / 100
+    model, gain = model_at(15.0, aircraft.variant.name), np.arange(30.0).reshape(5, 6) / 100
+    point = model.point
     x, u = np.array(point.states) + np.arange(7.0) / 10, np.empty(5)
     called(library, "hfa_policy", x, u)
     np.testing.assert_allclose(u, np.array(point.inputs) - gain @ (np.arange(7.0) / 10)[[0, 1, 3, 4, 5, 6]], rtol=1e-14)

@@ -4,44 +4,28 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from known_models import game_at, model_at
 
-from controller import Actuators, Scenario, Signal, flight_envelope, fly, gain_law, published_game
+from controller import Actuators, Scenario, Signal, flight_envelope, fly, gain_law
 from controller.flight.flight_result import NonlinearFlight
-from hfa_model import LINEAR_STATES, Aircraft, Input, default_parameters
-from trim import CONTROL_LIMITS, LinearModel, OperatingPoint, find_operating_point, level_flight, linearize
+from hfa_model import LINEAR_STATES, Aircraft, Input
+from trim import CONTROL_LIMITS, LinearModel
 from verification import solve_game
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"
 WEIGHTS = ("the paper's weights", "R x 100")
 
 
-@dataclass(frozen=True, eq=False)
-class Trimmed:
-    """The newton aircraft at one dihedral."""
-
-    aircraft: Aircraft
-    point: OperatingPoint
-    model: LinearModel
-
-
-@cache
-def trimmed(degrees: float) -> Trimmed:
-    aircraft = Aircraft(default_parameters().values, "newton")
-    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    return Trimmed(aircraft, point, linearize(aircraft, point))
-
-
 @cache
 def gain(weights: str) -> np.ndarray:
     """The exact gain at 15 degrees."""
-    model = trimmed(15.0).model
-    game = published_game(model.A, model.B)
+    game = game_at(15.0, "newton")
     return solve_game(game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)).K
 
 
@@ -63,13 +47,13 @@ def largest_lag(model: LinearModel, K: np.ndarray) -> float:
 
 def flown(weights: str, lag: float, seconds: float) -> NonlinearFlight:
     """A command of one degree behind actuators of that lag, 60 deg/s for the surfaces."""
-    at = trimmed(15.0)
+    aircraft, point = Aircraft(dynamics="newton"), model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     actuators = Actuators(Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4))
     command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
     scenario = Scenario(duration=seconds, reference=Signal(command, np.zeros(len(command))), actuators=actuators)
-    envelope = flight_envelope(at.aircraft.parameters, at.point)
-    return fly(at.aircraft, at.point, gain_law("exact", gain(weights)), scenario, envelope)
+    envelope = flight_envelope(aircraft.parameters, point)
+    return fly(aircraft, point, gain_law("exact", gain(weights)), scenario, envelope)
 
 
 def stated(row: str) -> tuple[float, ...]:
@@ -87,12 +71,12 @@ def rounded_down(lag: float) -> float:
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
 def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float) -> None:
-    found = tuple(rounded_down(largest_lag(trimmed(degrees).model, gain(weights))) for weights in WEIGHTS)
+    found = tuple(rounded_down(largest_lag(model_at(degrees, "newton"), gain(weights))) for weights in WEIGHTS)
     assert stated(f"lag of all actuators, eigenvalues at {degrees:g} deg") == found
 
 
 def test_less_dihedral_stands_more_lag() -> None:
-    one, other = (rounded_down(largest_lag(trimmed(14.0).model, gain(weights))) for weights in WEIGHTS)
+    one, other = (rounded_down(largest_lag(model_at(14.0, "newton"), gain(weights))) for weights in WEIGHTS)
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
     assert f"At 14 degrees more is tolerated, {one:.3f} s and {other:.3f} s." in text
 
@@ -107,6 +91,6 @@ def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(w
 
 def test_a_lag_that_only_a_short_flight_stands_is_seen() -> None:
     """0.18 s is unstable, and lasts nine seconds."""
-    assert abscissa(trimmed(15.0).model, gain(WEIGHTS[1]), 0.18) > 0.5
+    assert abscissa(model_at(15.0, "newton"), gain(WEIGHTS[1]), 0.18) > 0.5
     assert flown(WEIGHTS[1], 0.18, 8.0).departure is None
     assert flown(WEIGHTS[1], 0.18, 12.0).departure is not None

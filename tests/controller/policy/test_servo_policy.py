@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from controllers import integrating_controller, small_controller
+from known_models import model_at
 from scipy.integrate import solve_ivp
 
 from controller import (
@@ -27,7 +28,7 @@ from controller.flight.tracking import fastest_inputs, tracked, tracking_table
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, Input
-from trim import OperatingPoint, find_operating_point, level_flight
+from trim import OperatingPoint
 from trim.linear.output_model import output_model
 
 Z = "vertical_acceleration_short_period"
@@ -35,8 +36,8 @@ FREE = Actuators(Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5),
 
 
 @pytest.fixture(scope="module")
-def point(published_aircraft: Aircraft) -> OperatingPoint:
-    return find_operating_point(published_aircraft, level_flight(float(np.radians(10.0))))
+def point() -> OperatingPoint:
+    return model_at(10.0).point
 
 
 def commands(*values: float) -> CommandSteps:

@@ -8,15 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 
-from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law, published_game
+from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
 from controller.monte_carlo.stored_members import fly_members
-from hfa_model import Aircraft, State, default_parameters
+from hfa_model import State, default_parameters
 from hfa_model.native.bound import cached_per_thread
-from trim import find_operating_point, level_flight, linearize
 from trim.sweeps.stored_sweep import run_points
-from verification import solve_game
 
 PARAMETERS = default_parameters().values
 Rows = Mapping[str, NDArray]
@@ -42,10 +41,7 @@ def test_a_sweep(compile_code: bool) -> None:
 
 
 def test_a_monte_carlo() -> None:
-    aircraft = Aircraft(PARAMETERS)
-    point = find_operating_point(aircraft, level_flight(float(np.radians(15.0))))
-    model = linearize(aircraft, point)
-    law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
+    point, law = model_at(15.0).point, gain_law("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
     everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
     plan = MonteCarlo(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from known_models import model_at
 
 from hfa_model import INPUTS, STATES, Aircraft, Input, State
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
 from hfa_model.winds import DISTURBANCES, winds_named
-from trim import LinearModel, find_operating_point, level_flight, linearize
+from trim import LinearModel, OperatingPoint, linearize
 
 NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
 ROWS = (*(f"rate of {name}" for name in STATES), *WATCHED)
@@ -46,7 +47,7 @@ def slopes(aircraft: Aircraft, model: LinearModel, blocks: np.ndarray, *, ground
 @pytest.mark.parametrize("ground_drag", [False, True])
 @pytest.mark.parametrize("degrees", [5.0, 15.0])
 def test_the_remainder_of_every_row_is_of_second_order(aircraft: Aircraft, degrees: float, ground_drag: bool) -> None:
-    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+    point = model_at(degrees, aircraft.variant.name).point
     model = linearize(aircraft, point, full=True, outputs=WATCHED, disturbances=NAMES, ground_drag=ground_drag)
     blocks = np.block([[model.A, model.B, model.E], [model.C, model.D, model.F]])
     found = slopes(aircraft, model, blocks, ground_drag=ground_drag)
@@ -65,8 +66,9 @@ def test_the_remainder_of_every_row_is_of_second_order(aircraft: Aircraft, degre
         ("lift_outer", "updraft_outer"),
     ],
 )
-def test_one_wrong_entry_is_seen_in_its_row(published_aircraft: Aircraft, row: str, column: str) -> None:
-    point = find_operating_point(published_aircraft, level_flight(float(np.radians(15.0))))
+def test_one_wrong_entry_is_seen_in_its_row(
+    published_aircraft: Aircraft, point: OperatingPoint, row: str, column: str
+) -> None:
     model = linearize(published_aircraft, point, full=True, outputs=WATCHED, disturbances=NAMES)
     blocks = np.block([[model.A, model.B, model.E], [model.C, model.D, model.F]])
     at_row, at_column = ROWS.index(row), (*STATES, *INPUTS, *NAMES).index(column)

@@ -29,11 +29,12 @@ def test_newton_alone_makes_an_ordinary_trim(
     assert find_operating_point(aircraft, level_flight(float(np.radians(degrees)))).status == "trimmed"
 
 
-def test_the_start_decides_which_local_minimum_is_found(published_aircraft: Aircraft, tmp_path: Path) -> None:
+def test_the_start_decides_which_local_minimum_is_found(
+    published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path
+) -> None:
     """With three variables free least effort has two minima: wings a little down, and wings at their highest."""
     condition = release(level_flight(float(np.radians(10.0))), free=FREE)
-    at_15 = find_operating_point(published_aircraft, level_flight(float(np.radians(15.0))))
-    save_operating_point(at_15, tmp_path / "start.json")
+    save_operating_point(point, tmp_path / "start.json")
     alone = find_operating_point(published_aircraft, condition)
     led = find_operating_point(published_aircraft, condition, load_operating_point(tmp_path / "start.json"))
     assert effort(alone) == pytest.approx(0.248, abs=1e-3)

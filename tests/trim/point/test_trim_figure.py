@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from known_models import model_at
 
 from hfa_model import Aircraft
-from trim import OperatingPoint, find_operating_point, level_flight, trim_figure
+from trim import OperatingPoint, trim_figure
 from trim.point.trim_figure import panels_from_the_front
 
 
@@ -40,7 +41,7 @@ def test_the_lift_stands_across_each_panel_and_carries_the_weight(
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
 def test_arrows_are_to_scale(published_aircraft: Aircraft, degrees: float) -> None:
-    point = find_operating_point(published_aircraft, level_flight(math.radians(degrees)))
+    point = model_at(degrees).point
     panels = panels_from_the_front(published_aircraft, point)
     axes = trim_figure(published_aircraft, point).axes[0]
     drawn = [np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import casadi as ca
 import numpy as np
 import pytest
+from known_models import model_at
 
 from controller import OneMinusCosine, flight_envelope
 from controller.flight.plants import NonlinearPlant
 from hfa_model import INPUTS, STATES, Aircraft
-from trim import find_operating_point, level_flight
 from verification.flights import best_inputs as module
 from verification.flights.best_inputs import STEP, best_inputs
 
@@ -47,7 +45,7 @@ def test_gusts_far_beyond_those_of_any_servo_can_be_stood(
 ) -> None:
     """Neither stall nor the envelope is what ends a servo in a gust of 400 ft: of 35 up and 20 ft/s down."""
     aircraft = Aircraft(dynamics=dynamics)
-    point = find_operating_point(aircraft, level_flight(math.radians(degrees)))
+    point = model_at(degrees, dynamics).point
     plant, envelope = NonlinearPlant(aircraft, point), flight_envelope(aircraft.parameters, point)
     found = best_inputs(plant, envelope, NAMES, LENGTH, sign, BANDWIDTH)
     assert sign * found.peak > at_least
@@ -62,7 +60,7 @@ def test_gusts_far_beyond_those_of_any_servo_can_be_stood(
 def test_a_shorter_look_is_the_same_problem(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
     """Back at trim after 10 s, in a coarse grid: the path obeys the equations and the limits of the commands."""
     monkeypatch.setattr(module, "SECONDS", 10.0)
-    point = find_operating_point(published_aircraft, level_flight(math.radians(11.0)))
+    point = model_at(11.0).point
     plant = NonlinearPlant(published_aircraft, point)
     envelope = flight_envelope(published_aircraft.parameters, point)
     found = best_inputs(plant, envelope, NAMES, LENGTH, -1.0, BANDWIDTH)

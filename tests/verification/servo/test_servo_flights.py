@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from known_models import model_at
 
 from controller import ActuatorFault, CommandSteps, Dryden, OneMinusCosine, flight_envelope, load_design, servo_law
 from controller.flight.plants import NonlinearPlant
@@ -18,7 +19,6 @@ from controller.policy.servo_policy import ServoPolicy
 from hfa_model import Aircraft, BadInputError, shown_in
 from hfa_model.provenance import Provenance
 from hfa_model.reporting.figure import new_figure
-from trim import find_operating_point, level_flight
 from verification import reference_servo
 from verification.servo import cases, servo_flights
 from verification.servo.cases import (
@@ -243,7 +243,7 @@ def test_our_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
     published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, intensity: float, feels_the_air: bool, held: bool
 ) -> None:
     """With A_z made of alpha over ground its integral fights the air that rises, and the aircraft is lost."""
-    commands, point = simvfa_commands(), find_operating_point(published_aircraft, level_flight(float(np.radians(11.0))))
+    commands, point = simvfa_commands(), model_at(11.0).point
     law = laws_of(1, {})["servo"](Start(published_aircraft, point, commands))
     assert isinstance(law.policy, ServoPolicy)
     if not feels_the_air:
@@ -282,7 +282,7 @@ def test_gusts_that_our_servos_stand_and_one_that_they_do_not(given: tuple[str, 
     controller = design_controller(aircraft, load_design(design), np.radians(np.arange(21.0)))
 
     def held(degrees: float, peak: float) -> bool:
-        point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+        point = model_at(degrees, dynamics).point
         still = CommandSteps(REGULATED, np.zeros(0), np.zeros((0, 2)), 0.5, 2.0)
         law, envelope = servo_law(controller, still, aircraft, point), flight_envelope(aircraft.parameters, point)
         gust = OneMinusCosine(400.0, sign * peak, point.states.speed, 1.0)
