@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_model.reporting.report import Block
 from hfa_model.reporting.text import Table, Toned
@@ -39,6 +39,21 @@ class Check(NamedTuple):
     def sentence(self) -> str:
         """The check in words, for reports and error lines."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+
+class Checked:
+    """What its checks decide."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def checks(self) -> tuple[Check, ...]:
+            """All that must hold."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check holds."""
+        return all(check.ok for check in self.checks)
 
 
 def checked(name: str, value: float, relation: str, limit: float, reason: str = "") -> Check:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.checks import Check, checks_block
+from hfa_model.reporting.checks import Check, Checked, checks_block
 from hfa_model.reporting.report import Block, Part, Report, Reported
 from hfa_model.reporting.text import Table, entry_rows, numbered
 from hfa_model.reporting.unit_system import in_force
@@ -30,7 +30,7 @@ SCHEMA = "hfa.critic-check/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CriticCheck(Reported):
+class CriticCheck(Checked, Reported):
     """The verdict on one critic.
 
     exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
@@ -48,11 +48,6 @@ class CriticCheck(Reported):
     diagnosis: str
     box: Box
     history: HistoryErrors | None = None
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check holds."""
-        return all(check.ok for check in self.checks)
 
     @property
     def P_rel_error(self) -> float:

