@@ -42,11 +42,6 @@ class PaperCase:
         limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
         return limits
 
-    @property
-    def name(self) -> str:
-        """For example "15 deg"."""
-        return f"{self.dihedral_deg:g} deg"
-
     @cached_property
     def exact(self) -> GameSolution:
         """The exact solution of the game."""
