@@ -56,16 +56,29 @@ def explained_class(cls: type) -> None:
     made = vars(cls).get("__init__")
     if not isinstance(made, FunctionType) or hasattr(made, "__wrapped__"):
         return
-    make, keeps, all_kinds = explained(cls.__name__, made), is_dataclass(cls), not hasattr(cls, "__post_init__")
+    make, all_kinds = explained(cls.__name__, made), not hasattr(cls, "__post_init__")
+    if not is_dataclass(cls):
+        cls.__init__ = make  # type: ignore[misc]
+        return
+    fitting: set[tuple[Any, ...]] = set()  # the packages make objects by the thousand, all of the same kinds
 
     @functools.wraps(made)
     def checked(*given: Any, **named: Any) -> None:
         make(*given, **named)
-        wrong = _wrong_argument(made, given, named, "", all_kinds=all_kinds) if keeps else ""
-        if wrong:
+        kinds = (*map(_kind_of, given), *named, *map(_kind_of, named.values()))
+        if kinds in fitting:
+            return
+        if wrong := _wrong_argument(made, given, named, "", all_kinds=all_kinds):
             raise BadInputError(on_one_line(f"{cls.__name__}: {wrong}"))
+        fitting.add(kinds)
 
-    cls.__init__ = checked  # type: ignore[misc]
+    cls.__init__ = checked  # type: ignore[method-assign]
+
+
+def _kind_of(value: Any) -> Any:
+    """What decides whether an argument fits: its class, and of an array what is in it and its dimensions."""
+    cls = type(value)
+    return (cls, value.dtype.kind, value.ndim) if hasattr(value, "ndim") and hasattr(value, "dtype") else cls
 
 
 def _wrong_argument(

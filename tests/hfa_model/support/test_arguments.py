@@ -6,6 +6,7 @@ import inspect
 import math
 import pickle
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
 
@@ -17,7 +18,7 @@ import hfa_model
 import trim
 import verification
 from hfa_model import DEGREE, Aircraft, BadInputError
-from hfa_model.support.arguments import explained
+from hfa_model.support.arguments import explained, explained_class
 
 DOORS = (hfa_model, trim, controller, verification)
 FUNCTIONS = {
@@ -190,3 +191,19 @@ def test_what_came_through_a_door_is_made_as_before() -> None:
     point = trim.OperatingPoint(POINT.states, POINT.inputs, POINT.residuals, POINT.dynamics, POINT.status)
     assert point == POINT
     assert trim.LinearModel(MODEL.A, MODEL.B, list(MODEL.states), MODEL.inputs, point).A is MODEL.A  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [np.ones(()), np.array(["one"]), "one", None])
+def test_what_passed_once_lets_nothing_else_through(wrong: Any) -> None:
+    @dataclass
+    class Kept:
+        values: np.ndarray
+        scale: float
+
+    explained_class(Kept)
+    for right in (np.zeros(2), np.zeros(3)):
+        assert Kept(right, scale=1.0).values is right
+    with pytest.raises(BadInputError, match=r"Kept: values is .*; it must be: array"):
+        Kept(wrong, scale=1.0)
+    with pytest.raises(BadInputError, match=r"Kept: scale is .*; it must be: number"):
+        Kept(np.zeros(2), scale="1")  # type: ignore[arg-type]
