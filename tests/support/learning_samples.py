@@ -6,31 +6,29 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from game_samples import game_models
 from reference_riccati import Reference, reference_solution, relative_error
 
-from controller import Basis, Game, LearningResult, basis, published_game, random_pool
+from controller import Basis, Game, LearningResult, basis, random_pool
 from controller.samples.stack_equations import StackEquations
-from hfa_model import published_models
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.
 _SIZES = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
-
-
-_GAMES = {f"{model.dihedral_deg:g} deg": published_game(model.A, model.B) for model in published_models()}
-PUBLISHED = tuple(_GAMES)
+PUBLISHED = tuple(game_models())
 
 
 @cache
 def published(name: str) -> tuple[Game, Reference]:
     """The game on a printed model and its 60-digit solution."""
-    return _GAMES[name], reference_solution(_GAMES[name])
+    game = game_models()[name]
+    return game, reference_solution(game)
 
 
 @cache
 def lq(name: str) -> tuple[Game, Reference]:
     """The LQ problem on a printed model and its 60-digit solution."""
-    game = _GAMES[name].with_delta(np.inf)
+    game = game_models()[name].with_delta(np.inf)
     return game, reference_solution(game)
 
 

@@ -193,11 +193,11 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
         for start in (0.0, 100.0)
     }
     unstable = {name: abscissa(published(name)[0].A) for name in PUBLISHED}
-    assert unstable["15 deg"] > 0.0 > unstable["5 deg"]
-    assert first["5 deg", 0.0] == 0.0
-    assert first["15 deg", 0.0] == pytest.approx(unstable["15 deg"] + 0.5, rel=1e-3)
-    assert first["15 deg", 100.0] > 0.5
-    assert first["5 deg", 100.0] > 0.5
+    assert unstable["published-15"] > 0.0 > unstable["published-5"]
+    assert first["published-5", 0.0] == 0.0
+    assert first["published-15", 0.0] == pytest.approx(unstable["published-15"] + 0.5, rel=1e-3)
+    assert first["published-15", 100.0] > 0.5
+    assert first["published-5", 100.0] > 0.5
 
 
 # What it uses.

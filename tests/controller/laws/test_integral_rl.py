@@ -66,7 +66,7 @@ def test_each_iteration_is_the_value_of_the_last_policies(form: str) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
-    game, exact = published("5 deg")
+    game, exact = published("published-5")
     result = learn(game, "irl", seed)
     assert result.status == "converged"
     assert relative_error(result.P, exact.P) < 1e-9
@@ -88,18 +88,18 @@ def test_lq_form_ignores_the_disturbance_weight(name: str) -> None:
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
-    game, exact = published("15 deg")
+    game, exact = published("published-15")
     from_nothing = learn(game, "irl")
     assert from_nothing.outcome.startswith("failed: abscissa of A - S P")
     assert relative_error(from_nothing.P, exact.P) > 0.05
-    start = tuple(QUADRATIC.weights(1.5 * lq("15 deg")[1].P))
+    start = tuple(QUADRATIC.weights(1.5 * lq("published-15")[1].P))
     assert learn(game, "irl", initial_weights=start).converged
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
-    game, _ = published("5 deg")
-    exact = published("5 deg")[1] if form == "game" else lq("5 deg")[1]
+    game, _ = published("published-5")
+    exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
     assert learn(game, "irl", form=form).converged
     biased = learn(game, "irl", form=form, disturbance_measured=False)
     assert biased.outcome.startswith("failed: ")
@@ -119,7 +119,7 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_too_poor_a_flight_is_refused() -> None:
-    game, _ = published("5 deg")
+    game, _ = published("published-5")
     with pytest.raises(BadInputError, match="20 intervals cannot determine 21 weights"):
         learn(game, "irl", intervals=20)
     with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
@@ -155,7 +155,7 @@ def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) ->
 
 def test_a_flight_that_leaves_all_bounds_is_refused() -> None:
     with pytest.raises(BadInputError, match=r"flight of 40000 s grows beyond 1e\+100; make interval"):
-        learn(published("15 deg")[0], "irl", interval=1000.0)
+        learn(published("published-15")[0], "irl", interval=1000.0)
 
 
 def test_recorded_pools_are_refused() -> None:

@@ -32,10 +32,10 @@ RUNS: dict[str, dict[str, Any]] = {
 
 
 def short_run(law: str, **more: Any) -> LearningResult:
-    game, _ = published("5 deg")
+    game, _ = published("published-5")
     options = dict(RUNS[law])
     if law == "published":
-        start = tuple(QUADRATIC.weights(lq("5 deg")[1].P))
+        start = tuple(QUADRATIC.weights(lq("published-5")[1].P))
         options |= {"initial_weights": start, "recorded_weights": start}
     return learn(game, law, seed=4, **options, **more)
 
@@ -61,7 +61,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(law: str, capsys: pytest.C
 @pytest.mark.parametrize("law", LAWS)
 def test_the_seed_decides_every_bit(law: str) -> None:
     assert_same_bits(short_run(law), short_run(law))
-    game, _ = published("5 deg")
+    game, _ = published("published-5")
     options = RUNS[law] | ({"initial_weights": 1.0, "recorded_weights": 1.0} if law == "published" else {})
     if law != "published":
         assert learn(game, law, 1, **options).weights.tobytes() != learn(game, law, 2, **options).weights.tobytes()

@@ -37,7 +37,7 @@ def test_numbers_without_measure_overflow_in_one_line() -> None:
 
 def test_weights_that_stay_finite_and_whose_residual_does_not_are_not_certified() -> None:
     options = {"basis": "quadratic", "stack_policies": "reevaluated", "normalisation": "squared"}
-    result = learn(published("15 deg")[0], "published", initial_weights=1e60, step=0.1, **options)
+    result = learn(published("published-15")[0], "published", initial_weights=1e60, step=0.1, **options)
     assert result.residual_norm[-1] == np.inf
     assert result.settling_time == np.inf
     assert result.outcome.startswith("failed: ")

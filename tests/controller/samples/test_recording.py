@@ -137,7 +137,7 @@ def unprobed_flight(game: Game) -> Stack:
 
 def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
     """Evenly spaced samples have rank 10 of 21: the fast modes are over before the second one."""
-    game, _ = published("5 deg")
+    game, _ = published("published-5")
     pool = unprobed_flight(game)
     even = Stack(pool.states[::95], pool.drifts[::95])
     assert even.samples == 22
@@ -146,7 +146,7 @@ def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
 
 
 def test_an_unprobed_flight_can_be_too_poor() -> None:
-    game, _ = published("15 deg")
+    game, _ = published("published-15")
     with pytest.raises(BadInputError, match="the recorded stack has rank 20 of 21"):
         choose(unprobed_flight(game), QUADRATIC, 21)
 
