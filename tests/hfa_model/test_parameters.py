@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refused_files import refusal
 
 from hfa_model import (
     BadInputError,
@@ -34,16 +35,6 @@ def edited(path: Path, pattern: str, replacement: str) -> Path:
     assert count == 1, f"{pattern!r} is not in the file"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def refusal(path: Path) -> str:
-    """The message with which a file is refused: one line that names the file."""
-    with pytest.raises(BadInputError) as caught:
-        load_parameters(path)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert str(path) in message
-    return message
 
 
 def assert_same(one: ParameterSet, other: ParameterSet) -> None:
@@ -80,7 +71,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     covariance[:, 2] *= units
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
-    said = refusal(path)
+    said = refusal(load_parameters, path)
     assert "[covariance] is no covariance" in said
     assert "lowest eigenvalue is -1, " in said
 
@@ -116,7 +107,7 @@ def test_the_package_brings_its_own_file() -> None:
 @pytest.mark.parametrize("value", ["-1.0", "0", "0.0", "nan", "inf", "-inf", '"8.0"', "true", "[8.0]", f"1{'0' * 400}"])
 def test_wrong_values_are_refused(saved: Path, value: str) -> None:
     path = edited(saved, r"(?<=^\[chord\]\n)value = .*", f"value = {value}")
-    assert "[chord]" in refusal(path)
+    assert "[chord]" in refusal(load_parameters, path)
 
 
 def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
@@ -146,7 +137,7 @@ def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
     ],
 )
 def test_wrong_entries_are_refused(saved: Path, pattern: str, replacement: str, named: str) -> None:
-    assert named in refusal(edited(saved, pattern, replacement))
+    assert named in refusal(load_parameters, edited(saved, pattern, replacement))
 
 
 @pytest.mark.parametrize("name", ["chord", "covariance"])
@@ -154,19 +145,19 @@ def test_a_number_instead_of_a_table_is_refused(saved: Path, name: str) -> None:
     text = saved.read_text(encoding="utf-8")
     text = re.sub(rf"^\[{name}\]\n(.+\n)+", "", text, flags=re.M)
     saved.write_text(f"{name} = 3\n{text}", encoding="utf-8")
-    assert name in refusal(saved)
+    assert name in refusal(load_parameters, saved)
 
 
 def test_a_file_that_is_not_toml_is_refused(saved: Path) -> None:
     saved.write_text("chord: 8.0 ft\n", encoding="utf-8")
-    assert "TOML" in refusal(saved)
+    assert "TOML" in refusal(load_parameters, saved)
     saved.write_bytes(b"\xff\xfe\x00")
-    assert "TOML" in refusal(saved)
+    assert "TOML" in refusal(load_parameters, saved)
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
-    assert "cannot be read" in refusal(tmp_path / "nowhere.toml")
-    assert "cannot be read" in refusal(tmp_path)
+    assert "cannot be read" in refusal(load_parameters, tmp_path / "nowhere.toml")
+    assert "cannot be read" in refusal(load_parameters, tmp_path)
 
 
 def test_saving_into_a_missing_folder_writes_nothing(tmp_path: Path, parameter_set: ParameterSet) -> None:
