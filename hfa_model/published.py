@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.by_value import ByValue
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 
-@dataclass(frozen=True, eq=False)
-class PublishedModel(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class PublishedModel(ByValue, Shown):
     """One printed linear model, x' = A x + B u (paper Section 5.1).
 
     dihedral: rad.  A: (6, 6), B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`.

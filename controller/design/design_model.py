@@ -11,6 +11,7 @@ from controller.design.design import SHORT_PERIOD, Design
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS, unit_of
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.linear.linear_model import LinearModel
@@ -20,8 +21,8 @@ from trim.linear.output_model import output_model
 RANK = 1e-10
 
 
-@dataclass(frozen=True, eq=False)
-class DesignModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignModel(Shown):
     """z' = A z + B u + E w,  y = C z + D u + F w + noise,  of `design` about the operating point of `model`.
 
     z: the states of the linear model, then actuator positions and rates, sensors with a lag, integrals (`states`).

@@ -21,6 +21,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
 from hfa_model.provenance import parameter_hash
 from hfa_model.reporting.data_files import save_data
+from hfa_model.reporting.fields import Shown
 from hfa_model.reporting.text import Table
 from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError, shown
@@ -39,8 +40,8 @@ _NAMES = ("states", "measurements", "commands", "inputs")
 _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
 
-@dataclass(frozen=True, eq=False)
-class ScheduledController(ByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledController(ByValue, Shown):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,   x(0) = 0.
 
     η is the measured dihedral, rad; every matrix is linear in it between `dihedrals` and constant beyond the ends.

@@ -22,6 +22,7 @@ from controller.flight.plants import Plant
 from controller.policy.policies import Policy, Seen
 from controller.policy.signals import TimeVector
 from hfa_model.native.bound import RowsFunction
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
@@ -156,8 +157,8 @@ class ClosedLoop:
         return self.plant.constants_size, moved, self.policy.constants_size, noise, air
 
 
-@dataclass(frozen=True)
-class Flight:
+@dataclass(frozen=True, repr=False)
+class Flight(Shown):
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.

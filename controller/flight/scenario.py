@@ -18,6 +18,7 @@ from controller.policy.policies import Policy
 from controller.policy.signals import Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, STATES
 from trim.point.operating_point import OperatingPoint
@@ -28,8 +29,8 @@ _N = len(LINEAR_STATES)
 MOST_STEPS = 10_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Scenario:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario(Shown):
     """Everything that happens in a flight. All is off unless given.
 
     duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import LINEAR_STATES
 
@@ -17,8 +18,8 @@ from hfa_model.vectors import LINEAR_STATES
 PAPER_QUARTIC_CHANNELS = ("speed", "alpha", "pitch_rate", "dihedral")
 
 
-@dataclass(frozen=True, eq=False)
-class Basis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Basis(Shown):
     """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
 
     exponents: (M, n) nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by row.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.array_file import real_array
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
@@ -22,8 +23,8 @@ class StoredCritic(NamedTuple):
     K: np.ndarray | None
 
 
-@dataclass(frozen=True, eq=False)
-class History:
+@dataclass(frozen=True, eq=False, repr=False)
+class History(Shown):
     """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at least one of them.
 
     A single W (M,), P (n, n) or K (m, n) belongs to the last row alone. BadInputError when a number is not finite or

@@ -10,6 +10,8 @@ import numpy as np
 
 from controller.game.array_file import real_array
 from hfa_model.published import published_data
+from hfa_model.reporting.fields import Shown
+from hfa_model.support.by_value import ByValue
 from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 
 if TYPE_CHECKING:
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
 LARGEST = 1e100
 
 
-@dataclass(frozen=True, eq=False)
-class Game:
+@dataclass(frozen=True, eq=False, repr=False)
+class Game(ByValue, Shown):
     """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq. 15-16).
 
     A: (n, n), B: (n, m), E: (n, k) disturbance matrix (the paper's is the identity), Q: (n, n) symmetric
@@ -52,6 +54,10 @@ class Game:
         _check_definite("Q", self.Q, strictly=False)
         _check_definite("R", self.R, strictly=True)
         object.__setattr__(self, "delta", _delta_of(self.delta))
+
+    def __hash__(self) -> int:
+        """Of a few numbers, the same for games that are equal: units of a game are kept."""
+        return hash((float(self.A.sum()), float(self.B.sum()), self.delta))
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:

@@ -18,13 +18,14 @@ from controller.policy.commands import CommandedStates
 from controller.policy.flown_law import FlownLaw
 from controller.policy.signals import Signal
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
 from trim.point.operating_point import OperatingPoint
 
 
-@dataclass(frozen=True, eq=False)
-class MonteCarlo:
+@dataclass(frozen=True, eq=False, repr=False)
+class MonteCarlo(Shown):
     """N members, each a draw of one scenario. Two plans are equal when they give the same results.
 
     parameters, dynamics: the nominal aircraft, trimmed at `point`. plant: "nonlinear" or "linear". seed: with the

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, Quantity
 
@@ -17,8 +18,8 @@ from hfa_model.vectors import LINEAR_STATES, Quantity
 COMMAND_FILTER = (0.5, 2.0)
 
 
-@dataclass(frozen=True, eq=False)
-class CommandSteps:
+@dataclass(frozen=True, eq=False, repr=False)
+class CommandSteps(Shown):
     """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0.
 
     s: the step response of the filter. names: outputs, as deviations from trim. times: t_i (S,), s, increasing,

@@ -11,14 +11,15 @@ from controller.game.array_file import real_array
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import GainPolicy, Policy, gain_constants
 from controller.policy.signals import zero
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 _SHAPE = len(INPUTS), len(LINEAR_STATES)
 
 
-@dataclass(frozen=True, eq=False)
-class FlownLaw:
+@dataclass(frozen=True, eq=False, repr=False)
+class FlownLaw(Shown):
     """u and memory' of `policy`, with p = table[k] in tick k, the last row staying, and memory(0) = memory.
 
     table: (N, k). memory: (m,). identity: JSON data that decides what it does. certified_from: s, when what is learned

@@ -10,6 +10,7 @@ import numpy as np
 from controller.design.dihedral_table import shares
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, said_of
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 
@@ -19,8 +20,8 @@ _PLANT = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS)
 _AT_THE_END = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class GainTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class GainTable(Shown):
     """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ, ζ = (x, memory); K, M, N, X linear in η between the angles.
 
     dihedral_deg: (G,), increasing; G = 1: the same at every angle. K: (G, 5, n). M: (G, n, n), what ζ does by itself:

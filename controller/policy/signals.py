@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ class Harmonic(NamedTuple):
     cosine: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Signal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Signal(Shown):
     """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
     BadInputError when the parts differ in length or are not finite.

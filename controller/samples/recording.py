@@ -9,6 +9,7 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import Excitation
 from controller.game.zero_sum import Game
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 
 #: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding of 1e-16
@@ -18,8 +19,8 @@ RANK_TOLERANCE = 1e-8
 _AHEAD = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Stack:
+@dataclass(frozen=True, eq=False, repr=False)
+class Stack(Shown):
     """N_h recorded samples: states z_j (N_h, n) and drifts F_j (N_h, n), F = z' - B u - E d.
 
     F must not carry the reference forcing r(t) = A x_d - x_d': the value z'Pz answers F = A z alone.

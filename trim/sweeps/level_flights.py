@@ -19,6 +19,7 @@ from hfa_model.native.bound import BoundFunction, cached_per_thread
 from hfa_model.native.machine_code import machine_code
 from hfa_model.native.vector_code import vector_code
 from hfa_model.parameters import Parameters
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, Quantity, State
@@ -42,8 +43,8 @@ _BALANCED_COLUMNS = [-_N + STATES.index(name) for name in BALANCED]
 _BALANCED_SCALES = np.array([getattr(RATE_SCALES, name) for name in BALANCED])
 
 
-@dataclass(frozen=True)
-class LevelFlights:
+@dataclass(frozen=True, repr=False)
+class LevelFlights(Shown):
     """N points: states (N, 7), inputs (N, 5), A (N, 7, 7), B (N, 7, 5), scaled residuals (N, 6) of the balanced
     equations, and `trimmed` (N,): every residual within `BALANCE` and every unknown within its limits."""
 

@@ -11,6 +11,7 @@ from controller.game.basis import Basis, bases_with, basis
 from controller.game.history import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from verification.meaning.cost import is_moderate
 
@@ -18,9 +19,11 @@ from verification.meaning.cost import is_moderate
 TOGETHER = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
+@dataclass(frozen=True, eq=False, repr=False)
+class Candidate(Shown):
+    """A critic's policy u = -K z at the origin, its value z'Pz or V = W'ψ(z), as much as is known of it.
+
+    K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
     in `functions`, None when it did not come as weights."""
 
     K: np.ndarray

@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_model.reporting.checks import Check, checks_block
+from hfa_model.reporting.fields import Shown
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 from hfa_model.reporting.unit_system import in_force, unit_in_force
@@ -26,8 +27,8 @@ from verification.riccati.output_feedback import OutputGame, minimum_output_delt
 SCHEMA = "hfa.game-solution/1"
 
 
-@dataclass(frozen=True, eq=False)
-class AnalysedGame:
+@dataclass(frozen=True, eq=False, repr=False)
+class AnalysedGame(Shown):
     """The certified solution, the smallest delta, what the policies do in simulation, and their margins."""
 
     solution: GameSolution

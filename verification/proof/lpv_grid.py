@@ -12,6 +12,7 @@ from flint import arb_mat
 
 from controller.game.zero_sum import published_game
 from hfa_model.provenance import Provenance
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.support.jsonable import jsonable
 from hfa_model.support.telling import Progress, told
@@ -35,8 +36,8 @@ _LOOSE = 0.5
 _ROUNDING = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class LpvGrid:
+@dataclass(frozen=True, eq=False, repr=False)
+class LpvGrid(Shown):
     """A(η), B(η), U0(η) and the exact game's K(η) at the nodes; between two nodes they are interpolated linearly.
 
     dihedral_deg: (G,). A: (G, 6, 6), B: (G, 6, 5), inputs: (G, 5), K: (G, 5, 6). error: proved bounds, at every angle

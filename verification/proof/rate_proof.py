@@ -12,6 +12,7 @@ import numpy as np
 from flint import arb_mat
 
 from controller.policy.gain_table import GainTable
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.telling import Progress, told
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
@@ -44,8 +45,8 @@ class MotionBox(NamedTuple):
     turn: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class RateProof:
+@dataclass(frozen=True, eq=False, repr=False)
+class RateProof(Shown):
     """The closed loop is stable for every motion of η in the interval with |η'| <= rate, deg/s; 0 when open.
 
     dihedral_deg: (G,), P: (G, n, n): V = ζ'P(η)ζ with P linear between these angles decreases on every such motion.

@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from controller.policy.gain_table import GainTable
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES
@@ -82,13 +83,15 @@ def joined(runs: list[tuple[float, float, Said]]) -> list[tuple[float, float, Sa
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class ScheduleProof:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduleProof(Shown):
     """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg.
 
     crossings: where the modes of A are not counted, low and high, deg, and the least and the most that may be unstable.
     bounds: what proves the least and the most: so many lie right of a line that lies right, or left, of the axis.
     """
+
+    says = ("proved", "refuted", "rate")
 
     family: Family
     table: GainTable

@@ -11,6 +11,7 @@ from flint import arb, arb_mat
 from controller.game.basis import Basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix, norm
@@ -29,14 +30,16 @@ class Distance(NamedTuple):
     at_most: float
 
 
-@dataclass(frozen=True, eq=False)
-class SolutionProof:
+@dataclass(frozen=True, eq=False, repr=False)
+class SolutionProof(Shown):
     """The stabilizing solution of the game, enclosed.
 
     enclosed: about the game of the doubles. radius: of the printed P, relative, Frobenius: the exact solution lies
     within it, also for every parameter that reads as the same decimal where the game is the aircraft's. P: (n, n), the
     printed one. delta: the bracket of delta_min, None when open. unstable: modes of A, None when open.
     """
+
+    says = ("proved",)
 
     game: Game
     P: np.ndarray
@@ -52,8 +55,8 @@ class SolutionProof:
         return self.enclosed.is_value and self.enclosed.stable and above
 
 
-@dataclass(frozen=True, eq=False)
-class CriticProof:
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticProof(Shown):
     """Distances of what a file holds from the exact solution, by name; whether its gain makes A - B K Hurwitz.
 
     given: W, P, K of the file, P of its W where there is none.

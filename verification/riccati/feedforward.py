@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
 from verification.riccati.balancing import spectrum
 
 
-@dataclass(frozen=True, eq=False)
-class Exosystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class Exosystem(Shown):
     """A reference made by a linear system: w' = Ω w, w(0) = w0, x_d = C w.
 
     omega: (p, p), C: (n, p), w0: (p,). Constants, ramps and sinusoids together are one such system.

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_model.reporting.fields import Shown
 from hfa_model.support.errors import BadInputError
 from verification.riccati.balancing import balanced_units
 from verification.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL, relative_residuals
@@ -21,8 +22,8 @@ from verification.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFI
 _NEWTON_STEPS = 2
 
 
-@dataclass(frozen=True, eq=False)
-class GameBatch:
+@dataclass(frozen=True, eq=False, repr=False)
+class GameBatch(Shown):
     """N solutions. P: (N, n, n), K: (N, m, n), nan where not certified. certified: (N,).
 
     The tests, each (N,), with the limits of `certificate`: axis_distance, min |Re λ| / max |λ| of the Hamiltonian;

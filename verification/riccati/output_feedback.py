@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game, matrix_of
 from hfa_model.reporting.checks import Check, at_most, below
+from hfa_model.reporting.fields import Shown
 from hfa_model.reporting.text import eigenvalue_text
 from hfa_model.support.errors import BadInputError, NoSolutionError
 from verification.riccati.balancing import normal_form, spectrum
@@ -24,8 +25,8 @@ TOLERANCE = 1e-6
 _CLEAR = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class OutputGame:
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputGame(Shown):
     """The game of `game` for who sees only y = C z + D u + n.
 
     C: (p, n). D: (p, m). V: (p, p) intensity of the measurement noise n, symmetric positive definite: n = V^½ v with v
@@ -67,8 +68,8 @@ class OutputGame:
         return replace(self, game=self.game.with_delta(delta))
 
 
-@dataclass(frozen=True, eq=False)
-class OutputFeedback:
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputFeedback(Shown):
     """x̂' = Ak x̂ + Bk y,  u = Ck x̂, and what certifies it.
 
     X, Y: (n, n), stabilizing solutions of the control and the filter equation. coupling: ρ(X Y) / δ², below 1.
