@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller import gain_law
+from controller import Signal, gain_law
+from controller.policy.policies import TrackingPolicy
 from hfa_model import BadInputError
 
 GAINS = np.random.default_rng(1).normal(size=(3, 5, 6))
@@ -30,5 +31,5 @@ def test_another_shape_is_refused(gains: np.ndarray) -> None:
 
 
 def test_what_is_no_gain_has_no_gains() -> None:
-    law = gain_law("one", GAINS[0])
-    assert replace(law, policy=None).gains.shape == (0, 5, 6)  # type: ignore[arg-type]
+    law, tracking = gain_law("one", GAINS[0]), TrackingPolicy(Signal(np.zeros(2), np.zeros(2)))
+    assert replace(law, policy=tracking).gains.shape == (0, 5, 6)
