@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from cli import Terminal, hfa
@@ -48,7 +49,7 @@ def test_equations_that_do_not_balance_come_first(published_aircraft: Aircraft, 
 
 
 def test_a_search_for_delta_min_says_how_far_it_is() -> None:
-    """Of a plant of a hundred states it takes a minute."""
+    """Of a plant of a hundred states it takes seconds, and what goes before and after it as many."""
     for words, code in ((("--delta", "200"), DONE), (("--delta", "100"), FAILED)):
         terminal = Terminal()
         result = hfa("solve", "--dihedral", "15", *words, err=terminal)
@@ -58,6 +59,16 @@ def test_a_search_for_delta_min_says_how_far_it_is() -> None:
         assert (shown[0], shown[-1], len(shown) > 15) == ("0", "100", True)
         assert terminal.getvalue().rpartition("%")[2].startswith("\r\033[K")
         assert "%" not in hfa("solve", "--dihedral", "15", *words).err
+
+
+def test_a_refusal_on_a_terminal_stands_alone(tmp_path: Path) -> None:
+    """Before there is a delta_min to search for: no counter is left beside it."""
+    terminal = Terminal()
+    unreached = small(tmp_path / "plant.json", A=[[1.0, 0.0], [0.0, -1.0]], B=[[0.0], [1.0]])
+    assert hfa("solve", "--model", unreached, err=terminal).code == FAILED
+    before, _, message = terminal.getvalue().rpartition("\r\033[K")
+    assert "solve:   0 %" in before
+    assert message.startswith("hfa: (A, B) is not stabilizable")
 
 
 @pytest.mark.parametrize("words", ["sweep --speed 1:5:1", "learn --model plant.json --set tick=0.1"])

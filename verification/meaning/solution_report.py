@@ -25,6 +25,8 @@ from verification.riccati.gare import GameSolution, solve_game
 from verification.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
 
 SCHEMA = "hfa.game-solution/1"
+#: Percent of the time that have passed, with a plant of 100 states, once P is certified and once delta_min is found.
+_SOLVED, _SEARCHED = 25, 75
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,14 +42,25 @@ class AnalysedGame(Shown):
 
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not
-    depend on the user's units, and the flight starts at one unit of each. progress: of the search for delta_min.
+    depend on the user's units, and the flight starts at one unit of each. progress: in percent, 100 whatever comes.
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
-    solution, form = solve_game(game, progress), normal_form(game)
+    told = progress or (lambda done, total: None)
+    try:
+        told(0, 100)
+        return _analysed(game, told)
+    finally:
+        told(100, 100)
+
+
+def _analysed(game: Game, told: Progress) -> AnalysedGame:
+    solution, form = solve_game(game, told), normal_form(game)
+    told(_SOLVED, 100)
+    share = _SEARCHED - _SOLVED
+    smallest = minimum_delta(game, lambda done, total: told(_SOLVED * total + share * done, 100 * total))
     alike = replace(in_units(game, form.units), B=form.B, R=np.eye(form.B.shape[1]))
     meaning = meaning_checks(alike, solution.P * np.outer(form.units, form.units), np.ones(len(form.units)))
-    smallest = minimum_delta(game, progress)
     for check in meaning:
         if not check.ok:
             raise NoSolutionError(
