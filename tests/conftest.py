@@ -32,6 +32,7 @@ from hfa_model import VARIANTS, Aircraft, Parameters, ParameterSet, default_para
 from trim import OperatingPoint
 
 sys.dont_write_bytecode = False  # as above, for this process
+gc.set_threshold(50_000, 20, 20)  # what the test files load and define stays
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -48,7 +49,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def pytest_collection_finish() -> None:
     gc.freeze()  # thousands of tests, which are never garbage
-    gc.set_threshold(50_000, 20, 20)
 
 
 @pytest.fixture(autouse=True, scope="session")
