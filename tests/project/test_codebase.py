@@ -142,6 +142,25 @@ def repeated_test_names(sources: Mapping[str, str]) -> list[str]:
     return found
 
 
+def shared_class_names(sources: Mapping[str, str]) -> list[str]:
+    """Names of two classes, or kinds (`Word = Callable[...]`), of different files."""
+    found: dict[str, list[str]] = {}
+    for path, source in sources.items():
+        for node in tree_of(source).body:
+            assigned = node.targets if isinstance(node, ast.Assign) else ()
+            names = [target.id for target in assigned if isinstance(target, ast.Name) and target.id[0].isupper()]
+            kinds = [node.name] if isinstance(node, ast.ClassDef) else [name for name in names if not name.isupper()]
+            for kind in kinds:
+                found.setdefault(kind, []).append(path)
+    return [f"{name}: {', '.join(paths)}" for name, paths in found.items() if len(paths) > 1]
+
+
+def test_a_name_stands_for_one_kind() -> None:
+    assert shared_class_names(project_sources()) == []
+    planted = {"a": "class Case: pass", "b": "Case = int\nCASE = 1", "c": "class Cases: pass"}
+    assert shared_class_names(planted) == ["Case: a, b"]
+
+
 def test_every_test_asserts_something() -> None:
     sources = sources_of_tests()
     files = [name for name in sources if Path(name).name.startswith("test_")]

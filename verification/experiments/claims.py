@@ -20,8 +20,6 @@ NOT_DECIDABLE = "not decidable from the paper"
 LEARNING = (PRINTED, MODIFIED, CERTIFIED)
 TRACKING = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
 OPTIMUM = EXACT_FF
-#: The subject of statements about the printed numbers themselves.
-PRINT = "the print"
 
 
 class FlightLostError(Exception):

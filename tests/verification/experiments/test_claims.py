@@ -17,7 +17,6 @@ from verification.experiments.claims import (
     CONFIRMED,
     NOT_CONFIRMED,
     NOT_DECIDABLE,
-    PRINT,
     Claim,
     Evidence,
     check_claim,
@@ -28,6 +27,8 @@ from verification.experiments.measures import worst
 from verification.experiments.reproduction import EXPERIMENTS
 from verification.experiments.setting import Setting
 
+#: The subject of statements about the printed numbers themselves.
+PRINT = "the print"
 OF_THE_PRINT = [
     (section, claim) for section, one in EXPERIMENTS.items() for claim in one.claims if claim.laws == (PRINT,)
 ]
