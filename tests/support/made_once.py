@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 from collections import Counter
 from collections.abc import Callable, Hashable
 from typing import Any
@@ -41,7 +42,7 @@ def share(patched: pytest.MonkeyPatch) -> None:
     def learned(game: Game, law: str = "certified", seed: int = 0, **options: Any) -> LearningResult:
         if options.get("progress") is not None:
             return learn._function(game, law, seed, **options)
-        return learn((law, seed, repr(sorted(options.items())), *_key(game)), game, law, seed, **options)
+        return learn((law, seed, pickle.dumps(sorted(options.items())), *_key(game)), game, law, seed, **options)
 
     def solved(game: Game) -> tuple[np.ndarray, certificate.Certificate]:
         return solve(_key(game), game)
