@@ -15,7 +15,7 @@ from trim.point.trim_problem import TrimProblem
 
 _MAX_NEWTON_STEPS = 50
 _MAX_HALVINGS = 20
-#: Steps to the least effort: to its last digits, and where least squares found no balance, and there hardly is one.
+#: Steps to the least effort: to its last digits, and those that are tried before it is known that there is a balance.
 _MOST_STEPS, _FEW_STEPS = 500, 100
 
 
@@ -88,12 +88,17 @@ def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
 
 def _least_effort_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
-    nearest = _polished(problem, _bounded_least_squares(problem, guess))
-    found = problem.solved(nearest)
-    best = _polished(problem, _least_effort(problem, guess, _MOST_STEPS if found else _FEW_STEPS))
-    if problem.solved(best):
+    best, settled = _least_effort(problem, guess, _FEW_STEPS)
+    if settled and problem.solved(best):
         return best
-    return _polished(problem, _least_effort(problem, nearest, _MOST_STEPS)) if found else nearest
+    nearest = _polished(problem, _bounded_least_squares(problem, guess))
+    if not problem.solved(nearest):  # then there hardly is a balance, and no use in going on to the last digit
+        return best if problem.solved(best) else nearest
+    for start in (guess, nearest):
+        best, _ = _least_effort(problem, start, _MOST_STEPS)
+        if problem.solved(best):
+            break
+    return best
 
 
 def _polished(problem: TrimProblem, unknowns: np.ndarray) -> np.ndarray:
@@ -150,8 +155,9 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     return np.asarray(result.x)
 
 
-def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> np.ndarray:
-    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits."""
+def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
+    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits; and whether fewer than
+    `most` steps led there."""
     from scipy.optimize import minimize
 
     lowest, highest = problem.limits()
@@ -171,4 +177,4 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> np.ndar
         },
         options={"ftol": 1e-15, "maxiter": most},
     )
-    return problem.clip(np.asarray(result.x))
+    return _polished(problem, problem.clip(np.asarray(result.x))), bool(result.nit < most)
