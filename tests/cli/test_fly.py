@@ -50,6 +50,11 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert len(lines) == 102
 
 
+def test_a_flight_that_learns_says_when_it_has_learnt() -> None:
+    words = ("fly", "--dihedral", "15", "--online", "--duration", "0.1", "--initial", "pitch=0.1")
+    assert "at 2 s, the end of the learning" in hfa(*words, "--set", "predefined_time=2").out
+
+
 def test_a_flight_that_nothing_disturbs_is_noted() -> None:
     words = (*FLY, "--duration", "0.1")
     for calm in (

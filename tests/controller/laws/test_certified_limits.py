@@ -159,6 +159,17 @@ def test_policy_iteration_on_the_way_ends_where_the_next_step_is_small() -> None
     assert left <= policy_iteration.TRACKING**2 * 10.0
 
 
+def test_policy_iteration_from_afar_goes_on_while_its_steps_halve_the_weights_alone() -> None:
+    """From c P, c large, Kleinman's steps are about as long as what they leave: no floor of rounding."""
+    game, exact = lq(PUBLISHED[0])
+    equations = build(game, seed=0)
+    right = equations.scaled(QUADRATIC.weights(exact.P))
+    n = np.sqrt(1.0 + np.sum(equations.at(right, LQ).regressors ** 2, axis=1))
+    end, converged = policy_iteration.iterate(equations, Point(1000.0 * right, LQ, 0), n, to_the_floor=True)
+    assert converged
+    np.testing.assert_allclose(end.weights, right, rtol=0.0, atol=1e-8 * np.abs(right).max())
+
+
 def test_a_singular_stack_ends_the_iteration_without_convergence() -> None:
     game = stable_game()
     stack = record(game, np.array([[1.0, 0.0]] * 5))

@@ -17,7 +17,7 @@ def steps(damping: float = 2.0) -> CommandSteps:
     return CommandSteps(("dihedral", "vertical_acceleration_short_period"), TIMES, VALUES, 0.5, damping)
 
 
-@pytest.mark.parametrize("damping", [0.6, 1.0, 2.0])
+@pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
 def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> None:
     commands = steps(damping)
     w, y = 0.5, np.zeros(4)

@@ -75,6 +75,22 @@ def test_a_signal_that_comes_where_python_only_prints_it_is_given_again(
             work()
 
 
+def test_what_python_only_prints_is_printed_still() -> None:
+    said: list[Any] = []
+    before, sys.unraisablehook = sys.unraisablehook, said.append
+
+    class Broken:
+        def __del__(self) -> None:
+            raise ValueError
+
+    try:
+        with ended_by_signals():
+            Broken()
+    finally:
+        sys.unraisablehook = before
+    assert [each.exc_type for each in said] == [ValueError]
+
+
 @ended_by_signals()
 def cleared_up(number: signal.Signals, other: signal.Signals) -> None:
     try:
