@@ -14,9 +14,9 @@ from typing import Any
 
 from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
-from hfa_cli.printing import drop_output
 from hfa_model.jobs.interrupts import Terminated, ended_by_signals
 from hfa_model.support.errors import BadInputError, NoSolutionError, on_one_line, shortened
+from hfa_model.support.streams import drop, say_aside
 from hfa_model.support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:  # of --help, or of what was left to flush
-        drop_output()
+        drop(sys.stdout)
         return code
     except OverflowError:
         return _complain("a number is too large or too small to compute with; check the options", BAD_INPUT)
@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
     except OSError as error:
-        drop_output()
+        drop(sys.stdout)
         if error.filename is None:
             return _complain(f"cannot write the output: {error.strerror}", BAD_INPUT)
         return _complain(f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT)
@@ -172,6 +172,5 @@ def overview(with_command: bool = True) -> Parser:
 
 
 def _complain(message: str, code: int) -> int:
-    with contextlib.suppress(OSError):  # nobody can be told; the exit code says it
-        print("hfa: " + on_one_line(message), file=sys.stderr)
+    say_aside("hfa: " + on_one_line(message))
     return code

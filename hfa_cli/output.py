@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_cli.options.shared_options import FORMATS
 from hfa_cli.origin import provenance, signed
-from hfa_cli.printing import say
 from hfa_cli.progress import say_notes
 from hfa_model.reporting.report import Report
 from hfa_model.reporting.text import Style
+from hfa_model.support.streams import say
 from hfa_model.units_of_data import in_units_in_force
 
 if TYPE_CHECKING:

@@ -6,11 +6,13 @@ import sys
 import time
 from collections.abc import Iterable
 
+from hfa_model.support.streams import say_aside
+
 
 def say_notes(warnings: Iterable[str]) -> None:
     """What a user should know before trusting a result, on standard error, a line each."""
     for warning in warnings:
-        print(f"hfa: note: {warning}", file=sys.stderr)
+        say_aside(f"hfa: note: {warning}")
 
 
 #: Seconds: of work from which its length is estimated, and from which it is announced.
@@ -53,4 +55,4 @@ class ProgressLine:
         line = f"\r\033[K{self._what}: {percent:3d} %{message}"
         if self._shown and line != self._last:
             self._last = line
-            print(line, end="\r\033[K" if percent >= 100 else "", file=sys.stderr, flush=True)
+            say_aside(line, end="\r\033[K" if percent >= 100 else "")

@@ -16,6 +16,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["SOURCE_DATE_EPOCH"] = "1790000000"
 # Else each process compiles all modules anew, and each worker rewrites the assertions of all tests: five seconds each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# The streams of users are buffered, and what cannot be written is then found when the process ends.
+os.environ.pop("PYTHONUNBUFFERED", None)
 
 # In the background of a shell Ctrl-C is ignored, also by what is started there; some tests are about it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

@@ -18,7 +18,6 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import stated
-from hfa_cli.printing import say
 from hfa_cli.progress import ProgressLine
 from hfa_model.outputs import OUTPUTS
 from hfa_model.reporting.figure import save
@@ -26,6 +25,7 @@ from hfa_model.reporting.report import Report
 from hfa_model.support.errors import BadInputError
 from hfa_model.support.files import write_text, write_texts
 from hfa_model.support.jsonable import jsonable
+from hfa_model.support.streams import say
 from hfa_model.vectors import STATES
 from trim.point.named_condition import NamedCondition
 from verification.page.claims_section import load_claims

@@ -12,7 +12,6 @@ import os
 import shutil
 import stat
 import subprocess
-import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
+from hfa_model.support.streams import say_aside
 from hfa_model.support.temporary import temporary_folder
 
 Loaded = TypeVar("Loaded")
@@ -136,4 +136,4 @@ def c_compiler() -> str | None:
 @cache
 def _say(message: str) -> None:
     """Once a process and message."""
-    print(f"hfa: {message}", file=sys.stderr)
+    say_aside(f"hfa: {message}")

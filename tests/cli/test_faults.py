@@ -37,6 +37,13 @@ def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: s
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
 
+def test_a_result_whose_notes_nobody_can_read_is_there(tmp_path: Path) -> None:
+    told = shell('exec "$0" "$@"', "solve", "--dihedral", "20", "--json", folder=tmp_path)
+    assert told.stderr.startswith("hfa: note: ")
+    done = shell('exec "$0" "$@" 2>/dev/full', "solve", "--dihedral", "20", "--json", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (DONE, told.stdout)
+
+
 @pytest.mark.parametrize("kilobytes", [150_000, 1_000_000])
 def test_too_little_memory_is_one_line_before_anything_is_loaded(tmp_path: Path, kilobytes: int) -> None:
     done = shell(f'ulimit -v {kilobytes}; exec "$0" "$@"', *FLY.split(), "-o", "a.npz", folder=tmp_path)
