@@ -37,6 +37,11 @@ class Store:
         self._done, self._checksums = group[_DONE], group[_CHECKSUMS]
 
     @property
+    def arrays(self) -> dict[str, Any]:
+        """Those of the results, and those that say which of their chunks are whole."""
+        return {**self._arrays, _DONE: self._done, _CHECKSUMS: self._checksums}
+
+    @property
     def chunks(self) -> int:
         """Number of chunks."""
         return -(-self.rows // self.chunk)
@@ -186,7 +191,8 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
     known = {"identity": layout.identity, "plan": json.dumps(layout.plan), **size, **layout.attributes}
     known |= {"schema": layout.schema, "toolchain": toolchain_version()}
     known |= {} if provenance is None else {"provenance": dict(provenance)}
-    group.attrs.update(known | {"checksum": _checksum_of(group, known)})
+    made = {name: group[name] for name in (*names, _CHECKSUMS, _DONE)}
+    group.attrs.update(known | {"checksum": _checksum_of(known, made)})
 
 
 @held_back()
@@ -208,7 +214,8 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         raise BadInputError(f"{path} has no checksums: it is damaged or of an older version; compute it anew")
     known = {name: value for name, value in attributes.items() if name not in ("checksum", "session")}
     try:
-        whole = attributes["checksum"] == _checksum_of(group, known)
+        store = Store(group, path)
+        whole = attributes["checksum"] == _checksum_of(known, store.arrays)
     except Exception as error:
         raise BadInputError(f"{path} is damaged, an array of it cannot be read; start anew") from error
     if not whole:
@@ -217,7 +224,7 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         )
     if layout is not None:
         _check_job(path, attributes, layout)
-    return Store(group, path)
+    return store
 
 
 def _check_job(path: Path, attributes: Mapping[str, Any], layout: Layout) -> None:
@@ -231,9 +238,8 @@ def _check_job(path: Path, attributes: Mapping[str, Any], layout: Layout) -> Non
         raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
 
 
-def _checksum_of(group: Any, attributes: Mapping[str, Any]) -> int:
+def _checksum_of(attributes: Mapping[str, Any], arrays: Mapping[str, Any]) -> int:
     """CRC-32 of the attributes and of what decides how the chunks of each array are read."""
-    arrays = {name: group[name] for name in (*attributes["arrays"], _DONE, _CHECKSUMS)}
     forms = {
         name: [array.shape, array.chunks, str(array.dtype), str(array.fill_value), array.metadata.dimension_names]
         for name, array in arrays.items()
