@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all test-matrix test-random fuzz mutants lint bench notebooks lock clean
+.PHONY: report test test-all test-matrix test-random fuzz lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -40,12 +40,6 @@ fuzz: .venv/ready
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
 
-# Small mistakes in the packages, one at a time, each of which a test must find; continued like the above.
-MUTANTS ?= 400
-MUTANT_SECONDS ?= 7200
-mutants: .venv/ready
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/mutants.py --count $(MUTANTS) --seconds $(MUTANT_SECONDS) --write
-
 # The oldest and the newest versions of the dependencies, with every Python that is found (PYTHONS names them).
 PYTHONS ?=
 test-matrix: .venv/ready
@@ -55,6 +49,7 @@ lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 # The peers of the benchmarks stay out of the lock: nothing else needs them.
 bench: .venv/ready

@@ -20,9 +20,9 @@ from controller.game.zero_sum import published_game
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.policy.critic_policy import CriticPolicy
 from controller.policy.signals import Harmonic, Signal, zero
-from hfa_model.native.machine_code import c_compiler
-from hfa_model.published import published_models
-from verification.riccati.gare import solve_game
+from controller.riccati.gare import solve_game
+from hfa_model.printed_matrices import published_models
+from hfa_support.native.machine_code import c_compiler
 
 STEP, STEPS = 1e-4, 200_000
 _QUARTIC = (0, 1, 3, 4)

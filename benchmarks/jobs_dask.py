@@ -16,9 +16,9 @@ from benchmarks.report import Row
 from benchmarks.timing import Comparison, in_turn
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import MonteCarloJob
-from hfa_model.jobs.layout import Layout
-from hfa_model.jobs.stream import stream
-from hfa_model.jobs.workers import workers as crew
+from hfa_support.jobs.layout import Layout
+from hfa_support.jobs.stream import stream
+from hfa_support.jobs.workers import workers as crew
 
 #: Members of a chunk: half a second of a core.
 _CHUNK = 25

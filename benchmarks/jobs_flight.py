@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.flight_case import STEPS, FlightCase, c_flight, difference, jax_flight, numba_flight, numpy_flight
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
-from hfa_model.native.machine_code import c_compiler
+from hfa_support.native.machine_code import c_compiler
 
 _GENERATED = "20 s of flight, critic learning, generated C"
 

@@ -7,10 +7,10 @@ import numpy as np
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from controller.game.zero_sum import published_game
+from controller.riccati.gare_batch import solve_games
 from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_model.variants import variant_named
 from trim.sweeps.level_flights import level_conditions, solve_level_flights
-from verification.riccati.gare_batch import solve_games
 
 
 def rows(quick: bool = False) -> list[Row]:

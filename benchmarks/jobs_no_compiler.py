@@ -16,8 +16,8 @@ from controller.flight.closed_loop import CompiledLoop
 from controller.flight.integrator import integrate
 from controller.policy.critic_policy import CriticPolicy, powers
 from controller.policy.signals import zero
-from hfa_model.native.bound import BoundFunction
-from hfa_model.native.machine_code import c_compiler
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import c_compiler
 
 
 def rows(quick: bool = False) -> list[Row]:

@@ -10,8 +10,8 @@ from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Row
 from benchmarks.timing import in_turn
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
-from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
+from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
 from trim.linear.modes import track_modes
 from trim.sweeps.level_flights import level_conditions, solve_level_flights

@@ -13,13 +13,13 @@ from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.policy.critic_policy import CriticPolicy, critic_law
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.signals import zero
+from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from verification.riccati.gare import solve_game
 
 _UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.report import FOLDER, ratio_text
-from hfa_model.reporting.figure import new_figure, save
+from hfa_support.reporting.figure import new_figure, save
 
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
 _MET, _MISSED = "#2a6f97", "#c1440e"

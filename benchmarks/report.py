@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.timing import Comparison
-from hfa_model.reporting.text import columns
-from hfa_model.support.files import write_text
+from hfa_support.files import write_text
+from hfa_support.reporting.text import columns
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"

@@ -35,7 +35,7 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
     """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
     from controller.policy.flown_law import gain_law
     from controller.policy.learned_gain import frozen_law, learned_value, online_law
-    from verification.riccati.gare import solve_game
+    from controller.riccati.gare import solve_game
 
     game = game_on(model, arguments)
     if check_stored(arguments):

@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from hfa_model.reporting.report import markdown_table
-from hfa_model.reporting.text import Table
-from hfa_model.support.files import write_text
+from hfa_support.files import write_text
+from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.text import Table
 
 _HEAD = """# Formats of the outputs
 

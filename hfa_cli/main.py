@@ -14,10 +14,10 @@ from typing import Any
 
 from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
-from hfa_model.jobs.interrupts import Terminated, ended_by_signals
-from hfa_model.support.errors import BadInputError, NoSolutionError, on_one_line, shortened
-from hfa_model.support.streams import drop, say_aside
-from hfa_model.support.version import toolchain_version
+from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
+from hfa_support.jobs.interrupts import Terminated, ended_by_signals
+from hfa_support.streams import drop, say_aside
+from hfa_support.version import toolchain_version
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
 #: Bytes of address space: with less, libraries that compute end or hang while they load, each in its own words.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
-    from hfa_model.reporting.report import Report
+    from hfa_support.reporting.report import Report
     from trim.point.named_condition import NamedCondition
 
 _RUN: ContextVar[tuple[str, argparse.Namespace] | None] = ContextVar("run", default=None)

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 from hfa_cli.options.shared_options import FORMATS
 from hfa_cli.origin import provenance, signed
 from hfa_cli.progress import say_notes
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Style
-from hfa_model.support.streams import say
 from hfa_model.units_of_data import in_units_in_force
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Style
+from hfa_support.streams import say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trim.point.operating_point import OperatingPoint
-    from verification.published.regeneration import Regeneration
+    from verification.regeneration.regeneration import Regeneration
     from verification.validation.comparison import Validation
 
 
@@ -80,6 +80,6 @@ def tell(
 def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:
     """Draw the figure into the file, if one was asked for."""
     if picture is not None:
-        from hfa_model.reporting.figure import save
+        from hfa_support.reporting.figure import save
 
         save(figure(), picture, provenance().text())

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Iterable
 
-from hfa_model.support.streams import say_aside
+from hfa_support.streams import say_aside
 
 
 def say_notes(warnings: Iterable[str]) -> None:

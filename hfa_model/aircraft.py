@@ -15,11 +15,11 @@ import numpy as np
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
 from hfa_model.dynamics import by_name, state_rates, symbols
-from hfa_model.native.bound import BoundFunction, cached_per_thread
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.support.errors import BadInputError, is_finite, shown
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES, State
+from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.native.bound import BoundFunction, cached_per_thread
 
 if TYPE_CHECKING:
     import control

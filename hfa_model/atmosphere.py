@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import Quantity
+from hfa_support.errors import BadInputError
 
 #: The highest altitude that the two layers below cover, ft (the 20 km geopotential limit lies at 65,824 ft).
 HIGHEST_ALTITUDE = 65_000.0

@@ -11,13 +11,13 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table
-from hfa_model.reporting.unit_system import in_force, unit_in_force
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError, shown
-from hfa_model.support.files import finite_number, read_toml, write_text
 from hfa_model.vectors import T
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError, shown
+from hfa_support.files import finite_number, read_toml, write_text
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table
+from hfa_support.reporting.unit_system import in_force, unit_in_force
 
 
 class Parameters(NamedTuple, Generic[T]):

@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
-from hfa_model.reporting.text import Table
-from hfa_model.support.version import toolchain_version
+from hfa_support.reporting.text import Table
+from hfa_support.version import toolchain_version
 
 SCHEMA = "hfa.provenance/1"
 #: Hexadecimal digits of a parameter hash.

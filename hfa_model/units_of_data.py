@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import RowsMade, Table
-from hfa_model.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
 from hfa_model.vectors import INPUT_UNITS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, UNITS
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import RowsMade, Table
+from hfa_support.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
 
 #: Array -> its last axes: the list of units beside it (or these units), and the power of the unit in an entry.
 _STATE, _INPUT, _OUTPUT, _GUST = "state_units", "input_units", "output_units", "disturbance_units"

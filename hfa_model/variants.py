@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import refuse_unknown
 from hfa_model.vectors import Quantity, State
+from hfa_support.errors import refuse_unknown
 
 
 @dataclass(frozen=True)

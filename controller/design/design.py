@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive, shown
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, shown
 
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
 SHORT_PERIOD = "_short_period"

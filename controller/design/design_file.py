@@ -8,9 +8,9 @@ from dataclasses import fields
 from typing import Any
 
 from controller.design.design import Actuator, Design, Feedforward
-from hfa_model.support.errors import BadInputError, said_of, shortened, shown
-from hfa_model.support.files import names_of, read_named, table_of
 from hfa_model.vectors import INPUTS
+from hfa_support.errors import BadInputError, said_of, shortened, shown
+from hfa_support.files import names_of, read_named, table_of
 
 #: Designs that come with the package: name -> file.
 NAMED = {

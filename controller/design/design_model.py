@@ -11,9 +11,9 @@ from controller.design.design import SHORT_PERIOD, Design
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import LinearModel
 from trim.linear.output_model import output_model
 

@@ -20,13 +20,13 @@ from controller.game.array_file import read_arrays
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
 from hfa_model.provenance import parameter_hash
-from hfa_model.reporting.data_files import save_data
-from hfa_model.reporting.fields import Shown
-from hfa_model.reporting.text import Table
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError, shown
-from hfa_model.support.jsonable import jsonable
 from hfa_model.vectors import INPUTS, STATES
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError, shown
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.text import Table
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.
 COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")

@@ -12,10 +12,10 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import state_rates, symbols
-from hfa_model.native.c_code import c_function
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
+from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import BALANCED, LIMITS
 from trim.point.operating_point import BALANCE

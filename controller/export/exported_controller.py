@@ -20,8 +20,8 @@ from controller.policy.commands import COMMAND_FILTER, CommandSteps
 from controller.policy.policies import Memoryless, Seen, Unvaried
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model.aircraft import Aircraft
-from hfa_model.native.c_code import c_function
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.native.c_code import c_function
 from trim.point.operating_point import OperatingPoint
 
 HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"

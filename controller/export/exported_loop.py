@@ -28,7 +28,6 @@ from controller.flight.plants import NonlinearPlant
 from controller.policy.policies import GainPolicy, Policy, Seen, gain_constants
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
-from hfa_model.native.c_code import c_function
 from hfa_model.vectors import (
     INPUT_SCALES,
     INPUT_UNITS,
@@ -39,6 +38,7 @@ from hfa_model.vectors import (
     STATE_UNITS,
     STATES,
 )
+from hfa_support.native.c_code import c_function
 from trim.point.operating_point import OperatingPoint
 
 EXAMPLE = "controller_100hz.c"

@@ -19,14 +19,14 @@ import casadi as ca
 
 from controller.export.c_model import comment_lines
 from controller.export.exported_loop import ExportedLoop
-from hfa_model.native.c_code import c_function
-from hfa_model.native.machine_code import c_compiler
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.files import written_whole
-from hfa_model.support.jsonable import json_text
-from hfa_model.support.temporary import temporary_folder
 from hfa_model.vectors import STATES
+from hfa_support.errors import NoSolutionError
+from hfa_support.files import written_whole
+from hfa_support.jsonable import json_text
+from hfa_support.native.c_code import c_function
+from hfa_support.native.machine_code import c_compiler
+from hfa_support.temporary import temporary_folder
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"

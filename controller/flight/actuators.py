@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import INPUTS, Input
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
 #: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators alone.
 LONGEST_STEP = 2.5

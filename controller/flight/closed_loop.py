@@ -21,10 +21,10 @@ from controller.flight.integrator import integrate, integrate_stiff
 from controller.flight.plants import Plant
 from controller.policy.policies import Policy, Seen
 from controller.policy.signals import TimeVector
-from hfa_model.native.bound import RowsFunction
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.errors import BadInputError
+from hfa_support.native.bound import RowsFunction
+from hfa_support.reporting.fields import Shown
 
 #: Tick -> constants that are held during the tick.
 Constants = Callable[[int], np.ndarray]

@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
-from hfa_model.native.bound import RowsFunction, cached_per_thread
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.text import degrees, short_number
-from hfa_model.support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_model.vectors import STATE_UNITS, STATES, UNITS, State
+from hfa_support.errors import BadInputError, pair_of, refuse_unknown
+from hfa_support.native.bound import RowsFunction, cached_per_thread
+from hfa_support.reporting.text import degrees, short_number
 from trim.point.condition import STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
 

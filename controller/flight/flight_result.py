@@ -14,9 +14,6 @@ from controller.flight.tracking import Tracked, tracked, tracking_table
 from controller.policy.commands import CommandSteps
 from controller.policy.flown_law import FlownLaw
 from controller.policy.servo_policy import ServoPolicy
-from hfa_model.reporting.checks import Check, checks_block
-from hfa_model.reporting.report import Part, Report, Reported
-from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import (
     INPUT_UNITS,
     INPUTS,
@@ -28,6 +25,9 @@ from hfa_model.vectors import (
     STATES,
     UNITS,
 )
+from hfa_support.reporting.checks import Check, checks_block
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Memoryless, Unvaried
-from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import Quantity
+from hfa_support.errors import BadInputError, refuse_unless_positive
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
 #: the air as it was to rounding.

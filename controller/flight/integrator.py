@@ -11,11 +11,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_model.jobs.interrupts import held_back
-from hfa_model.native.bound import BoundFunction
-from hfa_model.native.machine_code import machine_code
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.telling import Progress
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.jobs.interrupts import held_back
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
+from hfa_support.progress import Progress
 
 #: Runs at least this long are worth compiling to machine code.
 COMPILE_FROM_STEPS = 50_000

@@ -12,10 +12,10 @@ from controller.policy.policies import Unvaried
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 from hfa_model.winds import Air, Wind, Winds
+from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
 

@@ -18,9 +18,9 @@ from controller.policy.policies import Policy
 from controller.policy.signals import Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
+from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
 _N = len(LINEAR_STATES)

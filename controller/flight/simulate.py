@@ -16,8 +16,8 @@ from controller.flight.scenario import Scenario, loop_of, with_errors
 from controller.flight.uncertain import Uncertainty
 from controller.policy.flown_law import FlownLaw
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.telling import Progress
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
 

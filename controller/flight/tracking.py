@@ -11,8 +11,8 @@ from controller.flight.closed_loop import Flight
 from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.outputs import unit_of
-from hfa_model.reporting.text import Table, short_number, shown_unit
 from hfa_model.vectors import LINEAR_ROWS
+from hfa_support.reporting.text import Table, short_number, shown_unit
 
 
 class Tracked(NamedTuple):

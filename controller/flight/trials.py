@@ -15,8 +15,8 @@ from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.watched_loop import WatchedLoop
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import zero
-from hfa_model.native.bound import BoundFunction
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_SCALES, STATES
+from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
 #: Step of the trials, s: the fastest closed loop of the paper's weights (45 rad/s) is followed to 1e-5 of itself.

@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.flight.gusts import Dryden
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 
 _ERRORS, _NOISE, _AIR = range(3)
 

@@ -12,9 +12,9 @@ from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Constants
 from controller.flight.envelope import Envelope, limited_names
 from controller.flight.integrator import runge_kutta_step
 from hfa_model.kinematics import angle_of_attack
-from hfa_model.native.bound import BoundFunction
-from hfa_model.native.machine_code import machine_code
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Quantity, State
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
 from trim.point.operating_point import OperatingPoint
 
 _X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)

@@ -16,10 +16,10 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.csv_file import read_csv
 from controller.game.mat_file import read_mat
-from hfa_model.reporting.unit_system import si_factor, si_unit
-from hfa_model.support.errors import BadInputError, shortened
-from hfa_model.support.files import LARGEST, read_json, regular_file
 from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import LARGEST, read_json, regular_file
+from hfa_support.reporting.unit_system import si_factor, si_unit
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.reporting.fields import Shown
 
 #: The channels whose fourth power completes the paper's M = 25. The paper prints M and not its basis, so this
 #: is an assumption: the three tracked channels and the pitch rate, the strongest coupling of Section 5.1.

@@ -24,9 +24,9 @@ from controller.game.basis import Basis, basis
 from controller.game.csv_file import holds_matrices, is_number
 from controller.game.history import LARGEST_CRITIC_ENTRY, History, StoredCritic
 from controller.game.zero_sum import Game
-from hfa_model.reporting.unit_system import si_unit
-from hfa_model.support.errors import BadInputError, said_of, shortened
-from hfa_model.support.files import LARGEST_TEXT, regular_file
+from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.files import LARGEST_TEXT, regular_file
+from hfa_support.reporting.unit_system import si_unit
 
 _TIMES = ("time", "times", "t")
 _ALSO = {"weights": "W", "gains": "K"}

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.errors import shortened
-from hfa_model.support.files import LARGEST_TEXT, regular_file
+from hfa_support.errors import shortened
+from hfa_support.files import LARGEST_TEXT, regular_file
 
 #: Of a plant, whose matrices lie in files beside A.csv, and of a critic.
 PLANT, CRITIC = ("A", "B", "E", "Q", "R", "delta"), ("W", "P", "K")

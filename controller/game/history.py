@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.array_file import real_array
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50

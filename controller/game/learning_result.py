@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import basis
-from hfa_model.reporting.checks import Check, verdict_text
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import RowsMade, Table, matrix_table, numbered
-from hfa_model.support.jsonable import jsonable
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.checks import Check, verdict_text
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import RowsMade, Table, matrix_table, numbered
 
 SCHEMA = "hfa.learning-result/1"
 _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")

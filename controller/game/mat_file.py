@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.support.files import LARGEST
+from hfa_support.files import LARGEST
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

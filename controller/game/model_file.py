@@ -10,8 +10,8 @@ import numpy as np
 
 from controller.game.array_file import aircraft_scales, found_in, read_arrays, real_array, words
 from controller.game.zero_sum import Game, matrix_of
-from hfa_model.published import published_data
-from hfa_model.support.errors import BadInputError, said_of, shortened
+from hfa_model.printed_matrices import published_data
+from hfa_support.errors import BadInputError, said_of, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.

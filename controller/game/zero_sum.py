@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.array_file import real_array
-from hfa_model.published import published_data
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError, refuse_unknown, shown
+from hfa_model.printed_matrices import published_data
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.reporting.fields import Shown
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel

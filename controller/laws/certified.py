@@ -25,9 +25,9 @@ from controller.laws.policy_iteration import (
 from controller.laws.refinement import refine
 from controller.laws.run import Memory, Run
 from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
-from controller.samples import recording
-from controller.samples.recording import Stack
-from controller.samples.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from controller.training_data import recording
+from controller.training_data.recording import Stack
+from controller.training_data.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 
 #: A start counts as stabilizing when its margin is at least this fraction of the fastest closed-loop rate.
 #: Closer to the edge the regressors are singular to rounding and the first Newton direction is noise.

@@ -10,8 +10,8 @@ import numpy as np
 from controller.game.learning_result import Excitation, LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import refinement
-from controller.samples.stack_equations import StackEquations, control_root
-from hfa_model.reporting.checks import Check, checked
+from controller.training_data.stack_equations import StackEquations, control_root
+from hfa_support.reporting.checks import Check, checked
 
 #: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.
 RESIDUAL_LIMIT = 1e-9

@@ -15,11 +15,11 @@ from controller.game.zero_sum import Game
 from controller.laws import law_settings
 from controller.laws.certify import conclude
 from controller.laws.run import Memory, Run
-from controller.samples import recording
-from controller.samples.probing import ProbingFlight
-from controller.samples.recording import Stack, record, refuse_poor, unit_rows
-from controller.samples.stack_equations import StackEquations
-from hfa_model.support.errors import BadInputError, NoSolutionError, refuse_unknown
+from controller.training_data import recording
+from controller.training_data.probing import ProbingFlight
+from controller.training_data.recording import Stack, record, refuse_poor, unit_rows
+from controller.training_data.stack_equations import StackEquations
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import Basis
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 #: Weights beyond this overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60

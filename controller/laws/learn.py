@@ -12,9 +12,9 @@ from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.integral_rl import IrlSettings, integral_learning
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import run
-from controller.samples.recording import Stack
-from hfa_model.support.errors import BadInputError, refuse_unknown
-from hfa_model.support.telling import SaidProgress
+from controller.training_data.recording import Stack
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.progress import SaidProgress
 
 
 @dataclass(frozen=True)

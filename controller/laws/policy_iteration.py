@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.samples.stack_equations import PartialGame, StackEquations, newton_step
-from hfa_model.support.errors import NoSolutionError
+from controller.training_data.stack_equations import PartialGame, StackEquations, newton_step
+from hfa_support.errors import NoSolutionError
 
 #: A Newton correction below this fraction of |W| ends the iteration on the way (the next one is its square).
 TRACKING = 1e-5

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.samples.stack_equations import StackEquations
+from controller.training_data.stack_equations import StackEquations
 
 #: Residuals below this count as this in the curvature, which is infinite at 0.
 CURVATURE_FLOOR = 1e-14

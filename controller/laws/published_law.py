@@ -27,10 +27,10 @@ from controller.laws.published_equations import (
     update_direction,
 )
 from controller.laws.run import Memory, Run
-from controller.samples import recording
-from controller.samples.recording import Stack
-from controller.samples.stack_equations import StackEquations
-from hfa_model.support.errors import BadInputError, NoSolutionError, refuse_unknown
+from controller.training_data import recording
+from controller.training_data.recording import Stack
+from controller.training_data.stack_equations import StackEquations
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
 ROWS = 1000

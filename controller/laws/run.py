@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfa_model.support.telling import SaidProgress
+from hfa_support.progress import SaidProgress
 
 #: What a law carries from one tick to the next.
 Memory = dict[str, np.ndarray]

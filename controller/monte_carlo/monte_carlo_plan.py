@@ -18,9 +18,9 @@ from controller.policy.commands import CommandedStates
 from controller.policy.flown_law import FlownLaw
 from controller.policy.signals import Signal
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
 from hfa_model.variants import variant_named
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, limited_names
 from controller.flight.uncertain import Uncertainty
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.jobs.store import Store
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, short_number, shown_unit
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
+from hfa_support.jobs.store import Store
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, short_number, shown_unit
 
 SCHEMA = "hfa.monte-carlo-summary/1"
 #: Shares of the members that held, up to which a quantity stays below its quantile.

@@ -16,11 +16,11 @@ from controller.flight.integrator import COMPILE_FROM_STEPS
 from controller.flight.scenario import Scenario, loop_of
 from controller.flight.watched_loop import Summary, WatchedLoop
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from hfa_model.jobs.layout import Array, Layout, described
-from hfa_model.jobs.store import Store
-from hfa_model.jobs.stream import stream
-from hfa_model.native.bound import cached_per_thread
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, NAMES_AND_UNITS, STATE_UNITS, STATES
+from hfa_support.jobs.layout import Array, Layout, described
+from hfa_support.jobs.store import Store
+from hfa_support.jobs.stream import stream
+from hfa_support.native.bound import cached_per_thread
 
 SCHEMA = "hfa.monte-carlo-store/1"
 #: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
@@ -131,5 +131,5 @@ class MonteCarloJob:
 
 
 def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
-    """Every member of the plan in the store at `path`; options of `hfa_model.jobs.stream.stream`."""
+    """Every member of the plan in the store at `path`; options of `hfa_support.jobs.stream.stream`."""
     return stream(MonteCarloJob(plan), path, **options)

@@ -12,9 +12,9 @@ import numpy as np
 from controller.flight.plants import Equations, NonlinearPlant, Plant, SevenStates, spread
 from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 
 _N, _M = len(STATES), len(INPUTS)

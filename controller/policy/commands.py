@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import LINEAR_STATES, Quantity
+from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.reporting.fields import Shown
 
 #: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)

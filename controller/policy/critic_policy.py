@@ -14,7 +14,7 @@ from controller.laws.published_law import PublishedLaw
 from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen
 from controller.policy.signals import Signal
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 
 @dataclass(frozen=True, eq=False)

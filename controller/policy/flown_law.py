@@ -11,9 +11,9 @@ from controller.game.array_file import real_array
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import GainPolicy, Policy, gain_constants
 from controller.policy.signals import zero
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 
 _SHAPE = len(INPUTS), len(LINEAR_STATES)
 

@@ -10,9 +10,9 @@ import numpy as np
 from controller.design.dihedral_table import shares
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
 from controller.game.critic_file import load_critic
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, said_of
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_support.errors import BadInputError, said_of
+from hfa_support.reporting.fields import Shown
 
 _STATES = len(LINEAR_STATES)
 _PLANT = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS)

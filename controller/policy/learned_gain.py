@@ -12,9 +12,9 @@ from controller.game.zero_sum import Game
 from controller.laws.certify import abscissa, positivity
 from controller.laws.learn import learn
 from controller.policy.flown_law import FlownLaw, gain_law
-from controller.samples.recording import natural_spread
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.telling import SaidProgress
+from controller.training_data.recording import natural_spread
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import SaidProgress
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
 BASELINE_EFFORT = 100.0

@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.design.dihedral_table import interpolated
 from controller.policy.policies import Memoryless, Seen, Unvaried
-from hfa_model.support.errors import BadInputError, refuse_unless_positive
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, Quantity
+from hfa_support.errors import BadInputError, refuse_unless_positive
 from trim.point.operating_point import OperatingPoint
 
 _N, _M = len(LINEAR_STATES), len(INPUTS)

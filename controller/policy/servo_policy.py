@@ -16,8 +16,8 @@ from controller.policy.commands import CommandSteps
 from controller.policy.flown_law import FlownLaw
 from controller.policy.policies import Seen, Unvaried
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
+from hfa_support.errors import BadInputError, refuse_unknown
 from trim.linear.output_model import output_model
 from trim.point.operating_point import OperatingPoint
 

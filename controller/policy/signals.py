@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -14,12 +14,12 @@ from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.certify import settled_at
 from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import run
-from controller.samples.recording import random_pool
 from controller.study.study_rows import STUDY, StudyCase
-from hfa_model.jobs.workers import workers
-from hfa_model.published import published_models
-from hfa_model.support.errors import NoSolutionError, refuse_unknown
-from hfa_model.support.telling import SaidProgress
+from controller.training_data.recording import random_pool
+from hfa_model.printed_matrices import published_models
+from hfa_support.errors import NoSolutionError, refuse_unknown
+from hfa_support.jobs.workers import workers
+from hfa_support.progress import SaidProgress
 
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)

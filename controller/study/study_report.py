@@ -11,13 +11,13 @@ from typing import Any
 
 from controller.laws.published_law import PublishedSettings
 from controller.study.published_study import PlannedRun, StudyRow, StudyRun
-from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, range_text
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import read_json, write_text
-from hfa_model.support.jsonable import jsonable
+from hfa_support.errors import BadInputError
+from hfa_support.files import read_json, write_text
+from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, range_text
 
 SCHEMA = "hfa.published-study/2"
 #: Numbers that are nan, not inf, where a run did not get so far.

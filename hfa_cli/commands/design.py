@@ -26,7 +26,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 from verification.synthesis.tuning_file import load_tuning, save_design
 
 #: A second or two each.

@@ -28,10 +28,10 @@ from hfa_cli.options.scenario_options import actuators_of, add_actuators
 from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text, write_texts
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text, write_texts
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
 from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:

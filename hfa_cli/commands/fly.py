@@ -15,12 +15,12 @@ from hfa_cli.options.law_options import add_controller, add_stored, add_weights,
 from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
-from hfa_model.reporting.text import in_degrees
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.text import in_degrees
 from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
-    from hfa_model.reporting.checks import Check
+    from hfa_support.reporting.checks import Check
 
 #: Options of former versions -> the command that has them now.
 _MOVED = dict.fromkeys(("to", "over", "points"), "schedule") | dict.fromkeys(

@@ -10,7 +10,7 @@ from hfa_cli.options.argument_types import parsed, whole
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 from trim.identification.evidence import run_identification, save_fit
 
 #: Suffix of a parameters file.

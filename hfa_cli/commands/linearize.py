@@ -10,9 +10,9 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.output import show
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCES
+from hfa_support.errors import BadInputError
 from trim.linear.bands import trust_in
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Bound, choose the nodes, report."""
-    from hfa_model.support.files import write_text
+    from hfa_support.files import write_text
     from verification.arithmetic import flint_or_refusal
     from verification.proof.lpv_grid import certify, coarsest_grid
     from verification.proof.lpv_report import c_source, lpv_report

@@ -45,8 +45,8 @@ from hfa_cli.options.scenario_options import (
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.temporary import temporary_folder
+from hfa_support.errors import BadInputError
+from hfa_support.temporary import temporary_folder
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:

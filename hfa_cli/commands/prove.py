@@ -28,10 +28,10 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, said_of
 
 if TYPE_CHECKING:
-    from verification.balls.steady_flights import Family
+    from verification.enclosures.trim_family import Family
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {

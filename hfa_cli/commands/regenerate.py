@@ -6,7 +6,7 @@ import argparse
 
 from hfa_cli.options import shared_options as options
 from hfa_cli.output import show_verdict
-from verification.published.regeneration import regenerate_all
+from verification.regeneration.regeneration import regenerate_all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,13 +20,13 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import stated
 from hfa_cli.progress import ProgressLine
 from hfa_model.outputs import OUTPUTS
-from hfa_model.reporting.figure import save
-from hfa_model.reporting.report import Report
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text, write_texts
-from hfa_model.support.jsonable import jsonable
-from hfa_model.support.streams import say
 from hfa_model.vectors import STATES
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text, write_texts
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.figure import save
+from hfa_support.reporting.report import Report
+from hfa_support.streams import say
 from trim.point.named_condition import NamedCondition
 from verification.page.claims_section import load_claims
 from verification.page.job_report import main_report

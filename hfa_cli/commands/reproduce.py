@@ -14,9 +14,9 @@ from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.options.shared_options import DEFAULT_DYNAMICS, MOST_WORKERS, cores
 from hfa_cli.origin import provenance
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.files import write_texts
-from hfa_model.support.jsonable import records_text
-from hfa_model.support.streams import say
+from hfa_support.files import write_texts
+from hfa_support.jsonable import records_text
+from hfa_support.streams import say
 
 #: Steps of a flight from which starting processes pays.
 _LONG = 100_000

@@ -17,7 +17,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 

@@ -14,7 +14,7 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import refuse_unknown
+from hfa_support.errors import refuse_unknown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from controller.analysis.solution_report import AnalysedGame, analyse_game, output_report, solution_report
+from controller.riccati.output_feedback import OutputGame
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.games import NamedGame, add_game, game_of
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine, say_notes
-from verification.meaning.solution_report import AnalysedGame, analyse_game, output_report, solution_report
-from verification.riccati.output_feedback import OutputGame
 from verification.synthesis.gust_cost import estimated_gust_cost, gust_cost
 
 

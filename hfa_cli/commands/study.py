@@ -17,7 +17,7 @@ from hfa_cli.options.parser import add_refused, add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 #: Cases from which starting processes pays.
 _MANY = 50

@@ -25,10 +25,10 @@ from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_li
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import shown_unit
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import UNITS
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import shown_unit
 from trim.sweeps.sweep import MOST_POINTS, sweep
 
 #: What has an option of its own.
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         draw(arguments.picture, result.root_locus.figure)
     games = None
     if arguments.game:
-        from verification.meaning.game_sweep import sweep_games, with_games
+        from controller.analysis.game_sweep import sweep_games, with_games
 
         games = sweep_games(result, ProgressLine("games"), **weights_of(arguments))
     report = result.report()

@@ -20,7 +20,7 @@ from hfa_cli.options.learning_options import add_learning
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
-from hfa_model.support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
 from verification.critic.check_figure import check_figure
 from verification.critic.check_result import CriticCheck, check_report

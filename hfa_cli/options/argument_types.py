@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from hfa_model.reporting.data_files import SUFFIXES
-from hfa_model.support.errors import BadInputError, shortened
 from hfa_model.vectors import UNITS
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.reporting.data_files import SUFFIXES
 
 Parsed = TypeVar("Parsed")
 PICTURES = (".png", ".svg", ".pdf")

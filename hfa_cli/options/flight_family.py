@@ -11,10 +11,10 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import number
 from hfa_cli.options.parser import add_value
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:
-    from verification.balls.steady_flights import Family
+    from verification.enclosures.trim_family import Family
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
@@ -41,7 +41,7 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
 
     errors: every identified parameter may be off by this many of its standard errors.
     """
-    from verification.balls.steady_flights import Family
+    from verification.enclosures.trim_family import Family
 
     flights = options.flight_of(arguments)
     parameters = options.parameters_of(arguments)

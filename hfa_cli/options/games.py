@@ -17,8 +17,8 @@ from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
-from hfa_model.reporting.text import numbered
-from hfa_model.support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, said_of
+from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import linearize
 
 #: Formats of files with matrices.

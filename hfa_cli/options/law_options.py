@@ -15,8 +15,8 @@ from hfa_cli.options.argument_types import input_file, number, quantity, whole
 from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_named, add_value
-from hfa_model.support.errors import BadInputError, refuse_unknown, said_of
 from hfa_model.vectors import STATES
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Any
 from controller.laws.learn import LAWS
 from hfa_cli.options.argument_types import number, whole
 from hfa_cli.options.parser import add_named, add_refused, add_value
-from hfa_model.support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, refuse_unknown
 
 DEFAULT_LAW = "certified"
 

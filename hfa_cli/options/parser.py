@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
-from hfa_model.support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, shortened
 
 
 class _Once(argparse.Action):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_cli.options.argument_types import number, quantity, span
-from hfa_model.support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, shortened
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 
 

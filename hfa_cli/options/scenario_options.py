@@ -17,8 +17,8 @@ from hfa_cli.options.argument_types import number, numbers, parsed, quantity, sp
 from hfa_cli.options.law_options import seed_of
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES, Input
+from hfa_support.errors import BadInputError
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 from verification.experiments.configuration import section5_configuration

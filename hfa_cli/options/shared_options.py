@@ -26,10 +26,10 @@ from hfa_cli.options.argument_types import (
 from hfa_cli.options.parser import add_named, add_refused, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
-from hfa_model.reporting.data_files import SUFFIXES
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.unit_system import SYSTEMS, shown_in
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.data_files import SUFFIXES
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.unit_system import SYSTEMS, shown_in
 from trim.point.condition import TrimCondition, describe, release
 from trim.point.named_condition import LEVEL_FLIGHT, NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point

@@ -14,7 +14,7 @@ from controllers import integrating_controller
 from controller import save_controller
 from controller.export import fmu
 from hfa_model import Aircraft
-from hfa_model.native.machine_code import c_compiler
+from hfa_support.native.machine_code import c_compiler
 
 
 def constants(source: Path, name: str) -> np.ndarray:

@@ -16,9 +16,9 @@ from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
 from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
-from hfa_model.jobs.store import open_store
-from hfa_model.reporting.data_files import save_data
-from hfa_model.reporting.text import Table
+from hfa_support.jobs.store import open_store
+from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.text import Table
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {

@@ -118,7 +118,7 @@ def test_what_has_no_solution_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     line = hfa("solve", *AT_15, "--delta", "113.549").err
     assert "hfa: not certified: " in line
     assert re.search(r"delta = 113.549 is only 0.000\d+ % above delta_min = 113.5486; ask for a larger delta$", line)
-    monkeypatch.setattr("verification.meaning.cost.SLOPE_TOLERANCE", 0.0)
+    monkeypatch.setattr("controller.analysis.cost.SLOPE_TOLERANCE", 0.0)
     line = hfa("solve", "--model", small("given.json")).err
     assert line.startswith("hfa: certified, but not confirmed in flight: saddle_control_slope_error: the cost changes")
     assert "delta = 3 is well above delta_min = 1.312475; check the scaling of A, B, Q and R" in line

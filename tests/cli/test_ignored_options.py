@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model.jobs.store import open_store
+from hfa_support.jobs.store import open_store
 
 FLY = "fly --dihedral 15 --law exact --duration 0.1"
 CARLO = "monte-carlo --dihedral 15 --law exact --duration 0.1 --members 2"

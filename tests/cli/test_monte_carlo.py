@@ -10,7 +10,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_model import LINEAR_STATES, default_parameters
-from hfa_model.jobs.store import open_store
+from hfa_support.jobs.store import open_store
 
 PARAMETERS = default_parameters().values
 

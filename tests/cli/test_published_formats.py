@@ -19,7 +19,7 @@ from published_formats import assert_published, complaints_about
 from controller import save_controller
 from hfa_cli.formats import formats, formats_markdown
 from hfa_model import Aircraft
-from hfa_model.support.jsonable import jsonable
+from hfa_support.jsonable import jsonable
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from experiment_configurations import BRIEF, COARSE, Changes, changed
 from matplotlib.figure import Figure
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
-from hfa_model.reporting.figure import new_figure
+from hfa_support.reporting.figure import new_figure
 from verification.experiments import configuration, reproduction as reproduce, result_folder as store
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.flown_laws import PRINTED
@@ -157,7 +157,7 @@ def test_resuming_simulates_nothing_again(finished: Path, monkeypatch: pytest.Mo
     with pytest.raises(AssertionError, match="simulated again"):
         # Another configuration is another experiment.
         hfa("reproduce", "5.4", "-o", str(finished), "--resume", "--workers", "1")
-    monkeypatch.setattr("hfa_model.jobs.finished.toolchain_version", lambda: "0.0.9")
+    monkeypatch.setattr("hfa_support.jobs.finished.toolchain_version", lambda: "0.0.9")
     with configured(*SHORT), pytest.raises(AssertionError, match="simulated again"):
         hfa("reproduce", "all", "-o", str(finished), "--resume")
     assert contents(finished) == before

@@ -116,6 +116,6 @@ def test_a_row_of_another_version_is_run_again(whole: tuple[Result, str], monkey
     file = Path("rows", "theorem-gains-explicit.json")
     file.parent.mkdir()
     file.write_text(text, encoding="utf-8")
-    monkeypatch.setattr("hfa_model.jobs.finished.toolchain_version", lambda: "0.0.9")
+    monkeypatch.setattr("hfa_support.jobs.finished.toolchain_version", lambda: "0.0.9")
     assert hfa(*QUICK) == said
     assert '"toolchain": "0.0.9"' in file.read_text(encoding="utf-8")

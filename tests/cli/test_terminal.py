@@ -11,7 +11,7 @@ from game_files import small
 
 from hfa_cli.main import DONE, FAILED
 from hfa_model import Aircraft
-from hfa_model.reporting.text import Table
+from hfa_support.reporting.text import Table
 from trim import OperatingPoint, level_flight, trim_report
 
 TRIM = ("trim", "--dihedral", "15")

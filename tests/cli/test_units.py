@@ -13,7 +13,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from scipy.io import loadmat
 
-from hfa_model.reporting import unit_system as units
+from hfa_support.reporting import unit_system as units
 
 FOOT = 0.3048
 COMMANDS = {

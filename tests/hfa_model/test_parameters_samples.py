@@ -11,13 +11,13 @@ from hfa_model import (
     LINEAR_STATES,
     STATES,
     VARIANTS,
-    BadInputError,
     Parameters,
     ParameterSet,
     load_parameters,
     sample_parameters,
     save_parameters,
 )
+from hfa_support import BadInputError
 from trim import (
     Bands,
     LinearModel,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model import Report, shown_in
-from hfa_model.reporting.text import Table
 from hfa_model.units_of_data import in_units_in_force
+from hfa_support import Report, shown_in
+from hfa_support.reporting.text import Table
 
 FT, LBF = 0.3048, 4.4482216152605
 

@@ -23,8 +23,8 @@ from benchmarks.report import Row, Size
 from benchmarks.timing import Comparison, in_turn
 from controller.monte_carlo.stored_members import fly_member
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
-from hfa_model.native import machine_code as generated
-from hfa_model.native.bound import BoundFunction
+from hfa_support.native import machine_code as generated
+from hfa_support.native.bound import BoundFunction
 from trim import find_operating_point, level_flight, linearize
 
 ROOT = Path(__file__).parents[2]

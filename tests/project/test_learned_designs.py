@@ -13,7 +13,7 @@ from learning_samples import abscissa, random_start
 from reference_riccati import relative_error
 
 from controller import Actuator, Design, Game, basis, design_model, learn, load_design
-from controller.samples.recording import natural_spread
+from controller.training_data.recording import natural_spread
 from hfa_model import Aircraft
 from verification import GameSolution, OutputGame, solve_game
 

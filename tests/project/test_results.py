@@ -12,6 +12,7 @@ import pytest
 
 import controller
 import hfa_model
+import hfa_support
 import trim
 import verification
 
@@ -158,7 +159,7 @@ def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
     one, other = controller.published_game(model, delta=150.0), controller.published_game(model.A, model.B, delta=150.0)
     for name in ("A", "B", "E", "Q", "R", "delta"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    with pytest.raises(hfa_model.BadInputError, match="give A and B, or a linear model"):
+    with pytest.raises(hfa_support.BadInputError, match="give A and B, or a linear model"):
         controller.published_game(model.A)
 
 

@@ -16,7 +16,7 @@ from servo_cases import A_Z
 
 from controller.design.design_file import read_design
 from hfa_model import Aircraft
-from hfa_model.reporting.text import Table
+from hfa_support.reporting.text import Table
 from verification.synthesis import design_line
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.design_line import DesignLine, OnTheLine

@@ -15,10 +15,10 @@ import scipy.linalg
 import scipy.optimize
 
 from controller import Game
+from controller.riccati.smallest_delta import has_value
 from hfa_model import Aircraft
-from hfa_model.jobs.interrupts import ended_by_signals
+from hfa_support.jobs.interrupts import ended_by_signals
 from trim import find_operating_point, identify, load_condition
-from verification.riccati.existence import has_value
 
 _LIBRARIES = tuple(module.__file__.rpartition("/")[0] for module in (scipy, casadi))
 WORK: dict[str, Callable[[Aircraft, Game], object]] = {

@@ -15,8 +15,8 @@ from scipy.optimize import minimize_scalar
 
 from controller import Actuator, load_design
 from controller.game.zero_sum import Game
+from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
-from verification.riccati.gare_schur import quick_solution
 from verification.synthesis.design_evaluation import quick_controller
 from verification.synthesis.moving_air import turbulence_rms
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant

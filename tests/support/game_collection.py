@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller import Game
-from hfa_model import NoSolutionError
+from hfa_support import NoSolutionError
 from verification import minimum_delta
 
 

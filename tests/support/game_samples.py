@@ -9,7 +9,8 @@ import numpy as np
 from known_models import game_at
 
 from controller import Game, published_game
-from hfa_model import VARIANTS, Check, published_models
+from hfa_model import VARIANTS, published_models
+from hfa_support import Check
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])

@@ -9,49 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 #: From the bottom to the top: a package may import itself and those before it.
-LAYERS = ("hfa_model", "trim", "controller", "verification", "hfa_cli")
-#: From the bottom to the top: a room may import itself and those before it. A package that is listed stands for the
-#: modules that lie in no room of it.
-ROOMS = (
-    "hfa_model.support",
-    "hfa_model.reporting",
-    "hfa_model.jobs",
-    "hfa_model.native",
-    "hfa_model",
-    "trim.conditions",
-    "trim.point",
-    "trim.linear",
-    "trim.sweeps",
-    "trim.identification",
-    "controller.game",
-    "controller.designs",
-    "controller.design",
-    "controller.samples",
-    "controller.laws",
-    "controller.policy",
-    "controller.flight",
-    "controller.study",
-    "controller.monte_carlo",
-    "controller.export",
-    "verification.physics",
-    "verification.riccati",
-    "verification.meaning",
-    "verification.critic",
-    "verification.published",
-    "verification.validation",
-    "verification.flights",
-    "verification.synthesis",
-    "verification.servo",
-    "verification.arithmetic",
-    "verification.checker",
-    "verification.balls",
-    "verification.proof",
-    "verification.experiments",
-    "verification.page",
-    "hfa_cli.options",
-    "hfa_cli",
-    "hfa_cli.commands",
-)
+LAYERS = ("hfa_support", "hfa_model", "trim", "controller", "verification", "hfa_cli")
 
 
 def project_sources() -> dict[str, str]:

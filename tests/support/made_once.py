@@ -34,7 +34,7 @@ def share(patched: pytest.MonkeyPatch) -> None:
     """`learn`, as commands call it, and the solution of a game with its certificate."""
     from controller.laws import learn as module
     from controller.policy import learned_gain
-    from verification.riccati import certificate, existence, gare
+    from controller.riccati import certificate, gare, smallest_delta
 
     learn = _Shared(module.learn)
     solve = _Shared(certificate.certified_solution)
@@ -50,7 +50,7 @@ def share(patched: pytest.MonkeyPatch) -> None:
     patched.setattr(module, "learn", learned)
     patched.setattr(learned_gain, "learn", learned)
     patched.setattr(gare, "certified_solution", solved)
-    patched.setattr(existence, "certified_solution", solved)
+    patched.setattr(smallest_delta, "certified_solution", solved)
 
 
 def _key(game: Game) -> tuple[Hashable, ...]:

@@ -45,7 +45,7 @@ COMMANDS = {
     "proof": ("prove", "schedule", "--dihedral", "14:15", "--json"),
 }
 TESTS = (
-    *("tests/hfa_model", "tests/trim/linear", "tests/trim/sweeps", "tests/verification/riccati/test_gare.py"),
+    *("tests/hfa_model", "tests/trim/linear", "tests/trim/sweeps", "tests/controller/riccati/test_gare.py"),
     *("tests/cli/test_files.py", "tests/verification/checker/test_checker.py", "tests/controller/flight"),
 )
 #: Of the largest number beside it.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 
 def refusal(load: Callable[[str], object], path: Path) -> str:

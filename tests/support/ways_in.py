@@ -19,7 +19,7 @@ from game_files import small
 from hostile import Choices, hostile_bytes, hostile_mat, hostile_npz, hostile_text, hostile_words
 
 from hfa_cli.main import COMMANDS
-from hfa_model.reporting.data_files import SUFFIXES
+from hfa_support.reporting.data_files import SUFFIXES
 
 Change = Callable[[bytes, Choices], bytes]
 _CHANGES: dict[str, Change] = {".npz": hostile_npz, ".mat": hostile_mat}
@@ -38,7 +38,7 @@ _SEARCH = (
     "verification.synthesis.design_evaluation.DesignEvaluation.at",
     "verification.synthesis.tuning_report.tuning_report",
 )
-_CHUNK = "hfa_model.jobs.stream.run_and_write"
+_CHUNK = "hfa_support.jobs.stream.run_and_write"
 _POINTS = (_CHUNK, "trim.sweeps.stored_sweep.stored_sweep_report")
 _FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.MonteCarloResult.of")
 #: What takes minutes with one word less, on all processors: of one input in a thousand.

@@ -9,10 +9,10 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import save_parameters
-from hfa_model.published import published_models
-from hfa_model.support.telling import Progress
+from hfa_model.printed_matrices import published_models
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.progress import Progress
 from trim.identification.identification_result import IDENTIFIED, Fit, Identification, LeftOut, Structure
 from trim.identification.identify import ROUGH, fit, identify
 from trim.linear.compare import EntryRow, compare, regenerate

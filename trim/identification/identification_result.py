@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
-from hfa_model.reporting.report import Block, Report, Reported
-from hfa_model.reporting.text import Table
-from hfa_model.support.by_value import ByValue
 from hfa_model.vectors import Input
+from hfa_support.by_value import ByValue
+from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.text import Table
 from trim.linear.compare import EntryRow, entries_records, entries_table
 
 #: Not determined by the print: held, each with its reason.

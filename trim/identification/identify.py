@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.dynamics import state_rates, symbols
-from hfa_model.native.bound import BoundFunction
 from hfa_model.parameters import Parameters, ParameterSet
-from hfa_model.published import PublishedModel, published_data, published_models
-from hfa_model.support.errors import NoSolutionError
+from hfa_model.printed_matrices import PublishedModel, published_data, published_models
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input, Quantity, State
+from hfa_support.errors import NoSolutionError
+from hfa_support.native.bound import BoundFunction
 from trim.identification.identification_result import ASSUMED, IDENTIFIED, Fit
 
 # Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table
-from hfa_model.reporting.unit_system import entries_in_force
-from hfa_model.support.by_value import ByValue
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_support.by_value import ByValue
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table
+from hfa_support.reporting.unit_system import entries_in_force
 
 #: Why a model comes without bands.
 NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"

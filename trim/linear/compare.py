@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.published import PublishedModel, published_models
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import TONES, Table, Toned, four_decimals
+from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import TONES, Table, Toned, four_decimals
 from trim.linear.linear_model import LinearModel, level_model
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint

@@ -9,9 +9,9 @@ import numpy as np
 
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
-from hfa_model.support.errors import BadInputError
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError
 from trim.linear.bands import Bands
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
-from hfa_model.reporting.unit_system import unit_in_force
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
+from hfa_support.reporting.unit_system import unit_in_force
 from trim.linear.bands import Bands
 from trim.linear.modes import modes_of, modes_table
 from trim.linear.output_model import UPDRAFT, OutputModel, output_model

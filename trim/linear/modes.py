@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.text import Table, eigenvalue_text
-from hfa_model.support.errors import refuse_unknown
 from hfa_model.vectors import STATE_SCALES, STATES
+from hfa_support.errors import refuse_unknown
+from hfa_support.reporting.text import Table, eigenvalue_text
 
 #: Which states make which mode.
 _FAMILIES = {

@@ -11,11 +11,11 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import by_name, symbols
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 
 #: What w is unless winds are named.

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hfa_model.atmosphere import HIGHEST_ALTITUDE
-from hfa_model.published import published_data
-from hfa_model.reporting.text import shown_unit, shown_value
-from hfa_model.support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import INPUT_SCALES, INPUTS, STATE_SCALES, STATES, UNITS, Input, State
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_support.reporting.text import shown_unit, shown_value
 
 #: The variables of a trim: the states with the pitch angle replaced by the flight-path angle γ = θ - α, and the inputs.
 VARIABLES: tuple[str, ...] = tuple("gamma" if name == "pitch" else name for name in STATES) + INPUTS

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.support.errors import BadInputError, refuse_unknown, shown
-from hfa_model.support.files import finite_number, names_of, read_named, table_of
 from hfa_model.vectors import UNITS
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.files import finite_number, names_of, read_named, table_of
 from trim.point.condition import VARIABLES, TrimCondition, level_flight, release
 
 #: Conditions that come with the package: name -> file.

@@ -10,12 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, Toned, angle_text, degrees
-from hfa_model.reporting.unit_system import english, in_force, unit_in_force
-from hfa_model.support.errors import BadInputError, shortened, shown
-from hfa_model.support.files import read_json, write_text
-from hfa_model.support.jsonable import json_text
 from hfa_model.variants import Variant
 from hfa_model.vectors import (
     INPUT_UNITS,
@@ -28,6 +22,12 @@ from hfa_model.vectors import (
     Input,
     State,
 )
+from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.files import read_json, write_text
+from hfa_support.jsonable import json_text
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, Toned, angle_text, degrees
+from hfa_support.reporting.unit_system import english, in_force, unit_in_force
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 
 if TYPE_CHECKING:

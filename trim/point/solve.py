@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
 from hfa_model.vectors import INPUTS
+from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import VARIABLES, TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.trim_problem import TrimProblem

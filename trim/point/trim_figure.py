@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.text import angle_text, short_number, shown_unit
-from hfa_model.reporting.unit_system import in_force, unit_in_force
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.text import angle_text, short_number, shown_unit
+from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -8,8 +8,10 @@ from typing import Any
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import (
+from hfa_model.vectors import INPUTS, RATE_UNITS, STATES
+from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import (
     Placed,
     Table,
     Toned,
@@ -20,9 +22,7 @@ from hfa_model.reporting.text import (
     shown_unit,
     shown_value,
 )
-from hfa_model.reporting.unit_system import in_force, unit_in_force
-from hfa_model.support.jsonable import finite_or_none
-from hfa_model.vectors import INPUTS, RATE_UNITS, STATES
+from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, tolerance
 from trim.point.performance import PERFORMANCE_UNITS, Performance, performance

@@ -10,10 +10,10 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.telling import Progress
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
 from trim.linear.linear_model import linearize
 from trim.point.condition import LIMITS, VARIABLES, TrimCondition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition

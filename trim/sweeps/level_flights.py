@@ -15,14 +15,14 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.dynamics import state_rates, symbols
-from hfa_model.native.bound import BoundFunction, cached_per_thread
-from hfa_model.native.machine_code import machine_code
-from hfa_model.native.vector_code import vector_code
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, RATE_SCALES, STATES, Input, Quantity, State
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.native.bound import BoundFunction, cached_per_thread
+from hfa_support.native.machine_code import machine_code
+from hfa_support.native.vector_code import vector_code
+from hfa_support.reporting.fields import Shown
 from trim.point.condition import BALANCED, LIMITS, VARIABLES, level_flight
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import BALANCE

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.jobs.layout import Array, Layout, described
-from hfa_model.jobs.store import Store
-from hfa_model.jobs.stream import stream
-from hfa_model.jobs.workers import Task
 from hfa_model.parameters import Parameters
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table
 from hfa_model.vectors import INPUT_UNITS, INPUTS, NAMES_AND_UNITS, RATE_UNITS, STATE_UNITS, STATES
+from hfa_support.jobs.layout import Array, Layout, described
+from hfa_support.jobs.store import Store
+from hfa_support.jobs.stream import stream
+from hfa_support.jobs.workers import Task
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.chunk import STATUS, run_chunk

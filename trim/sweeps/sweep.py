@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, refuse_unknown, shown
-from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES, STATES, Input
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.progress import Progress
 from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import VARIABLES, TrimCondition
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition

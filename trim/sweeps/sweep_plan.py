@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.reporting.text import angle_text
-from hfa_model.support.errors import BadInputError, refuse_unknown, shown
 from hfa_model.variants import variant_named
 from hfa_model.vectors import UNITS
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.reporting.text import angle_text
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE, VARIABLES
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import OperatingPoint

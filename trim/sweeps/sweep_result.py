@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.report import Block, Picture, Report, Reported
-from hfa_model.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
-from hfa_model.support.by_value import ByValue
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, UNITS, entry_unit
+from hfa_support.by_value import ByValue
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Block, Picture, Report, Reported
+from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
 from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import Status
 from trim.sweeps.sweep_plan import range_warnings

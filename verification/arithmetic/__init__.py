@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 #: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand operations.
 PRECISION = 192

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 from flint import arb, arb_series
 
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):

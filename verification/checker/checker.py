@@ -20,11 +20,11 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.files import read_json
-from hfa_model.support.telling import Progress
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.files import read_json
+from hfa_support.progress import Progress
 from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.balls import matrix, norm, pivots
 from verification.arithmetic.taylor_model import TaylorModel

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 
 class ActuatorPlaces(NamedTuple):

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from controller.analysis.cost import is_moderate
 from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
 from controller.game.history import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
-from verification.meaning.cost import is_moderate
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
 
 #: W and P of one file may differ by this part, which is what printing six digits leaves.
 TOGETHER = 1e-6

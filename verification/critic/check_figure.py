@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.game.learning_result import LearningResult
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.unit_system import entries_in_force, unit_in_force
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import relative_error
 

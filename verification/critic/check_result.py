@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.checks import Check, Checked, checks_block
-from hfa_model.reporting.report import Block, Part, Report, Reported
-from hfa_model.reporting.text import Table, entry_rows, numbered
-from hfa_model.reporting.unit_system import in_force
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.jsonable import finite_or_none
+from controller.analysis.cost import FlightCost
+from controller.riccati.frequency_response import DiskMargin
+from controller.riccati.gare import GameSolution
+from hfa_support.errors import BadInputError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.checks import Check, Checked, checks_block
+from hfa_support.reporting.report import Block, Part, Report, Reported
+from hfa_support.reporting.text import Table, entry_rows, numbered
+from hfa_support.reporting.unit_system import in_force
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box
 from verification.critic.critic_history import HistoryErrors
-from verification.meaning.cost import FlightCost
-from verification.riccati.frequency_response import DiskMargin
-from verification.riccati.gare import GameSolution
 
 #: Entries of P and K in a report, and in that of a critic that fails; files have all.
 SHOWN, SHOWN_OF_A_FAILURE = 12, 3

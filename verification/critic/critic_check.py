@@ -8,24 +8,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
 from controller.game.basis import basis
 from controller.game.history import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.reporting.checks import Check, at_least, at_most, below
-from hfa_model.support.errors import refuse_unless_positive
-from hfa_model.support.telling import Progress
+from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.certificate import INDEFINITENESS, relative_residual
+from controller.riccati.frequency_response import disk_margin
+from controller.riccati.gare import solve_game
+from hfa_support.errors import refuse_unless_positive
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import Check, at_least, at_most, below
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
 from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
 from verification.critic.run_checks import poor_data, run_checks, worthless_start
-from verification.meaning.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
-from verification.riccati.balancing import balanced_units, in_units, spectrum
-from verification.riccati.certificate import INDEFINITENESS, relative_residual
-from verification.riccati.frequency_response import disk_margin
-from verification.riccati.gare import solve_game
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6

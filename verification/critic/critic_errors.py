@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.reporting.checks import Check, at_most
-from hfa_model.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
+from controller.riccati.balancing import balanced_units
+from controller.riccati.gare import GameSolution
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
 from verification.critic.candidate import Candidate
-from verification.riccati.balancing import balanced_units
-from verification.riccati.gare import GameSolution
 
 #: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and rad/s, in the order of
 #: `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.

@@ -11,17 +11,17 @@ import numpy as np
 from controller.game.basis import basis
 from controller.game.history import History
 from controller.game.zero_sum import Game
-from hfa_model.reporting.checks import Check, at_most
-from hfa_model.reporting.report import Block
-from hfa_model.reporting.text import Table
-from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.telling import Progress, told
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.certificate import relative_residual
+from controller.riccati.gare import GameSolution
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.report import Block
+from hfa_support.reporting.text import Table
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import Box, critic_errors
 from verification.critic.run_checks import settled_at
-from verification.riccati.balancing import balanced_units, in_units
-from verification.riccati.certificate import relative_residual
-from verification.riccati.gare import GameSolution
 
 #: Rows of the table in a report; files have all.
 _SHOWN = 9

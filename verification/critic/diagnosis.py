@@ -10,7 +10,11 @@ from itertools import chain
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.certificate import relative_residual
+from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.gare_schur import quick_solution
+from hfa_support.errors import NoSolutionError
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import input_weights, relative_error, value_errors
 from verification.critic.discrete_answers import discrete_answers
@@ -24,10 +28,6 @@ from verification.critic.other_games import (
     printed_games,
 )
 from verification.critic.repairs import REDUNDANT, Repair, repaired_gain, repaired_value, repaired_weights, rescaled
-from verification.riccati.balancing import balanced_units, in_units, spectrum
-from verification.riccati.certificate import relative_residual
-from verification.riccati.gare import GameSolution, solve_game
-from verification.riccati.gare_schur import quick_solution
 
 #: A cause must explain the error down to this part of it. Noise in tens of entries cannot be explained by one number.
 EXPLAINED = 1e-3

@@ -14,8 +14,8 @@ from functools import lru_cache, partial
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.balancing import balanced_units, in_units
 from verification.critic.other_games import difference_of, searched
-from verification.riccati.balancing import balanced_units, in_units
 
 #: s; where the search for a sample time begins.
 TIMES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)

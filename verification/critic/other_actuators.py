@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from controller.riccati.gare_schur import quick_solution
+from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.actuated import ActuatorPlaces, actuators_in, at_once, with_actuators
 from verification.critic.other_games import difference_of, least, searched
-from verification.riccati.gare_schur import quick_solution
 
 #: rad/s; where the search for the bandwidth of actuators begins. The damping of those of second order.
 BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)

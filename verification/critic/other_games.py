@@ -15,14 +15,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_model.published import published_models
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.gare_schur import quick_solution
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_model.printed_matrices import published_models
+from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.actuated import actuators_in, with_speed
 from verification.critic.critic_errors import input_weights
 from verification.critic.repairs import REDUNDANT
-from verification.riccati.balancing import balanced_units, in_units
-from verification.riccati.existence import minimum_delta
-from verification.riccati.gare_schur import quick_solution
 
 #: Where a search along one parameter begins: factors of its value in the game, and angles in degrees.
 FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)

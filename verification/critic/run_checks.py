@@ -9,9 +9,9 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_model.reporting.checks import Check, at_least, at_most
-from verification.riccati.balancing import balanced_units, in_units, spectrum
-from verification.riccati.certificate import relative_residual
+from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.certificate import relative_residual
+from hfa_support.reporting.checks import Check, at_least, at_most
 
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9

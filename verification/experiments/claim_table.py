@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from hfa_model.support.files import read_toml
+from hfa_support.files import read_toml
 from verification.experiments.claims import LEARNING, TRACKING, Claim
 from verification.experiments.flown_laws import MODIFIED
 from verification.experiments.measures import measure_of

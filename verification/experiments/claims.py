@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hfa_model.reporting.checks import Check, checked
-from hfa_model.support.jsonable import finite_or_none
+from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.checks import Check, checked
 from verification.experiments.configuration import Criteria
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED

@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from controller.policy.signals import Harmonic, Signal
-from hfa_model.support.jsonable import jsonable
+from hfa_support.jsonable import jsonable
 
 SECTIONS = ("5.1", "5.2", "5.3", "5.4")
 

@@ -17,10 +17,10 @@ from controller.policy.flown_law import FlownLaw
 from controller.policy.learned_gain import baseline_weights, online_law
 from controller.policy.policies import TrackingPolicy, tracking_constants
 from controller.policy.signals import Signal, zero
-from controller.samples.recording import Stack, random_pool
+from controller.riccati.gare import solve_game
+from controller.training_data.recording import Stack, random_pool
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.setting import PaperCase, Setting, feedforward, generator
-from verification.riccati.gare import solve_game
 
 PRINTED, MODIFIED = "published, as printed", "published, modified"
 CERTIFIED, CERTIFIED_FF = "certified", "certified + feed-forward"

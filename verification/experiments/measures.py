@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.published import published_data, published_models
+from hfa_model.printed_matrices import published_data, published_models
 from hfa_model.vectors import LINEAR_STATES
 from verification.experiments.claims import Evidence
 from verification.experiments.experiment_flights import FlightPlan, FlightRecord

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.reporting.figure import enlarge_first_second, new_figure
+from hfa_support.reporting.figure import enlarge_first_second, new_figure
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, INTEGRAL, MODIFIED, PRINTED
 
 if TYPE_CHECKING:

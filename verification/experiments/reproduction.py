@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hfa_model.jobs.workers import workers
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import refuse_unknown
-from hfa_model.support.jsonable import jsonable
-from hfa_model.support.telling import NamedProgress
+from hfa_support.errors import refuse_unknown
+from hfa_support.jobs.workers import workers
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import NamedProgress
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from verification.experiments.experiment_flights import FlightRecord, simulate_plan
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED

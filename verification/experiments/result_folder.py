@@ -7,15 +7,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.data_files import save_data
-from hfa_model.reporting.figure import save
-from hfa_model.reporting.report import NO_RECORDS
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
-from hfa_model.support.jsonable import records_text
-from hfa_model.support.temporary import temporary_folder
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text
+from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import records_text
+from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.figure import save
+from hfa_support.reporting.report import NO_RECORDS
+from hfa_support.temporary import temporary_folder
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import PaperFigure, draw
 from verification.experiments.sections import Experiment, Outcome

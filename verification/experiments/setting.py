@@ -10,16 +10,16 @@ import numpy as np
 
 from controller.game.zero_sum import Game, published_game
 from controller.policy.signals import Harmonic, Signal
+from controller.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward
+from controller.riccati.gare import GameSolution, solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
-from hfa_model.published import published_models
-from hfa_model.support.errors import refuse_unknown
+from hfa_model.printed_matrices import published_models
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import refuse_unknown
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
 from verification.experiments.configuration import Configuration
-from verification.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward
-from verification.riccati.gare import GameSolution, solve_game
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
 CASE_I, CASE_II = 15.0, 5.0

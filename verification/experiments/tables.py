@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from hfa_model.reporting.report import Report, markdown_table
-from hfa_model.reporting.text import Table, Toned
+from hfa_support.reporting.report import Report, markdown_table
+from hfa_support.reporting.text import Table, Toned
 from verification.experiments.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, MODIFIED
 
 

@@ -13,9 +13,9 @@ from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.policies import Policy
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check, at_least, at_most
-from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES
+from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.checks import Check, at_least, at_most
 from trim.point.operating_point import OperatingPoint
 
 #: Deviations of the slope study as fractions of `DIRECTION`; large enough that rounding does not show.

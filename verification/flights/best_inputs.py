@@ -12,8 +12,8 @@ import numpy as np
 from controller.flight.envelope import Envelope
 from controller.flight.plants import NonlinearPlant
 from hfa_model.kinematics import angle_of_attack
-from hfa_model.support.errors import NoSolutionError
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_SCALES, STATES, State
+from hfa_support.errors import NoSolutionError
 from trim.point.condition import CONTROL_LIMITS
 
 #: s: how long the flight lasts, at the end of which it is back at trim, and for how long a command is held.

@@ -8,9 +8,9 @@ import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK
 from controller.flight.flight_result import NonlinearFlight
-from hfa_model.reporting.figure import enlarge_first_second, new_figure
-from hfa_model.reporting.text import shown_unit, shown_values
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_support.reporting.figure import enlarge_first_second, new_figure
+from hfa_support.reporting.text import shown_unit, shown_values
 from trim.point.condition import CONTROL_LIMITS
 from verification.flights.recoverable_map import RecoverableMap
 

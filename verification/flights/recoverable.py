@@ -10,13 +10,13 @@ import numpy as np
 from controller.flight.envelope import Envelope
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.trials import TrialLoop, Trials
+from controller.riccati.balancing import spectrum
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 from verification.flights.recoverable_map import Edge, RecoverableMap
-from verification.riccati.balancing import spectrum
 
 #: Length of a trial in time constants of the slowest mode of the linear loop.
 TIME_CONSTANTS = 8.0

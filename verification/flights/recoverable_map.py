@@ -9,9 +9,9 @@ import numpy as np
 
 from controller.flight.envelope import Envelope
 from controller.flight.trials import Trials
-from hfa_model.reporting.report import Block, Report, Reported
-from hfa_model.reporting.text import Table, in_degrees, short_number, shown_unit
 from hfa_model.vectors import LINEAR_STATES, STATE_UNITS, STATES
+from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
 MAP_SCHEMA = "hfa.recoverable-map/1"

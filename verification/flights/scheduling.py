@@ -18,18 +18,18 @@ from controller.policy.flown_law import FlownLaw
 from controller.policy.gain_table import GainTable
 from controller.policy.learned_gain import learned_value
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
+from controller.riccati.balancing import spectrum
+from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Block, Report, Reported
-from hfa_model.reporting.text import Table, in_degrees
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import LINEAR_STATES, UNITS
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.text import Table, in_degrees
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
-from verification.riccati.balancing import spectrum
-from verification.riccati.gare import solve_game
 
 #: Flight before and after a change of dihedral, s.
 LEAD, REST = 5.0, 15.0

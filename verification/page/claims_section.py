@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, Toned
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import read_json
+from hfa_support.errors import BadInputError
+from hfa_support.files import read_json
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, Toned
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
 from verification.experiments.reproduction import SCHEMA
 from verification.experiments.tables import counts_text, short_table
 from verification.page.main_job import StoredClaims
-from verification.published.regeneration import Regeneration
+from verification.regeneration.regeneration import Regeneration
 
 _TONE = {CONFIRMED: "good", NOT_CONFIRMED: "bad", NOT_DECIDABLE: "near"}
 _TITLE = "Section 5 of the paper, claim by claim"

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from hfa_model.reporting.report import Picture
-from hfa_model.support.jsonable import jsonable
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.report import Picture
 
 #: data, layout and, where a slider moves it, frames, as Plotly's figure schema has them.
 PlotlyFigure: TypeAlias = Mapping[str, Any]

@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from hfa_model.reporting.checks import verdict_text
-from hfa_model.reporting.report import Part, Picture, Report
-from hfa_model.reporting.text import Table, angle_text
-from hfa_model.reporting.unit_system import system_in_force
+from controller.analysis.solution_report import solution_report
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.report import Part, Picture, Report
+from hfa_support.reporting.text import Table, angle_text
+from hfa_support.reporting.unit_system import system_in_force
 from trim.linear.bands import trust_in
 from trim.linear.compare import comparison_table, matrices_beside_the_print
 from trim.linear.entry_bands import bands_known, entry_bands
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
 from trim.point.trim_report import trim_report
-from verification.meaning.solution_report import solution_report
 from verification.page.claims_section import claims_section
 from verification.page.front_view import front_view
 from verification.page.locus_plot import locus_plot
 from verification.page.main_job import AngleResult, MainJob, TrimmedAngle
-from verification.published.judged_critic import critic_picture
+from verification.regeneration.judged_critic import critic_picture
 
 SCHEMA = "hfa.report/1"
 _COLORS = (

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from controller.analysis.solution_report import AnalysedGame, analyse_game
 from controller.game.zero_sum import published_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
-from hfa_model.published import PublishedModel, published_models
-from hfa_model.reporting.text import angle_text, in_degrees
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.telling import SaidProgress
+from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import SaidProgress
+from hfa_support.reporting.text import angle_text, in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition
@@ -25,9 +26,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import sweep
 from trim.sweeps.sweep_result import Sweep
-from verification.meaning.solution_report import AnalysedGame, analyse_game
-from verification.published.judged_critic import JudgedCritic, judged_critic
-from verification.published.regeneration import Regeneration, regenerate_all
+from verification.regeneration.judged_critic import JudgedCritic, judged_critic
+from verification.regeneration.regeneration import Regeneration, regenerate_all
 
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))

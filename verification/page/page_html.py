@@ -10,8 +10,8 @@ from functools import cache
 from importlib.resources import files
 
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.report import Report
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
 from verification.page.front_view import front_view
 from verification.page.job_report import point_report, verdicts
 from verification.page.main_job import MainJob

@@ -11,14 +11,14 @@ import numpy as np
 
 from controller.policy.gain_table import GainTable
 from hfa_model.provenance import Provenance
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import write_text
-from hfa_model.support.jsonable import jsonable
-from hfa_model.support.version import toolchain_version
 from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.version import toolchain_version
 from verification.arithmetic import flint_or_refusal
-from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox
+from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.trim_family import Family
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
 from verification.proof.stated_model import StatedModel

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_model.parameters import NAMED, Parameters, named_parameters
 from hfa_model.provenance import parameter_hash
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
 from trim.point.condition import describe
 from verification.proof.proof_report import SCHEMA
 from verification.proof.schedule_proof import joined

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from flint import acb, acb_mat, arb
 
-from hfa_model.support.errors import NoSolutionError
+from controller.riccati.balancing import balanced_units
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_support.errors import NoSolutionError
 from verification.arithmetic.balls import exact
-from verification.balls.game_balls import BallGame, enclose_solution
-from verification.riccati.balancing import balanced_units
-from verification.riccati.existence import DeltaMin
+from verification.enclosures.game_balls import BallGame, enclose_solution
 
 #: Relative width of the bracket, where the middle of a wider one can be decided.
 WIDTH = 1e-6

@@ -9,12 +9,12 @@ import numpy as np
 from flint import arb_mat
 
 from controller.game.zero_sum import Game
-from hfa_model.support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError
 from verification.arithmetic.balls import doubles, map_entries, matrix, norm, symmetric
-from verification.balls.game_balls import BallGame, enclose_solution
-from verification.balls.inertia import counted
-from verification.balls.steady_flights import Family
-from verification.balls.trim_branch import TrimBranch
+from verification.enclosures.game_balls import BallGame, enclose_solution
+from verification.enclosures.inertia import counted
+from verification.enclosures.trim_branch import TrimBranch
+from verification.enclosures.trim_family import Family
 from verification.proof.certificate_file import flights_claim
 from verification.proof.delta_proof import frequencies_around_axis
 from verification.proof.solution_proof import CriticProof, Distance, SolutionProof, games_of

@@ -12,17 +12,17 @@ from flint import arb_mat
 
 from controller.game.zero_sum import published_game
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.jsonable import jsonable
-from hfa_model.support.telling import Progress, told
 from hfa_model.vectors import INPUT_SCALES
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.fields import Shown
 from verification.arithmetic.balls import doubles
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.balls.gain_forms import GainForm, gain_form
-from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, bisected
-from verification.balls.trim_branch import ModelForms, TrimBranch
+from verification.enclosures.gain_forms import GainForm, gain_form
+from verification.enclosures.taylor import DihedralBox, bisected
+from verification.enclosures.trim_branch import ModelForms, TrimBranch
+from verification.enclosures.trim_family import Family
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated
 

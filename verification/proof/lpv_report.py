@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from controller.export.c_model import comment_lines
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table
-from hfa_model.reporting.unit_system import gain_unit
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, UNITS, entry_unit
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+from hfa_support.reporting.unit_system import gain_unit
 from verification.proof.lpv_grid import LpvGrid
 
 SCHEMA = "hfa.lpv/1"

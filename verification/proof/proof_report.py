@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, matrix_table
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, matrix_table
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ScheduleProof
 from verification.proof.solution_proof import CriticProof, SolutionProof

@@ -12,14 +12,14 @@ import numpy as np
 from flint import arb_mat
 
 from controller.policy.gain_table import GainTable
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.telling import Progress, told
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, bisected, roomy
-from verification.balls.trim_branch import TrimBranch
+from verification.enclosures.taylor import DihedralBox, bisected, roomy
+from verification.enclosures.trim_branch import TrimBranch
+from verification.enclosures.trim_family import Family
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 

@@ -11,17 +11,17 @@ from typing import TypeVar
 import numpy as np
 
 from controller.policy.gain_table import GainTable
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.telling import Progress
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.balls.inertia import counted
-from verification.balls.steady_flights import Family
-from verification.balls.taylor import DihedralBox, bisected
-from verification.balls.trim_branch import ModelForms, TrimBranch
+from verification.enclosures.inertia import counted
+from verification.enclosures.taylor import DihedralBox, bisected
+from verification.enclosures.trim_branch import ModelForms, TrimBranch
+from verification.enclosures.trim_family import Family
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 

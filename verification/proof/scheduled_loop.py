@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 
 from controller.policy.gain_table import GainTable
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError
 from verification.arithmetic.balls import exact, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.balls.taylor import DihedralBox
-from verification.balls.trim_branch import ModelForms
+from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.trim_branch import ModelForms
 
 _STATES = len(LINEAR_STATES)
 

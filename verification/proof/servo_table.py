@@ -9,8 +9,8 @@ import numpy as np
 from controller.design.design import SHORT_PERIOD, Actuator
 from controller.design.scheduled_controller import ScheduledController
 from controller.policy.gain_table import GainTable
-from hfa_model.support.errors import BadInputError
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.errors import BadInputError
 
 _X = len(LINEAR_STATES)
 #: Of the angles, deg: they were degrees before they became radians.

@@ -11,16 +11,16 @@ from flint import arb, arb_mat
 from controller.game.basis import Basis
 from controller.game.history import StoredCritic
 from controller.game.zero_sum import Game
-from hfa_model.reporting.fields import Shown
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from controller.riccati.gare import solve_game
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.fields import Shown
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix, norm
-from verification.balls.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
-from verification.balls.steady_flights import Family
-from verification.balls.trim_branch import TrimBranch
+from verification.enclosures.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
+from verification.enclosures.trim_branch import TrimBranch
+from verification.enclosures.trim_family import Family
 from verification.proof.delta_proof import ProvedDelta, prove_delta_min
-from verification.riccati.existence import minimum_delta
-from verification.riccati.gare import solve_game
 
 
 class Distance(NamedTuple):

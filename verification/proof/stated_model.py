@@ -11,8 +11,8 @@ from flint import arb
 from trim.point.condition import SCALES
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.balls.taylor import radians
-from verification.balls.trim_branch import ModelForms, TrimBranch
+from verification.enclosures.taylor import radians
+from verification.enclosures.trim_branch import ModelForms, TrimBranch
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.
 _WIDER = 1.5

@@ -20,13 +20,13 @@ from controller.policy.commands import CommandedStates, CommandSteps
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import servo_law
+from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
-from hfa_model.support.errors import BadInputError, refuse_unknown
 from hfa_model.variants import Variant
+from hfa_support.errors import BadInputError, refuse_unknown
 from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
-from verification.riccati.gare import solve_game
 from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law

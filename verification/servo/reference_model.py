@@ -11,11 +11,11 @@ from controller.design.design_file import load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
 from controller.policy.commands import COMMAND_FILTER
+from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
-from hfa_model.support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError
 from trim.linear.linear_model import level_model
-from verification.riccati.gare import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
 RATE, REGULATED = "pitch_rate", ("dihedral", f"vertical_acceleration{SHORT_PERIOD}")

@@ -17,15 +17,15 @@ from controller.flight.simulate import fly_law
 from controller.flight.tracking import fastest_inputs, tracked
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
-from hfa_model.jobs.finished import finished, stamped
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.figure import save
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.unit_system import english, system_in_force
-from hfa_model.support.files import write_text
-from hfa_model.support.jsonable import records_text
-from hfa_model.support.telling import NamedProgress
 from hfa_model.units_of_data import in_units_in_force
+from hfa_support.files import write_text
+from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import records_text
+from hfa_support.progress import NamedProgress
+from hfa_support.reporting.figure import save
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.unit_system import english, system_in_force
 from trim.point.condition import CONTROL_LIMITS, level_flight
 from trim.point.solve import find_operating_point
 from verification.servo.cases import CASES, DURATION, TRIM_DEG, Start, laws_of, scenario_of, simvfa_commands

@@ -12,10 +12,10 @@ import numpy as np
 
 from controller.design.design import signal_unit
 from controller.flight.tracking import Tracked
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.report import Block, Report
-from hfa_model.reporting.text import Table, shown_unit, shown_values
-from hfa_model.reporting.unit_system import in_force
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Block, Report
+from hfa_support.reporting.text import Table, shown_unit, shown_values
+from hfa_support.reporting.unit_system import in_force
 from verification.servo.reference_model import REGULATED
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from controller.design.design import Actuator, Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check
+from hfa_support.reporting.checks import Check
 from verification.synthesis.command_shaping import FedBack, best_feedforward, stage_rates
 
 

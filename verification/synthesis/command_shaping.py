@@ -11,8 +11,8 @@ import numpy as np
 
 from controller.design.design import Feedforward
 from controller.design.design_model import DesignModel
-from hfa_model.reporting.checks import Check, at_most
-from hfa_model.support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.checks import Check, at_most
 
 #: s: of the record of a step, and how long it is.
 STEP, SECONDS = 0.1, 50.0

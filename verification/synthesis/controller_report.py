@@ -6,9 +6,9 @@ from typing import Any
 
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
-from hfa_model.reporting.checks import verdict_text
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, in_degrees
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, in_degrees
 
 SCHEMA = "hfa.controller-design/1"
 _MARGINS = ("margin_at_inputs", "margin_at_sensors")

@@ -13,20 +13,20 @@ from controller.design.design import Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
 from controller.game.zero_sum import Game
-from hfa_model.aircraft import Aircraft
-from hfa_model.provenance import parameter_hash
-from hfa_model.support.errors import BadInputError, NoSolutionError
-from hfa_model.support.jsonable import finite_or_none
-from hfa_model.support.telling import Progress, told
-from trim.linear.linear_model import LinearModel, level_model
-from verification.riccati.existence import minimum_delta
-from verification.riccati.gare import solve_game
-from verification.riccati.output_feedback import (
+from controller.riccati.gare import solve_game
+from controller.riccati.output_feedback import (
     OutputGame,
     central_controller,
     minimum_output_delta,
     solve_output_feedback,
 )
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_model.aircraft import Aircraft
+from hfa_model.provenance import parameter_hash
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress, told
+from trim.linear.linear_model import LinearModel, level_model
 from verification.synthesis.command_path import LinearController, commands_of, measurements, with_commands
 from verification.synthesis.servo_loop import servo_loop, servo_plant
 

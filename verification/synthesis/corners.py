@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check, Checked, below, checks_block
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, in_degrees
-from hfa_model.support.telling import Progress, told
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.checks import Check, Checked, below, checks_block
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, in_degrees
 from trim.linear.linear_model import LinearModel, level_model
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 

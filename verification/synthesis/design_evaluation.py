@@ -14,10 +14,10 @@ from controller.design.design import Actuator, Design, Feedforward
 from controller.design.design_file import design_of
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
+from controller.riccati.gare_schur import quick_solution
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from trim.linear.linear_model import LinearModel, level_model
-from verification.riccati.gare_schur import quick_solution
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.controllers import controller_at, controller_table
 from verification.synthesis.corners import corner_loops

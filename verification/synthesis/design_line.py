@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, in_degrees
-from hfa_model.support.telling import Progress, told
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, in_degrees
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.moving_air import LARGEST
 from verification.synthesis.tuning import Evaluation, Tuning

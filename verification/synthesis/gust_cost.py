@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.design.design_model import DesignModel
 from controller.game.zero_sum import Game
-from hfa_model.reporting.text import shown_unit, shown_value
-from verification.riccati.frequency_response import square_root, swept_gain
+from controller.riccati.frequency_response import square_root, swept_gain
+from hfa_support.reporting.text import shown_unit, shown_value
 
 #: rad/s; an updraft of a lower frequency is as good as steady.
 STEADY = 1e-4

@@ -11,10 +11,10 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope
 from controller.flight.plants import NonlinearPlant
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, in_degrees
-from hfa_model.support.errors import NoSolutionError
-from hfa_model.support.telling import Progress, told
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, in_degrees
 from trim.linear.linear_model import LinearModel, level_model
 from verification.flights.best_inputs import best_inputs
 from verification.synthesis.moving_air import LARGEST, gust_held

@@ -11,11 +11,11 @@ from controller.design.design import Actuator, Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
 from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from controller.riccati.frequency_response import DiskMargin, disk_margin
 from hfa_model.aircraft import Aircraft
-from hfa_model.support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError
 from trim.linear.linear_model import LinearModel
-from verification.riccati.balancing import spectrum
-from verification.riccati.frequency_response import DiskMargin, disk_margin
 
 
 @dataclass(frozen=True, eq=False)

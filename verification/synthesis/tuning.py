@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.design.design import Actuator
-from hfa_model.support.errors import BadInputError
+from hfa_support.errors import BadInputError
 
 
 class Variable(NamedTuple):

@@ -11,9 +11,9 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.design_file import design_of, read_design
-from hfa_model.support.errors import BadInputError, refuse_unknown, said_of, shown
-from hfa_model.support.files import finite_number, names_of, read_toml, table_of, write_text
 from hfa_model.variants import VARIANTS
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
+from hfa_support.files import finite_number, names_of, read_toml, table_of, write_text
 from verification.synthesis.tuning import InCommands, InGust, InTurbulence, Tuning, Variable
 
 _SETTINGS = ("design", "evaluations", "seed", "angles", "abscissa", "rate", "margin", "fastest", "dynamics", "power")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_model.reporting.checks import Check, at_least, at_most, checks_block
-from hfa_model.reporting.figure import new_figure
-from hfa_model.reporting.report import Report
-from hfa_model.reporting.text import Table, in_degrees
 from hfa_model.vectors import STATE_UNITS, STATES
+from hfa_support.reporting.checks import Check, at_least, at_most, checks_block
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, in_degrees
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.jobs.finished import stamp
 from hfa_model.provenance import parameter_hash
-from hfa_model.support.errors import BadInputError
-from hfa_model.support.files import regular_file, write_text
-from hfa_model.support.telling import Progress
+from hfa_support.errors import BadInputError
+from hfa_support.files import regular_file, write_text
+from hfa_support.jobs.finished import stamp
+from hfa_support.progress import Progress
 from verification.synthesis.design_evaluation import DesignEvaluation
 from verification.synthesis.tuning import Evaluation, Tuned, Tuning
 

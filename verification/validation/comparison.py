@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.reporting.checks import Check, Checked, at_most, checks_block
-from hfa_model.reporting.report import Report, Reported
-from hfa_model.reporting.text import Table, shown_unit, shown_value
 from hfa_model.vectors import INPUTS
+from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.compare import eigenvalue_errors
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import level_flight, release

@@ -10,7 +10,7 @@ from refused_files import refusal
 from controller import Actuator, load_design
 from controller.design.design import Feedforward
 from controller.design.design_file import NAMED
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 DESIGNS = Path(__file__).parents[3] / "controller" / "designs"
 

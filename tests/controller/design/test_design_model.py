@@ -16,8 +16,9 @@ from controller.design.design import SHORT_PERIOD, Feedforward
 from controller.design.design_file import NAMED
 from controller.design.design_model import _full_rank
 from controller.policy.servo_policy import MeasuredOutputs
-from hfa_model import LINEAR_STATES, Aircraft, BadInputError
+from hfa_model import LINEAR_STATES, Aircraft
 from hfa_model.outputs import moment_of, outputs_of
+from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
 from trim.linear.output_model import output_model
 from verification import solve_game

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from controllers import small_controller
 
-from hfa_model import Aircraft, BadInputError, default_parameters
+from hfa_model import Aircraft, default_parameters
+from hfa_support import BadInputError
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from controllers import small_controller
 from scipy.io import loadmat
 
 from controller import load_controller, save_controller
-from hfa_model import Aircraft, BadInputError
+from hfa_model import Aircraft
+from hfa_support import BadInputError
 
 
 def test_a_file_gives_the_controller_back(published_aircraft: Aircraft, tmp_path: Path) -> None:

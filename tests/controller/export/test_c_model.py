@@ -12,11 +12,12 @@ from c_files import called, compiled, footprint, needs_gcc, ran
 from known_models import model_at
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
-from hfa_model import STATES, Aircraft, BadInputError
+from hfa_model import STATES, Aircraft
 from hfa_model.dynamics import state_rates, symbols
-from hfa_model.native.c_code import c_function
-from hfa_model.support.files import write_texts
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
+from hfa_support import BadInputError
+from hfa_support.files import write_texts
+from hfa_support.native.c_code import c_function
 from trim import OperatingPoint, level_conditions, solve_level_flights
 
 pytestmark = needs_gcc

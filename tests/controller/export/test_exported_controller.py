@@ -21,8 +21,9 @@ from controller.export.exported_controller import (
 )
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import ServoPolicy
-from hfa_model import LINEAR_STATES, Aircraft, BadInputError
-from hfa_model.support.files import write_texts
+from hfa_model import LINEAR_STATES, Aircraft
+from hfa_support import BadInputError
+from hfa_support.files import write_texts
 from trim import OperatingPoint
 
 pytestmark = needs_gcc

@@ -16,8 +16,9 @@ from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, control
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
-from hfa_model import STATES, Aircraft, BadInputError, Input
-from hfa_model.support.files import write_texts
+from hfa_model import STATES, Aircraft, Input
+from hfa_support import BadInputError
+from hfa_support.files import write_texts
 from trim import OperatingPoint
 
 pytestmark = needs_gcc

@@ -21,8 +21,9 @@ from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input, NoSolutionError
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
+from hfa_support import NoSolutionError
 from trim import OperatingPoint
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

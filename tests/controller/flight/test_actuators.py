@@ -13,7 +13,8 @@ from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
 from controller.flight.plants import LinearPlant
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
-from hfa_model import INPUTS, BadInputError, Input, published_models
+from hfa_model import INPUTS, Input, published_models
+from hfa_support import BadInputError
 
 N, M = 6, len(INPUTS)
 NO_GAIN = np.zeros((M, N))

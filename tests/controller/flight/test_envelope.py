@@ -8,7 +8,8 @@ from flight_cases import FlownCase
 
 from controller import flight_envelope
 from controller.flight.envelope import share_of_way
-from hfa_model import STATES, BadInputError
+from hfa_model import STATES
+from hfa_support import BadInputError
 
 
 def test_speed_and_altitude_are_limited_about_the_trim(newton: FlownCase) -> None:

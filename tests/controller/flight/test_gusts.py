@@ -20,7 +20,6 @@ from hfa_model import (
     LINEAR_STATES,
     STATES,
     VARIANTS,
-    BadInputError,
     Input,
     Newton,
     Parameters,
@@ -34,6 +33,7 @@ from hfa_model import (
 from hfa_model.dynamics import rates
 from hfa_model.variants import Variant
 from hfa_model.vectors import RATE_SCALES
+from hfa_support import BadInputError
 from verification.physics.lagrangian import lagrangian_rates
 
 # The model.

@@ -16,7 +16,8 @@ from controller.flight.plants import LinearizedAircraft
 from controller.flight.scenario import loop_of
 from controller.flight.watched_loop import WatchedLoop
 from controller.monte_carlo.uncertain_plants import UncertainLinearization
-from hfa_model import STATES, BadInputError
+from hfa_model import STATES
+from hfa_support import BadInputError
 from trim import linearize
 
 GUST = OneMinusCosine(100.0, 3.0, 68.0, 0.2)

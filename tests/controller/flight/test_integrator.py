@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controller.flight.integrator import integrate
-from hfa_model import NoSolutionError
+from hfa_support import NoSolutionError
 
 
 def test_a_flight_that_leaves_every_bound_is_said() -> None:

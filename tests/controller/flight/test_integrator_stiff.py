@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controller.flight.integrator import integrate, integrate_stiff
-from hfa_model import NoSolutionError
+from hfa_support import NoSolutionError
 
 
 def pendulum(fast: float) -> ca.Function:

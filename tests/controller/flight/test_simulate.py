@@ -12,7 +12,8 @@ from flight_cases import SMALL, FlownCase, flown, signal
 
 from controller import Harmonic, OneMinusCosine, Scenario, Signal, flight_envelope
 from controller.flight.flight_result import UNDISTURBED
-from hfa_model import LINEAR_STATES, STATES, BadInputError
+from hfa_model import LINEAR_STATES, STATES
+from hfa_support import BadInputError
 
 N = len(LINEAR_STATES)
 

@@ -10,7 +10,8 @@ from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import MonteCarlo, Uncertainty
 from controller.flight import uncertain
-from hfa_model import LINEAR_STATES, BadInputError, Parameters
+from hfa_model import LINEAR_STATES, Parameters
+from hfa_support import BadInputError
 
 
 def drawn(plan: MonteCarlo, members: int) -> np.ndarray:

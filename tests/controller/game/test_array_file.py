@@ -9,7 +9,7 @@ import pytest
 
 from controller import basis
 from controller.game.array_file import PlantNames, file_scales, in_scales, read_arrays
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 FOOT = 0.3048
 

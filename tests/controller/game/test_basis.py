@@ -9,7 +9,8 @@ import pytest
 
 from controller import Basis, basis
 from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS
-from hfa_model import LINEAR_STATES, BadInputError
+from hfa_model import LINEAR_STATES
+from hfa_support import BadInputError
 
 SIZES = {"quadratic": 21, "quadratic+linear": 27, "quadratic+quartic": 27, "paper": 25}
 

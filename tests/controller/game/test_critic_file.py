@@ -14,7 +14,7 @@ from controller.game import critic_file
 from controller.game.array_file import read_arrays
 from controller.game.critic_file import critic_in
 from controller.game.history import StoredCritic
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
 GAME = Game(np.array([[0.0, 1.0], [-1.0, -1.0]]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(2), np.eye(1), 10.0)

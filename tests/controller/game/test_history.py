@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller import History
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 TIMES = np.array([0.0, 0.5, 1.0])
 ROWS = np.arange(9.0).reshape(3, 3)

@@ -15,7 +15,8 @@ from scipy.sparse import csc_matrix
 
 from controller import Game, load_critic, load_game
 from controller.game.model_file import parse_diagonal, stored_game
-from hfa_model import LINEAR_STATES, BadInputError, published_models
+from hfa_model import LINEAR_STATES, published_models
+from hfa_support import BadInputError
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]

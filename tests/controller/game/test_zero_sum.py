@@ -11,7 +11,8 @@ from game_samples import game_models
 
 from controller import Game, published_game
 from controller.game.zero_sum import LARGEST
-from hfa_model import BadInputError, published_models
+from hfa_model import published_models
+from hfa_support import BadInputError
 
 SMALL: dict[str, Any] = {
     "A": [[0.0, 1.0], [-2.0, -3.0]],

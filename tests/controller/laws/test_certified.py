@@ -22,9 +22,9 @@ from controller import CertifiedSettings, Game, Stack, basis, learn, random_pool
 from controller.game.basis import BASES
 from controller.laws.certified import certified_law
 from controller.laws.scalar_law import after, decay_rate
-from controller.samples.probing import ProbingFlight
-from controller.samples.recording import natural_spread
-from hfa_model import NoSolutionError
+from controller.training_data.probing import ProbingFlight
+from controller.training_data.recording import natural_spread
+from hfa_support import NoSolutionError
 
 # The solution.
 

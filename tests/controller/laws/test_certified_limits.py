@@ -15,8 +15,8 @@ from controller.laws import certified, policy_iteration
 from controller.laws.certified import CertifiedLaw, certified_law
 from controller.laws.law_settings import MOST_SAMPLES
 from controller.laws.policy_iteration import Point, stabilizing_step
-from controller.samples.stack_equations import LQ, PartialGame, StackEquations, newton_step
-from hfa_model import BadInputError, NoSolutionError
+from controller.training_data.stack_equations import LQ, PartialGame, StackEquations, newton_step
+from hfa_support import BadInputError, NoSolutionError
 
 # The edge of stability.
 

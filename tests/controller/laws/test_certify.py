@@ -19,9 +19,9 @@ from controller.laws.certify import (
     relative_residual,
     settled_at,
 )
-from controller.samples.recording import choose
-from controller.samples.stack_equations import StackEquations
-from hfa_model.reporting.checks import checked
+from controller.training_data.recording import choose
+from controller.training_data.stack_equations import StackEquations
+from hfa_support.reporting.checks import checked
 
 
 def failures(game: Game, weights: np.ndarray, richness: Excitation | None = None, name: str = "quadratic") -> list[str]:

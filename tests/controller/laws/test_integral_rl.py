@@ -12,9 +12,9 @@ from reference_riccati import relative_error
 
 from controller import IrlSettings, basis, learn, random_pool, run
 from controller.laws.integral_rl import IntegralLearning, integral_learning
-from controller.samples.probing import ProbingFlight
-from controller.samples.recording import natural_spread
-from hfa_model import BadInputError, NoSolutionError
+from controller.training_data.probing import ProbingFlight
+from controller.training_data.recording import natural_spread
+from hfa_support import BadInputError, NoSolutionError
 
 
 def stable_learning(**changes: Any) -> IntegralLearning:

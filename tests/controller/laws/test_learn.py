@@ -13,8 +13,9 @@ from reference_riccati import reference_solution, relative_error
 from controller import LAWS, CertifiedSettings, Game, LearningResult, learn, random_pool
 from controller.game.basis import BASES
 from controller.laws.certified import certified_law
-from hfa_model import INPUTS, LINEAR_STATES, BadInputError
+from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
+from hfa_support import BadInputError
 
 #: A short run of each law.
 RUNS: dict[str, dict[str, Any]] = {

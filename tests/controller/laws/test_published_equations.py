@@ -18,7 +18,7 @@ from controller.laws.published_equations import (
     theorem_gains,
     update_direction,
 )
-from controller.samples.stack_equations import StackEquations
+from controller.training_data.stack_equations import StackEquations
 
 
 def equations_of(game: Game, name: str = "quadratic", samples: int = 40) -> StackEquations:

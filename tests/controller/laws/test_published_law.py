@@ -17,8 +17,8 @@ from controller.laws.published_equations import (
     update_direction,
 )
 from controller.laws.published_law import published_law
-from hfa_model import BadInputError, NoSolutionError
-from hfa_model.published import published_data
+from hfa_model.printed_matrices import published_data
+from hfa_support import BadInputError, NoSolutionError
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

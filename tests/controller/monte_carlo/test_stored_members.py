@@ -14,8 +14,8 @@ import pytest
 from controller import MonteCarlo, stream_monte_carlo
 from controller.monte_carlo import stored_members as monte_carlo
 from controller.monte_carlo.stored_members import MonteCarloJob, fly_members
-from hfa_model import BadInputError
-from hfa_model.jobs.store import Store, open_store
+from hfa_support import BadInputError
+from hfa_support.jobs.store import Store, open_store
 
 
 def assert_same(first: Mapping[str, np.ndarray] | Store, second: Mapping[str, np.ndarray] | Store) -> None:

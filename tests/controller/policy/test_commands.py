@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from controller import CommandedStates, CommandSteps
-from hfa_model import LINEAR_STATES, BadInputError
+from hfa_model import LINEAR_STATES
+from hfa_support import BadInputError
 
 TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 

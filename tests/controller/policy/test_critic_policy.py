@@ -17,7 +17,8 @@ from controller.laws.published_equations import Sample, bellman, normaliser, upd
 from controller.laws.published_law import PublishedLaw, published_law
 from controller.policy.critic_policy import CriticPolicy, forcing
 from controller.policy.signals import zero
-from hfa_model import BadInputError, published_models
+from hfa_model import published_models
+from hfa_support import BadInputError
 from verification import solve_game
 
 REFERENCE = Signal(

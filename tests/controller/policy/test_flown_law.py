@@ -9,7 +9,7 @@ import pytest
 
 from controller import Signal, gain_law
 from controller.policy.policies import TrackingPolicy
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 
 GAINS = np.random.default_rng(1).normal(size=(3, 5, 6))
 

@@ -11,7 +11,7 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import Game, Scenario, fly, learn
 from controller.policy.learned_gain import baseline_gain, certified_gains, frozen_law, learned_value, online_law
-from hfa_model import NoSolutionError
+from hfa_support import NoSolutionError
 
 
 def test_a_frozen_learned_gain_is_the_exact_one(newton: FlownCase) -> None:

@@ -15,7 +15,8 @@ from controller import Scenario, flight_envelope
 from controller.flight.flight_result import NonlinearFlight
 from controller.policy.policies import Seen
 from controller.policy.scheduled import DihedralChange, Schedule, ScheduledPolicy, ScheduledReference
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, NoSolutionError
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
+from hfa_support import BadInputError, NoSolutionError
 from verification import certified_schedule
 from verification.flights.scheduling import CertifiedSchedule, change_over, fly_schedule, grid_of
 

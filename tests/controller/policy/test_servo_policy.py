@@ -27,7 +27,8 @@ from controller.flight.plants import LinearizedAircraft
 from controller.flight.tracking import fastest_inputs, tracked, tracking_table
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, BadInputError, Input
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
+from hfa_support import BadInputError
 from trim import OperatingPoint
 from trim.linear.output_model import output_model
 

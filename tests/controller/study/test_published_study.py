@@ -22,7 +22,7 @@ from controller.study.published_study import (
 )
 from controller.study.study_report import load_study, study_data
 from controller.study.study_rows import STUDY
-from hfa_model import BadInputError, NoSolutionError
+from hfa_support import BadInputError, NoSolutionError
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "docs" / "results" / "published_study.json"

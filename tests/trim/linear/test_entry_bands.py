@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from hfa_model import Aircraft, BadInputError, Parameters, ParameterSet, save_parameters
+from hfa_model import Aircraft, Parameters, ParameterSet, save_parameters
+from hfa_support import BadInputError
 from trim import Bands, entry_bands, find_operating_point, level_flight, linearize
 from trim.linear.entry_bands import bands_known
 

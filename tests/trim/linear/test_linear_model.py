@@ -7,17 +7,9 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import (
-    INPUTS,
-    LINEAR_STATES,
-    STATES,
-    Aircraft,
-    BadInputError,
-    Parameters,
-    PublishedModel,
-    published_models,
-)
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Parameters, PublishedModel, published_models
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATE_SCALES
+from hfa_support import BadInputError
 from trim import LinearModel, compare, find_operating_point, level_flight, linearize, regenerate
 from trim.identification.identification_result import IDENTIFIED
 from trim.linear.compare import eigenvalue_errors

@@ -10,10 +10,11 @@ import pytest
 from known_models import released_simulation
 
 from controller.flight.plants import LinearizedAircraft
-from hfa_model import LINEAR_STATES, STATES, Aircraft, BadInputError, Input, State
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, State
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
-from hfa_model.reporting.unit_system import shown_in
 from hfa_model.winds import DISTURBANCES, winds_named
+from hfa_support import BadInputError
+from hfa_support.reporting.unit_system import shown_in
 from trim import OperatingPoint, find_operating_point, level_flight, linearize
 from trim.linear.linear_model import matrices
 from trim.linear.output_model import output_model

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import STATES, Aircraft, BadInputError
+from hfa_model import STATES, Aircraft
+from hfa_support import BadInputError
 from trim import STATE_LIMITS, TrimError, find_operating_point, level_flight, release
 from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from refused_files import refusal
 
-from hfa_model import Aircraft, BadInputError
+from hfa_model import Aircraft
+from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, load_condition
 from trim.point.named_condition import NAMED
 from verification import released_trims

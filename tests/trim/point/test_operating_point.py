@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from refused_files import refusal
 
-from hfa_model import Aircraft, BadInputError
+from hfa_model import Aircraft
+from hfa_support import BadInputError
 from trim import OperatingPoint, find_operating_point, level_flight, load_operating_point, save_operating_point
 
 

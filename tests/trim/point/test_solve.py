@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from hfa_model import STATES, Aircraft, BadInputError, NoSolutionError
+from hfa_model import STATES, Aircraft
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
+from hfa_support import BadInputError, NoSolutionError
 from trim import CONTROL_LIMITS, OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
 from trim.point.condition import BALANCED, SCALES
 from trim.point.trim_problem import TrimProblem

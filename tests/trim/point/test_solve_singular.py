@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, BadInputError, Input, Parameters, State, aircraft_loads, rates_from_loads
+from hfa_model import Aircraft, Input, Parameters, State, aircraft_loads, rates_from_loads
 from hfa_model.variants import VARIANTS, Variant
+from hfa_support import BadInputError
 from trim import TrimError, find_operating_point, level_flight, release
 from trim.point.operating_point import Status
 from trim.point.trim_problem import TrimProblem

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model import INPUTS, STATES, Aircraft, Report, State
+from hfa_model import INPUTS, STATES, Aircraft, State
 from hfa_model.vectors import RATE_SCALES, UNITS
+from hfa_support import Report
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
 from trim.point.condition import BALANCED
 from trim.point.trim_margins import all_margins

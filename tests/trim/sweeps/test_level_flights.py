@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, default_parameters
-from hfa_model.native.machine_code import c_compiler
 from hfa_model.variants import variant_named
+from hfa_support.native.machine_code import c_compiler
 from trim import find_operating_point, level_conditions, level_flight, linearize, solve_level_flights
 from trim.sweeps.level_flights import CONDITION
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, BadInputError
+from hfa_model import Aircraft
+from hfa_support import BadInputError
 from trim import SweepPlan, TrimError, find_operating_point, level_flight, sweep
 from trim.sweeps.chunk import run_chunk
 

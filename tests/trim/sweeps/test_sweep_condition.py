@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import zarr
 
-from hfa_model import DEGREE, STATES, Aircraft, BadInputError
+from hfa_model import DEGREE, STATES, Aircraft
+from hfa_support import BadInputError
 from trim import (
     NamedCondition,
     SweepPlan,

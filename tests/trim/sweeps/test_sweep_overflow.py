@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model import Aircraft, BadInputError, Parameters, ParameterSet, save_parameters
+from hfa_model import Aircraft, Parameters, ParameterSet, save_parameters
+from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, release, sweep
 from trim.sweeps.chunk import NO_TRIM, TRIMMED, run_chunk
 

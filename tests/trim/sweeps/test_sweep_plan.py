@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import BadInputError, Parameters
+from hfa_model import Parameters
+from hfa_support import BadInputError
 from trim import Steps, SweepPlan
 
 

@@ -12,8 +12,9 @@ import pytest
 from flint import arb, arb_series
 from proof_cases import family, model_at
 
-from hfa_model import STATES, VARIANTS, BadInputError
+from hfa_model import STATES, VARIANTS
 from hfa_model.aircraft import compiled_dynamics
+from hfa_support import BadInputError
 from verification.arithmetic import PRECISION, ball_function, flint_or_refusal
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import exact

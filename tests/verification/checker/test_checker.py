@@ -12,7 +12,8 @@ import pytest
 from flint import ctx
 from proof_cases import ORIGIN, exact_table, family, forge
 
-from hfa_model import INPUTS, STATES, Aircraft, BadInputError
+from hfa_model import INPUTS, STATES, Aircraft
+from hfa_support import BadInputError
 from trim.point.named_condition import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_rate, prove_schedule
 from verification.arithmetic import PRECISION

@@ -14,7 +14,7 @@ from game_files import AT_15, stored
 
 from controller import Game, LearningResult, basis
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 from verification import Candidate, from_gain, from_value, from_weights, solve_game
 from verification.critic.candidate import from_run
 

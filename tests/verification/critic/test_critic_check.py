@@ -11,7 +11,7 @@ from planted_critics import other_root
 from controller import Game, LearningResult, basis
 from controller.game.basis import BASES
 from controller.game.learning_result import Excitation
-from hfa_model import BadInputError, NoSolutionError
+from hfa_support import BadInputError, NoSolutionError
 from verification import check_critic, from_gain, from_value, from_weights, solve_game
 from verification.critic import critic_check
 from verification.critic.run_checks import settling_time

@@ -10,9 +10,9 @@ import pytest
 from cli import hfa
 
 from controller import Game
+from controller.riccati.balancing import balanced_units
 from hfa_model import INPUTS, LINEAR_STATES
 from verification.critic.critic_errors import ORDINARY_DEVIATIONS, ordinary_box
-from verification.riccati.balancing import balanced_units
 
 GAME = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), np.diag([1.0, 1e6, 1, 1, 1, 1]), np.eye(5), 5.0)
 SMALL = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 1e6]), np.eye(2), 5.0)

@@ -9,7 +9,7 @@ import pytest
 from planted_critics import weights_of
 
 from controller import Game, History, basis, learn
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 from verification import CriticCheck, check_history, solve_game
 from verification.critic.check_figure import check_figure
 

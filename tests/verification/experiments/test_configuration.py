@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from experiment_configurations import COARSE, NOTHING, Changes, changed
 
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 from verification import FlightPlan, make_setting, section5_configuration, simulate_plan
 from verification.experiments.configuration import SECTIONS, SignalSettings
 from verification.experiments.flown_laws import EXACT

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from experiment_configurations import BRIEF, COARSE, changed
 
-from hfa_model.reporting.figure import png_bytes
+from hfa_support.reporting.figure import png_bytes
 from verification import make_setting
 from verification.experiments.flown_laws import CERTIFIED, MODIFIED, PRINTED
 from verification.experiments.panels import COMMAND, LOST, Line, PaperFigure, PlotPanel, draw

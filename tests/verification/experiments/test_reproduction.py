@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hfa_model import BadInputError, published_models
+from hfa_model import published_models
+from hfa_support import BadInputError
 from verification.experiments.reproduction import ALL, EXPERIMENTS, experiments
 from verification.experiments.setting import CASE_I, CASE_II
 

@@ -16,8 +16,9 @@ from controller import Actuators, Dryden, Harmonic, OneMinusCosine, Scenario, Si
 from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import LinearizedAircraft
 from hfa_cli.main import BAD_INPUT, DONE
-from hfa_model import LINEAR_STATES, STATES, Input, NoSolutionError
+from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.vectors import STATE_SCALES
+from hfa_support import NoSolutionError
 from trim import CONTROL_LIMITS, find_operating_point, level_flight
 from verification.flights import agreement
 from verification.flights.agreement import (

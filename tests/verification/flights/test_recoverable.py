@@ -11,7 +11,8 @@ import pytest
 from flight_cases import FlownCase, flown, signal
 
 from controller import Scenario
-from hfa_model import LINEAR_STATES, STATES, BadInputError
+from hfa_model import LINEAR_STATES, STATES
+from hfa_support import BadInputError
 from verification import recoverable_map
 from verification.flights.recoverable import _edge
 from verification.flights.recoverable_map import RecoverableMap

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from controller.policy.scheduled import Schedule
-from hfa_model import BadInputError
-from hfa_model.reporting.text import Table
+from hfa_support import BadInputError
+from hfa_support.reporting.text import Table
 from trim import OperatingPoint
 from verification.flights.scheduling import CertifiedSchedule, GridPoint
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from import_graph import ROOT
 
-from hfa_model import BadInputError
-from hfa_model.reporting.text import Table
+from hfa_support import BadInputError
+from hfa_support.reporting.text import Table
 from verification.page.claims_section import claims_section, flies_the_same, load_claims
 from verification.page.main_job import MainJob, StoredClaims
 

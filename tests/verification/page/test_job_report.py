@@ -6,9 +6,10 @@ import re
 from dataclasses import replace
 
 from controller import published_game
-from hfa_model import NoSolutionError, published_models
-from hfa_model.reporting.text import four_decimals
-from hfa_model.reporting.unit_system import shown_in
+from hfa_model import published_models
+from hfa_support import NoSolutionError
+from hfa_support.reporting.text import four_decimals
+from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
 from verification.page.job_report import angle_report, point_report, verdicts

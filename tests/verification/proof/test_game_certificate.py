@@ -14,7 +14,7 @@ from proof_cases import ORIGIN, family, forge, scalar_game
 
 from controller import Game, basis
 from controller.game.history import StoredCritic
-from hfa_model import NoSolutionError
+from hfa_support import NoSolutionError
 from verification import check_certificate, prove_critic, prove_solution, solve_game
 from verification.checker.checker import Rejected
 from verification.proof.certificate_file import write_certificate

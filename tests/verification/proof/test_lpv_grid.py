@@ -14,8 +14,8 @@ import pytest
 from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family, forge
 
-from hfa_model import NoSolutionError
 from hfa_model.vectors import INPUT_SCALES
+from hfa_support import NoSolutionError
 from verification import check_certificate, coarsest_grid
 from verification.checker.checker import Rejected
 from verification.proof.checked_report import checked_report

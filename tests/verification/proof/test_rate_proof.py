@@ -7,9 +7,9 @@ import pytest
 from known_models import model_at
 from proof_cases import exact_table, family, unstable_between
 
-from hfa_model import BadInputError
+from hfa_support import BadInputError
 from verification import prove_rate
-from verification.balls.taylor import DihedralBox
+from verification.enclosures.taylor import DihedralBox
 from verification.proof.rate_proof import _angles
 from verification.proof.scheduled_loop import segments
 

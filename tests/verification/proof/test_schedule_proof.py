@@ -11,13 +11,14 @@ from known_models import model_at
 from proof_cases import ORIGIN, exact_table, family, unstable_between
 
 from controller import GainTable
-from hfa_model import BadInputError, default_parameters
-from hfa_model.reporting.text import Table
+from controller.riccati.balancing import spectrum
+from hfa_model import default_parameters
+from hfa_support import BadInputError
+from hfa_support.reporting.text import Table
 from verification import check_certificate, coarsest_grid, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import schedule_proof_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined
-from verification.riccati.balancing import spectrum
 
 
 def gain_at(table: GainTable, degrees: float) -> np.ndarray:

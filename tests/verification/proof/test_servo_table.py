@@ -12,12 +12,13 @@ from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family, forge
 
 from controller import Actuator, GainTable, ScheduledController
-from hfa_model import INPUTS, LINEAR_STATES, BadInputError
+from hfa_model import INPUTS, LINEAR_STATES
+from hfa_support import BadInputError
 from verification import check_certificate, prove_rate, prove_schedule
 from verification.arithmetic.balls import doubles
-from verification.balls.taylor import DihedralBox
-from verification.balls.trim_branch import TrimBranch
 from verification.checker.checker import Rejected
+from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.trim_branch import TrimBranch
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.schedule_proof import joined
 from verification.proof.scheduled_loop import closed_loop

@@ -10,14 +10,14 @@ from reference_riccati import reference_solution
 
 from controller import Game, basis
 from controller.game.history import StoredCritic
-from hfa_model import BadInputError, NoSolutionError
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix
-from verification.balls.game_balls import BallGame, enclose_solution
+from verification.enclosures.game_balls import BallGame, enclose_solution
 from verification.proof.delta_proof import none_exists, prove_delta_min, value_is_proved
 from verification.proof.solution_proof import distance
-from verification.riccati.existence import DeltaMin
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from controller import design_model, load_design
-from hfa_model import Aircraft, NoSolutionError
+from hfa_model import Aircraft
+from hfa_support import NoSolutionError
 from trim import level_model
 from verification import reference_servo
 from verification.servo import reference_model as module

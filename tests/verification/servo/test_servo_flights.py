@@ -16,9 +16,10 @@ from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import Tracked
 from controller.policy.servo_policy import ServoPolicy
-from hfa_model import Aircraft, BadInputError, shown_in
+from hfa_model import Aircraft
 from hfa_model.provenance import Provenance
-from hfa_model.reporting.figure import new_figure
+from hfa_support import BadInputError, shown_in
+from hfa_support.reporting.figure import new_figure
 from verification import reference_servo
 from verification.servo import cases, servo_flights
 from verification.servo.cases import (

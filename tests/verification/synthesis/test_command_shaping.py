@@ -14,8 +14,9 @@ from servo_cases import A_Z, measured_servo
 
 from controller import Actuator, Design
 from controller.design.design import Feedforward
-from hfa_model import Aircraft, NoSolutionError
-from verification.riccati.gare_schur import quick_solution
+from controller.riccati.gare_schur import quick_solution
+from hfa_model import Aircraft
+from hfa_support import NoSolutionError
 from verification.synthesis import command_shaping
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.command_path import LinearController

@@ -8,7 +8,7 @@ from typing import Any
 from controllers import small_controller
 
 from hfa_model import Aircraft
-from hfa_model.reporting.text import Table
+from hfa_support.reporting.text import Table
 from verification.synthesis.controller_report import controller_report
 
 

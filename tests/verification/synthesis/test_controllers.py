@@ -9,9 +9,10 @@ from servo_cases import A_Z, measured_servo
 
 from controller import Design, design_model, load_design
 from controller.design.design import Feedforward
-from hfa_model import Aircraft, BadInputError, NoSolutionError
+from controller.riccati.output_feedback import closed_loop
+from hfa_model import Aircraft
+from hfa_support import BadInputError, NoSolutionError
 from verification import OutputGame, solve_game, solve_output_feedback
-from verification.riccati.output_feedback import closed_loop
 from verification.synthesis.command_flight import fly_commands
 from verification.synthesis.command_path import LinearController, measurements
 from verification.synthesis.controllers import controller_at, design_controller

@@ -10,7 +10,8 @@ from controllers import small_controller
 from known_models import model_at
 
 from controller import Actuator, ScheduledController, load_design
-from hfa_model import Aircraft, BadInputError
+from hfa_model import Aircraft
+from hfa_support import BadInputError
 from verification.synthesis import corners
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.corners import check_corners

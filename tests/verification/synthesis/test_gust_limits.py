@@ -12,7 +12,7 @@ from controllers import small_controller
 
 from controller import ScheduledController
 from hfa_model import Aircraft
-from hfa_model.support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from trim import LinearModel
 from verification.synthesis import gust_limits as module
 from verification.synthesis.gust_limits import LENGTH, gust_limits

@@ -10,7 +10,8 @@ from controllers import small_controller
 from known_models import model_at
 
 from controller import design_model, load_design
-from hfa_model import Aircraft, NoSolutionError
+from hfa_model import Aircraft
+from hfa_support import NoSolutionError
 from verification import disk_margin, solve_game
 from verification.synthesis.controllers import design_controller
 from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant

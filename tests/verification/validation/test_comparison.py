@@ -8,7 +8,7 @@ import math
 import pytest
 
 from hfa_model import Aircraft, Parameters
-from hfa_model.reporting.text import Table
+from hfa_support.reporting.text import Table
 from trim import level_model
 from verification import released_trims, validate
 from verification.validation import comparison

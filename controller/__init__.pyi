@@ -1,0 +1,40 @@
+"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
+
+from .design.design import Actuator as Actuator, Design as Design
+from .design.design_file import load_design as load_design
+from .design.design_model import DesignModel as DesignModel, design_model as design_model
+from .design.scheduled_controller import (
+    ScheduledController as ScheduledController,
+    load_controller as load_controller,
+    save_controller as save_controller,
+)
+from .flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
+from .flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
+from .flight.gusts import (
+    Dryden as Dryden,
+    OneMinusCosine as OneMinusCosine,
+    side_by_side as side_by_side,
+    spanwise_dryden as spanwise_dryden,
+)
+from .flight.scenario import Scenario as Scenario
+from .flight.simulate import fly as fly
+from .flight.uncertain import Uncertainty as Uncertainty
+from .game.basis import Basis as Basis, basis as basis
+from .game.critic_file import load_critic as load_critic, load_history as load_history
+from .game.history import History as History
+from .game.learning_result import LearningResult as LearningResult
+from .game.model_file import load_game as load_game
+from .game.zero_sum import Game as Game, published_game as published_game
+from .laws.certified import CertifiedSettings as CertifiedSettings
+from .laws.integral_rl import IrlSettings as IrlSettings
+from .laws.learn import LAWS as LAWS, learn as learn
+from .laws.published_law import PublishedSettings as PublishedSettings
+from .laws.run import Process as Process, Run as Run, run as run
+from .monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo
+from .monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
+from .policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
+from .policy.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
+from .policy.gain_table import GainTable as GainTable, load_gains as load_gains
+from .policy.servo_policy import servo_law as servo_law
+from .policy.signals import Harmonic as Harmonic, Signal as Signal
+from .training_data.recording import Stack as Stack, random_pool as random_pool, record as record

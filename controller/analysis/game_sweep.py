@@ -1,0 +1,118 @@
+"""The game at every point of a sweep: its gain, the smallest delta and the margins, side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from controller.game.zero_sum import published_game
+from controller.riccati.frequency_response import disk_margin
+from controller.riccati.gare import solve_game
+from controller.riccati.gare_batch import solve_games
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_model.vectors import INPUTS, UNITS
+from hfa_support.errors import NoSolutionError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+from hfa_support.reporting.unit_system import gain_unit
+from trim.sweeps.sweep_result import Sweep
+
+
+@dataclass(frozen=True, eq=False)
+class GameSweep:
+    """The games of N points; nan where there is no trim or no certified solution, and why in `reasons` ("" elsewhere).
+
+    K: (N, 5, n). delta_min: (N,), there wherever any delta has a solution. disk, gain, phase: (N,) margins of all
+    inputs at once, phase in degrees (as `DiskMargin`).
+    """
+
+    delta: float
+    K: np.ndarray
+    delta_min: np.ndarray
+    disk: np.ndarray
+    gain: np.ndarray
+    phase: np.ndarray
+    reasons: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Arrays for files; delta = inf becomes None."""
+        return {
+            "delta": finite_or_none(self.delta),
+            "K": self.K,
+            "delta_min": self.delta_min,
+            "disk_margin": self.disk,
+            "gain_margin": self.gain,
+            "phase_margin_deg": self.phase,
+            "reasons": list(self.reasons),
+        }
+
+
+def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) -> GameSweep:
+    """The paper's game, with `changes` of its Q, R or delta, at every trimmed point of a sweep of six states.
+
+    The gains come from all games at once (`gare_batch`); what that does not certify is solved alone, which says why
+    there is no solution. progress is called with (points done, points in all).
+    """
+    trimmed = np.flatnonzero(found.trimmed)
+    games = [published_game(found.A[i], found.B[i], **changes) for i in trimmed]
+    n, m = found.B.shape[1:]
+    K = np.full((len(found.reasons), m, n), np.nan)
+    delta_min, disk, gain, phase = np.full((4, len(found.reasons)), np.nan)
+    reasons = list(found.reasons)
+    if games:
+        K[trimmed] = solve_games(found.A[trimmed], found.B[trimmed], games[len(games) // 2]).K
+    for i, game in told(list(zip(trimmed, games, strict=True)), progress):
+        try:
+            delta_min[i] = minimum_delta(game).value
+            if np.isnan(K[i]).any():
+                K[i] = solve_game(game).K
+            disk[i], gain[i], phase[i], _ = disk_margin(game, K[i])
+        except NoSolutionError as error:
+            reasons[i] = str(error)
+    delta = games[0].delta if games else float(changes.get("delta", np.nan))
+    return GameSweep(delta, K, delta_min, disk, gain, phase, tuple(reasons))
+
+
+def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
+    """The report of a sweep with its games: a table, one line a point; `game` in the data; columns in the records."""
+    part = Report(
+        title=f"Game at delta {games.delta:.6g}; margins of all inputs at once",
+        parts=(_table(found, games), *filter(None, [_refusals(found, games)])),
+    )
+    records = report.records
+    if records is not None:
+        pairs = [(row, column) for row in INPUTS for column in found.model_states]
+        pairs = [(row, column) for row in INPUTS for column in found.model_states]
+        entries = [f"K({row}, {column}) [{gain_unit(UNITS[row], UNITS[column])}]" for row, column in pairs]
+        header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
+        numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
+        rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]
+        records = Table((*records.header, *header), rows)
+    data = dict(report.data) | {"game": games.to_dict()}
+    return replace(report, parts=(*report.parts, part), data=data, records=records)
+
+
+def _table(found: Sweep, games: GameSweep) -> Table:
+    numbers = np.stack([games.delta_min, games.disk, games.gain, games.phase], axis=1)
+    shown = [["-" if np.isnan(value) else f"{value:.4g}" for value in row] for row in numbers]
+    header = (*_variables(found), "delta_min", "disk", "gain", "phase deg")
+    return Table(header, [(*point, *row) for point, row in zip(_points(found), shown, strict=True)])
+
+
+def _refusals(found: Sweep, games: GameSweep) -> str:
+    """Why a point that has a trim has no solution."""
+    reasons = zip(_points(found), found.reasons, games.reasons, strict=True)
+    return "\n".join(f"{', '.join(point)}: {reason}" for point, no_trim, reason in reasons if reason and not no_trim)
+
+
+def _variables(found: Sweep) -> list[str]:
+    return [f"{name} {shown_unit(unit)}" for name, unit in zip(found.variables, found.units, strict=True)]
+
+
+def _points(found: Sweep) -> list[tuple[str, ...]]:
+    """The varied values of each point, angles in degrees."""
+    return [tuple(map(shown_value, row, found.units)) for row in found.values]

@@ -1,0 +1,98 @@
+"""The exact answer to a known reference: the feedforward that the game adds to u = -K z.
+
+With z = x - x_d and r(t) = A x_d - x_d' the error obeys z' = A z + B u + E d + r(t), and the value of the game
+is V = z'P z + 2 s'z + c with
+
+    -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),    u = -R⁻¹B'(P z + s),    d = δ⁻²E'(P z + s),
+
+s being the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B R⁻¹B').
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Exosystem(Shown):
+    """A reference made by a linear system: w' = Ω w, w(0) = w0, x_d = C w.
+
+    omega: (p, p), C: (n, p), w0: (p,). Constants, ramps and sinusoids together are one such system.
+    """
+
+    omega: np.ndarray
+    C: np.ndarray
+    w0: np.ndarray
+
+    def state(self, t: float) -> np.ndarray:
+        """w(t) = exp(Ω t) w0, (p,)."""
+        from scipy.linalg import expm
+
+        return expm(self.omega * t) @ self.w0
+
+    def reference(self, t: float) -> np.ndarray:
+        """x_d(t), (n,)."""
+        return self.C @ self.state(t)
+
+    def forcing(self, A: np.ndarray) -> np.ndarray:
+        """G with r = G w:  G = A C - C Ω, (n, p)."""
+        return A @ self.C - self.C @ self.omega
+
+
+def exosystem(constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]) -> Exosystem:
+    """x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each (n,); harmonics (f in rad/s, sine, cosine).
+
+    w = [1, t, sin f t, cos f t, ...]; Ω is nilpotent on the first two, which a Sylvester equation does not mind.
+    """
+    from scipy.linalg import block_diag
+
+    waves = [np.array([[0.0, frequency], [-frequency, 0.0]]) for frequency, _, _ in harmonics]
+    omega = block_diag(np.array([[0.0, 0.0], [1.0, 0.0]]), *waves)
+    columns = [constant, slope, *(each for _, *both in harmonics for each in both)]
+    return Exosystem(omega, np.column_stack(columns), np.array([1.0, 0.0] + [0.0, 1.0] * len(harmonics)))
+
+
+def paper_reference() -> Exosystem:
+    """x_d(t) = [7 + 0.01 t + 2 sin 0.5 t, 0.1, 0, 0, 0.5, 0], ft/s and rad (paper Section 5.1)."""
+    constant, slope, sine = np.zeros((3, len(LINEAR_STATES)))
+    speed, alpha, dihedral = (LINEAR_STATES.index(name) for name in ("speed", "alpha", "dihedral"))
+    constant[[speed, alpha, dihedral]] = 7.0, 0.1, 0.5
+    slope[speed], sine[speed] = 0.01, 2.0
+    return exosystem(constant, slope, (0.5, sine, np.zeros_like(sine)))
+
+
+def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
+    """P_s with s = P_s w:  (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0, (n, p).
+
+    P: (n, n), with A - S P Hurwitz.  Raises BadInputError when the reference has another number of states than
+    the game, or grows as fast as the closed loop decays, so that no bounded answer exists.
+    Source: Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the costate.
+    """
+    from scipy.linalg import solve_sylvester
+
+    if len(reference.C) != len(game.A):
+        raise BadInputError(f"the reference has {len(reference.C)} states; the game has {len(game.A)}")
+    loop = game.A - game.S @ P
+    decay, growth = _decay(loop), spectrum(reference.omega).abscissa
+    if growth >= decay:
+        raise BadInputError(
+            f"the reference grows at {growth:.4g} rad/s, the closed loop decays at {decay:.4g} rad/s: "
+            "give a reference that grows more slowly"
+        )
+    return solve_sylvester(loop.T, reference.omega, -P @ reference.forcing(game.A))
+
+
+def _decay(loop: np.ndarray) -> float:
+    """-abscissa of A - S P, positive or the feedforward is not defined."""
+    abscissa = spectrum(loop).abscissa
+    if abscissa >= 0.0:
+        raise BadInputError(f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game")
+    return -abscissa

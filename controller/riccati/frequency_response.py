@@ -1,0 +1,290 @@
+"""What a closed loop does at its worst frequency: the L2 gain, by two methods, and the disk margin.
+
+Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is
+sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
+L(s) = K (sI - A)⁻¹ B is the loop broken at the input, S = (I + L)⁻¹. Margins are factors (not dB), phases degrees,
+frequencies rad/s; they concern the gain K alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import is_hurwitz, spectrum
+from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.checks import Check, at_most, below
+
+TOLERANCE = 1e-9
+#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the output.
+ZERO = 1e-12
+#: Closer to the axis than this, an eigenvalue of the bounded-real Hamiltonian counts as lying on it.
+AXIS_DISTANCE = 1e-14
+#: The sweep can only miss a peak, never exceed it; this is how much it may miss.
+SWEEP_TOLERANCE = 1e-6
+GRID_PER_DECADE = 60
+#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a billionth of the peak.
+REFINEMENTS, POINTS = 8, 20
+#: Peaks whose scaling is optimised one after another until none is left above; a loop has far fewer.
+MAX_PEAKS = 200
+#: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
+DISK_AT_INFINITY = 2.0
+#: Rounds of balancing all rows and columns: a start, which the search at each peak betters.
+SWEEPS = 6
+#: Most steps of that search, and most trials of the length of one: at a kink no length is left in the end.
+MAX_STEPS, MAX_TRIALS = 1000, 40
+#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not overflow on the way.
+FARTHEST = 5.0
+#: Condition of the modes up to which responses keep ten digits when summed over them.
+WELL_CONDITIONED = 1e6
+
+
+class SweptGain(NamedTuple):
+    """The largest gain met on the imaginary axis and the frequency (rad/s) where it is."""
+
+    gain: float
+    frequency: float
+
+
+class DiskMargin(NamedTuple):
+    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+
+    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2 arctan(α/2).
+    frequency: where the margin is smallest.  A lower bound: the true margin may be a little larger.
+    """
+
+    disk: float
+    gain: float
+    phase: float
+    frequency: float
+
+
+def gain_is_below(game: Game, K: np.ndarray, level: float) -> bool:
+    """Bounded-real lemma: gain < γ exactly when A - B K is Hurwitz and no eigenvalue of
+
+        [[A - B K, E E'/γ], [-(Q + K'R K)/γ, -(A - B K)']]
+
+    lies on the imaginary axis. K: (m, n). Source: Zhou, Doyle and Glover, Theorem 4.7.
+    """
+    loop = game.A - game.B @ K
+    cost = game.Q + K.T @ game.R @ K
+    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when E is of another unit.
+    ratio = math.sqrt((np.linalg.norm(game.S_disturbance) or 1.0) / (np.linalg.norm(cost) or 1.0))
+    H = np.block([[loop, game.S_disturbance / (level * ratio)], [-cost * (ratio / level), -loop.T]])
+    return is_hurwitz(loop) and spectrum(H).axis_distance() > AXIS_DISTANCE
+
+
+def bounded_real_gain(game: Game, K: np.ndarray) -> float:
+    """L2 gain to 1e-9 relative by bisection on `gain_is_below`; inf when A - B K is not Hurwitz, or so stiff that
+    rounding hides every bound.
+
+    Begun around the `swept_gain`, which alone is believed nothing: both ends are judged by `gain_is_below`. The number
+    returned is the upper end: it was seen to be above the gain.
+    Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
+    """
+    loop = game.A - game.B @ game.checked_gain(K)
+    if not is_hurwitz(loop):
+        return math.inf
+    cost = game.Q + K.T @ game.R @ K
+    typical = math.sqrt(np.linalg.norm(game.S_disturbance) * np.linalg.norm(cost)) / float(np.linalg.norm(loop))
+    if typical == 0.0:
+        return 0.0
+    expected = max(swept_gain(game, K).gain, ZERO * typical)
+    upper = expected * (1.0 + 0.4 * TOLERANCE)
+    lower = expected * (1.0 - 0.4 * TOLERANCE)
+    while not gain_is_below(game, K, upper):
+        lower, upper = upper, 4.0 * upper
+        if math.isinf(upper):
+            return math.inf
+    while gain_is_below(game, K, lower):
+        lower, upper = lower / 4.0, lower
+        if upper < ZERO * typical:
+            return 0.0
+    while upper > lower * (1.0 + TOLERANCE):
+        middle = math.sqrt(lower * upper)
+        lower, upper = (lower, middle) if gain_is_below(game, K, middle) else (middle, upper)
+    return upper
+
+
+def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
+    """Largest σ_max(C (jω I - A + B K)⁻¹ E) on a logarithmic grid, then on finer ones; inf when not Hurwitz."""
+    loop = game.A - game.B @ K
+    found = spectrum(loop)
+    if found.abscissa >= 0.0:
+        return SweptGain(math.inf, float(abs(found.eigenvalues[-1].imag)))
+    C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
+    grid = frequency_grid(found.eigenvalues)
+    for _ in range(REFINEMENTS):
+        peak = int(np.argmax(_gains(loop, game.E, C, grid)))
+        around = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], POINTS)
+        grid = np.unique(np.append(around, grid[peak]))
+    gains = _gains(loop, game.E, C, grid)
+    peak = int(np.argmax(gains))
+    return SweptGain(float(gains[peak]), float(grid[peak]))
+
+
+def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
+    """The gain of the closed loop is below delta, and the two methods agree on it."""
+    gain, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    if math.isinf(gain):
+        stiff = "A - B K is so stiff that rounding hides every bound of the L2 gain; check the scaling"
+        unstable = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"
+        reason = stiff if is_hurwitz(game.A - game.B @ K) else unstable
+        return (below("l2_gain", gain, game.delta, reason),)
+    difference = abs(swept.gain - gain) / gain if gain > 0.0 else swept.gain
+    return (
+        below(
+            "l2_gain",
+            gain,
+            game.delta,
+            f"the L2 gain {gain:.6g} of the closed loop is not below delta = {game.delta:.6g}",
+        ),
+        at_most(
+            "l2_gain_methods_agree",
+            difference,
+            SWEEP_TOLERANCE,
+            f"the sweep gives {swept.gain:.9g} at {swept.frequency:.4g} rad/s, the bounded-real lemma {gain:.9g}",
+        ),
+    )
+
+
+def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
+    """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
+
+    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of a frequency
+    grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K is not Hurwitz.
+    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
+    """
+    grid = loop_grid(game, K)
+    responses = balanced_sensitivity(game, K, grid)
+    bounds = scaled_norm(responses, _osborne_scaling(responses))
+    minimised = np.zeros(len(grid), dtype=bool)
+    for _ in range(MAX_PEAKS):
+        peak = int(np.argmax(bounds))
+        if minimised[peak]:
+            break
+        # The scaling found at a peak serves its neighbours too: a flat top is done at once.
+        bounds = np.minimum(bounds, scaled_norm(responses, best_scaling(responses[peak])))
+        minimised[peak] = True
+    peak = int(np.argmax(bounds))
+    alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
+    return DiskMargin(alpha, *disk_sizes(alpha), float(grid[peak]))
+
+
+def best_scaling(M: np.ndarray) -> np.ndarray:
+    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m, m) complex.
+
+    Exact for m <= 3.  BFGS with a line search that asks for no smoothness: the smallest is often at a kink, where two
+    singular values are the largest.  Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
+    Mathematical Programming 141 (2013), 135-163.
+    """
+    start = _osborne_scaling(M)
+    free = start[:-1] - start[-1]
+    size, slope = _norm_and_slope(free, M)
+    inverse = np.eye(len(free)) / size if size > 0.0 else np.eye(len(free))
+    for _ in range(MAX_STEPS):
+        if np.abs(slope).max(initial=0.0) <= TOLERANCE * size:
+            break
+        way = -inverse @ slope
+        if np.abs(way).max() > FARTHEST:  # no curvature is left: steepest descent again
+            inverse = np.eye(len(free)) / size
+            way = -inverse @ slope
+        falls, share, low, high = slope @ way, 1.0, 0.0, math.inf
+        for _ in range(MAX_TRIALS):
+            there, slope_there = _norm_and_slope(free + share * way, M)
+            if there >= size + 1e-4 * share * falls:
+                high = share
+            elif slope_there @ way < 0.9 * falls:
+                low = share
+            else:
+                break
+            share = 2.0 * low if math.isinf(high) else 0.5 * (low + high)
+        else:
+            break
+        step, change = share * way, slope_there - slope
+        turn = np.eye(len(free)) - np.outer(step, change) / (step @ change)
+        inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
+        free, size, slope = free + step, there, slope_there
+    return np.append(free, 0.0)
+
+
+def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
+    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are u, v; D_m = 1."""
+    D = np.exp(np.append(free, 0.0))
+    u, sizes, v = np.linalg.svd(D[:, None] * M / D)
+    return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
+
+
+def loop_grid(game: Game, K: np.ndarray) -> np.ndarray:
+    """`frequency_grid` of A and A - B K; NoSolutionError when that is not Hurwitz."""
+    closed = spectrum(game.A - game.B @ game.checked_gain(K))
+    if closed.abscissa >= 0.0:
+        raise NoSolutionError(f"A - B K has abscissa {closed.abscissa:+.4g} 1/s: an unstable loop has no margins")
+    both = np.concatenate([closed.eigenvalues, np.linalg.eigvals(game.A)])
+    return frequency_grid(both)
+
+
+def balanced_sensitivity(game: Game, K: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """S(jω) - I/2 = I/2 - K (jω I - A + B K)⁻¹ B, (N, m, m): mode by mode where the modes are well conditioned."""
+    loop, half = game.A - game.B @ K, 0.5 * np.eye(game.B.shape[1])
+    poles, modes = np.linalg.eig(loop)
+    if np.linalg.cond(modes) < WELL_CONDITIONED:
+        decays = 1.0 / (1j * frequencies[:, None] - poles)
+        return half - ((K @ modes) * decays[:, None, :]) @ np.linalg.solve(modes, game.B)
+    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
+    return half - K @ np.linalg.solve(resolvent, np.broadcast_to(game.B, (len(frequencies), *game.B.shape)))
+
+
+def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
+    """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
+    scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
+
+
+def _osborne_scaling(M: np.ndarray) -> np.ndarray:
+    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start.
+
+    M: (..., m, m), one matrix or a stack; returns (..., m).
+    """
+    m = M.shape[-1]
+    off = np.abs(M) ** 2 * (1.0 - np.eye(m))
+    log_D = np.zeros(M.shape[:-1])
+    for _ in range(SWEEPS):
+        for i in range(m):
+            weights = np.exp(2.0 * (log_D - log_D[..., i : i + 1]))
+            row, column = (off[..., i, :] / weights).sum(axis=-1), (off[..., :, i] * weights).sum(axis=-1)
+            both = (row > 0.0) & (column > 0.0)
+            ratio = np.divide(column, row, out=np.ones_like(row), where=both)
+            log_D[..., i] += 0.25 * np.log(np.where(both, ratio, 1.0))
+    return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
+
+
+def disk_sizes(alpha: float) -> tuple[float, float]:
+    """The real gain and the phase, degrees, of a disk of margin α."""
+    gain = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
+    return gain, math.degrees(2.0 * math.atan(alpha / 2.0))
+
+
+def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
+    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and their resonances."""
+    moduli = np.abs(eigenvalues)
+    slowest = float(moduli[moduli > 0.0].min(initial=1.0))
+    fastest = float(moduli.max(initial=1.0))
+    decades = math.log10(fastest / slowest) + 4.0
+    grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * GRID_PER_DECADE))
+    return np.unique(np.concatenate([[0.0], grid, np.abs(eigenvalues.imag)]))
+
+
+def _gains(loop: np.ndarray, E: np.ndarray, C: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
+    response = C @ np.linalg.solve(resolvent, np.broadcast_to(E, (len(frequencies), *E.shape)))
+    return np.linalg.norm(response, ord=2, axis=(1, 2))
+
+
+def square_root(matrix: np.ndarray) -> np.ndarray:
+    """M^½ of a symmetric positive semidefinite matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

@@ -1,0 +1,99 @@
+"""The exact solution of the zero-sum game on a linear model, certified, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from controller.riccati.certificate import Certificate, certified_solution
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_support.errors import NoSolutionError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GameSolution(Reported):
+    """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds for them.
+
+    P: (n, n); K: (m, n); disturbance_gain L: (k, n).
+    closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s.
+    worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance, rad/s.
+    """
+
+    P: np.ndarray
+    K: np.ndarray
+    disturbance_gain: np.ndarray
+    delta: float
+    certificate: Certificate
+    closed_loop_eigenvalues: np.ndarray
+    worst_case_eigenvalues: np.ndarray
+
+    def report(self) -> Report:
+        """P, K, the closed loop and the certificate."""
+        m, n = self.K.shape
+        states, inputs, poles = numbered("x", n), numbered("u", m), self.closed_loop_eigenvalues
+        spectrum_of_loop = [("", eigenvalue_text(value)) for value in poles if value.imag >= 0]
+        return Report(
+            title=f"Exact game solution, delta {self.delta:.6g}",
+            parts=(
+                matrix_table("P", states, states, self.P),
+                matrix_table("K", inputs, states, self.K),
+                Table(("closed loop A - B K", "1/s"), spectrum_of_loop),
+                checks_block(self.certificate.checks),
+            ),
+            data=self.to_dict(),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes None."""
+        return {
+            "P": self.P.tolist(),
+            "K": self.K.tolist(),
+            "disturbance_gain": self.disturbance_gain.tolist(),
+            "delta": finite_or_none(self.delta),
+            "certificate": self.certificate.to_dict(),
+            "closed_loop_eigenvalues": _pairs(self.closed_loop_eigenvalues),
+            "worst_case_eigenvalues": _pairs(self.worst_case_eigenvalues),
+        }
+
+
+def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
+    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section 3.1).
+
+    Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the test of the
+    certificate that failed together with delta_min, of whose search `progress` is told.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    """
+    try:
+        P, certificate = certified_solution(game)
+    except NoSolutionError as failure:
+        raise NoSolutionError(_explanation(game, str(failure), progress)) from failure
+    K, disturbance_gain = game.gain(P), game.disturbance_gain(P)
+    return GameSolution(
+        P=P,
+        K=K,
+        disturbance_gain=disturbance_gain,
+        delta=game.delta,
+        certificate=certificate,
+        closed_loop_eigenvalues=spectrum(game.A - game.B @ K).eigenvalues,
+        worst_case_eigenvalues=spectrum(game.A - game.S @ P).eigenvalues,
+    )
+
+
+def _explanation(game: Game, reason: str, progress: Progress | None) -> str:
+    """What failed and what delta would do; raises by itself when no delta would do."""
+    smallest = minimum_delta(game, progress)
+    verdict = "no value of the game" if game.delta <= smallest.refused else "not certified"
+    return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
+
+
+def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:
+    return [[float(value.real), float(value.imag)] for value in eigenvalues]

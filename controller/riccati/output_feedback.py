@@ -1,0 +1,258 @@
+"""The game from measured outputs alone: the central H-infinity controller, certified, or which condition fails."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.game.zero_sum import Game, matrix_of
+from controller.riccati.balancing import normal_form, spectrum
+from controller.riccati.frequency_response import gain_is_below, square_root
+from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.gare_schur import quick_solution, schur_solution
+from controller.riccati.smallest_delta import RANK, dependent, has_value
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.text import eigenvalue_text
+
+#: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
+DERIVATIONS_AGREE = 1e-8
+TOLERANCE = 1e-6
+#: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
+_CLEAR = 1e-4
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputGame(Shown):
+    """The game of `game` for who sees only y = C z + D u + n.
+
+    C: (p, n). D: (p, m). V: (p, p) intensity of the measurement noise n, symmetric positive definite: n = V^½ v with v
+    part of the disturbance, J = ∫ z'Qz + u'Ru - δ² (d'd + v'v). BadInputError when a shape or a sign is wrong.
+    """
+
+    game: Game
+    C: np.ndarray
+    D: np.ndarray
+    V: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check everything once, so that no solver has to."""
+        for name in ("C", "D", "V"):
+            object.__setattr__(self, name, matrix_of(name, getattr(self, name)))
+        n, m = self.game.B.shape
+        p = len(self.C)
+        for name, shape in (("C", (p, n)), ("D", (p, m)), ("V", (p, p))):
+            found = getattr(self, name).shape
+            if found != shape:
+                raise BadInputError(f"{name} has shape {found}; with these outputs and states it must be {shape}")
+        if p == 0:
+            raise BadInputError("no output is measured; name at least one")
+
+    @property
+    def dual(self) -> Game:
+        """The game whose Riccati equation is the filter's: A', C', Q^½, E E', V in place of A, B, E, Q, R."""
+        return Game(
+            A=self.game.A.T,
+            B=self.C.T,
+            E=square_root(self.game.Q),
+            Q=self.game.S_disturbance,
+            R=self.V,
+            delta=self.game.delta,
+        )
+
+    def with_delta(self, delta: float) -> OutputGame:
+        """The same at another disturbance weight."""
+        return replace(self, game=self.game.with_delta(delta))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputFeedback(Shown):
+    """x̂' = Ak x̂ + Bk y,  u = Ck x̂, and what certifies it.
+
+    X, Y: (n, n), stabilizing solutions of the control and the filter equation. coupling: ρ(X Y) / δ², below 1.
+    checks: of the two equations' certificates, the coupling, the closed loop and the second derivation.
+    """
+
+    Ak: np.ndarray
+    Bk: np.ndarray
+    Ck: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    coupling: float
+    checks: tuple[Check, ...]
+
+
+def solve_output_feedback(problem: OutputGame) -> OutputFeedback:
+    """A'X + XA + Q - X (B R⁻¹B' - δ⁻²E E') X = 0,   A Y + Y A' + E E' - Y (C'V⁻¹C - δ⁻²Q) Y = 0,   ρ(XY) < δ²,
+
+        Ck = -R⁻¹B'X,  Bk = Z Y C'V⁻¹,  Z = (I - δ⁻² Y X)⁻¹,  Ak = A + δ⁻²E E'X + B Ck - Bk (C + D Ck).
+
+    delta = inf is LQG. Raises NoSolutionError that names which of the three conditions fails, or the check.
+    Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
+    """
+    _check_modes(problem)
+    X = _solved(problem.game, "control").P
+    Y = _solved(problem.dual, "filter").P
+    delta = problem.game.delta
+    radius = _radius(X, Y)
+    if not radius < delta**2:
+        raise NoSolutionError(
+            f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
+            "ask for a larger delta, or measure more"
+        )
+    controller = central_controller(problem, X, Y)
+    checks = _checks(problem, controller, _central_by_duality(problem, X, Y), radius)
+    failed = [check for check in checks if not check.ok]
+    if failed:
+        raise NoSolutionError(f"the controller is not certified: {failed[0].reason}")
+    return OutputFeedback(*controller, X=X, Y=Y, coupling=radius / delta**2, checks=checks)
+
+
+def minimum_output_delta(problem: OutputGame) -> tuple[float, str]:
+    """Smallest δ of the output-feedback game to 1e-6 relative, and which condition ends there.
+
+    Bisection on the three conditions; NoSolutionError when they fail without disturbance.
+    """
+    _check_modes(problem)
+    _solved(problem.game.with_delta(math.inf), "control")
+    _solved(problem.dual.with_delta(math.inf), "filter")
+    upper = 1.0
+    while reason := _obstacle(problem.with_delta(upper)):
+        upper *= 4.0
+        if upper > 1e12:
+            raise NoSolutionError(f"no delta up to 1e12 will do: {reason}; check the scaling")
+    lower, last = upper / 4.0, ""
+    while not (last := _obstacle(problem.with_delta(lower))):
+        lower, upper = lower / 4.0, lower
+        if upper < 1e-12:
+            return 0.0, "none"
+    while upper > lower * (1.0 + TOLERANCE):
+        middle = math.sqrt(lower * upper)
+        found = _obstacle(problem.with_delta(middle))
+        lower, upper, last = (middle, upper, found) if found else (lower, middle, last)
+    return upper, last
+
+
+def closed_loop(problem: OutputGame, controller: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, ...]:
+    """(A, B, C) from (d, v) to (Q^½ z, R^½ u) of plant and controller, states [z; x̂]."""
+    Ak, Bk, Ck = controller
+    game = problem.game
+    noise = Bk @ square_root(problem.V)
+    loop = np.block([[game.A, game.B @ Ck], [Bk @ problem.C, Ak + Bk @ problem.D @ Ck]])
+    zeros = np.zeros
+    into = np.block([[game.E, zeros((len(game.A), noise.shape[1]))], [zeros((len(Ak), game.E.shape[1])), noise]])
+    paid = np.block(
+        [
+            [square_root(game.Q), zeros((len(game.A), len(Ak)))],
+            [zeros((len(game.R), len(game.A))), square_root(game.R) @ Ck],
+        ]
+    )
+    return loop, into, paid
+
+
+def central_controller(problem: OutputGame, X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ak, Bk, Ck of `solve_output_feedback` from X and Y, whatever they are: nothing is certified."""
+    game = problem.game
+    Ck = -game.gain(X)
+    Z = np.linalg.inv(np.eye(len(X)) - Y @ X / game.delta**2)
+    Bk = Z @ np.linalg.solve(problem.V, problem.C @ Y).T
+    Ak = game.A + game.S_disturbance @ X / game.delta**2 + game.B @ Ck - Bk @ (problem.C + problem.D @ Ck)
+    return Ak, Bk, Ck
+
+
+def _central_by_duality(problem: OutputGame, X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The transposed controller of the transposed problem: the worst case is folded into u instead of x̂.
+
+    x̂' = (A + δ⁻² Y Q - L C) x̂ + B u + L y - L D u,  L = Y C'V⁻¹,  u = -R⁻¹B'X (I - δ⁻² Y X)⁻¹ x̂.
+    """
+    game = problem.game
+    L = np.linalg.solve(problem.V, problem.C @ Y).T
+    Ck = -game.gain(X) @ np.linalg.inv(np.eye(len(X)) - Y @ X / game.delta**2)
+    Ak = game.A + Y @ game.Q / game.delta**2 - L @ problem.C + (game.B - L @ problem.D) @ Ck
+    return Ak, L, Ck
+
+
+def _checks(
+    problem: OutputGame,
+    controller: tuple[np.ndarray, np.ndarray, np.ndarray],
+    other: tuple[np.ndarray, np.ndarray, np.ndarray],
+    radius: float,
+) -> tuple[Check, ...]:
+    delta = problem.game.delta
+    loop, into, paid = closed_loop(problem, controller)
+    abscissa = spectrum(loop).abscissa
+    found = [
+        below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
+        below("closed_loop_abscissa", abscissa, 0.0, f"the closed loop has a pole at {abscissa:.3g} 1/s"),
+    ]
+    if math.isfinite(delta):
+        whole = Game(
+            A=loop, B=np.zeros((len(loop), 1)), E=into, Q=paid.T @ paid, R=np.eye(1), delta=delta
+        )  # the bounded-real test of a loop that is closed already
+        kept = gain_is_below(whole, np.zeros((1, len(loop))), delta)
+        reason = f"the closed loop's gain from disturbance to what is paid for is not below delta = {delta:.6g}"
+        found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
+    apart = _response_difference(controller, other)
+    reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
+    return (*found, at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason))
+
+
+def _response_difference(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> float:
+    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the controllers' own frequencies."""
+    poles = np.abs(np.linalg.eigvals(one[0]))
+    grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
+    apart = 0.0
+    for omega in grid:
+        first, second = (Ck @ np.linalg.solve(1j * omega * np.eye(len(Ak)) - Ak, Bk) for Ak, Bk, Ck in (one, other))
+        apart = max(apart, float(np.linalg.norm(first - second) / (np.linalg.norm(first) or 1.0)))
+    return apart
+
+
+def _check_modes(problem: OutputGame) -> None:
+    """[A - λI; C] has full rank at every λ of A that is not stable, [A - λI, E] at every λ with Re λ = 0.
+
+    NoSolutionError names the λ where not: without that the filter's equation has no stabilizing solution.
+    """
+    form = normal_form(problem.dual.with_delta(math.inf))
+    size = float(np.linalg.norm(form.A, 2)) or 1.0
+    for value in np.linalg.eigvals(form.A):
+        text = f"the mode with eigenvalue {eigenvalue_text(value)}"
+        if value.real >= -RANK * size and dependent(form.A, value, form.B.T, size):
+            raise NoSolutionError(f"the sensors do not see {text}, which is not stable; measure more")
+        if abs(value.real) <= RANK * size and dependent(form.A.T, value, form.Q, size):
+            raise NoSolutionError(
+                f"the disturbance does not reach {text}, which does not decay, so its estimate would never settle; "
+                "let the disturbance enter there"
+            )
+
+
+def _solved(game: Game, which: str) -> GameSolution:
+    try:
+        return solve_game(game)
+    except NoSolutionError as error:
+        raise NoSolutionError(f"the {which} Riccati equation: {error}") from error
+
+
+def _obstacle(problem: OutputGame) -> str:
+    """Which of the three conditions fails, empty when none does; without certificates, so that it stays sharp."""
+    for which, game in (("control", problem.game), ("filter", problem.dual)):
+        if not (found := has_value(game)):
+            return f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
+    limit = problem.game.delta**2
+    for solution in (quick_solution, schur_solution):
+        try:
+            radius = _radius(solution(problem.game), solution(problem.dual))
+        except NoSolutionError:
+            return "accuracy of a Riccati solution"
+        if abs(radius - limit) > _CLEAR * limit:
+            break
+    return "" if radius < limit else "coupling condition"
+
+
+def _radius(X: np.ndarray, Y: np.ndarray) -> float:
+    """ρ(XY), real and not negative for X, Y >= 0."""
+    half = square_root(Y)
+    return float(np.linalg.eigvalsh(half @ X @ half)[-1])

@@ -1,0 +1,212 @@
+"""For which disturbance weights the game has a value: the smallest delta, and why there may be none at all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import normal_form
+from controller.riccati.certificate import (
+    ON_THE_AXIS,
+    certified_solution,
+    first_derivation,
+    hamiltonian_checks,
+    solution_checks,
+)
+from controller.riccati.frequency_response import bounded_real_gain
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+#: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur form,
+SIGNLESS = 1e-13
+#: and in proportion more where the condition of the Hamiltonian exceeds this.
+WELL_CONDITIONED = 1e4
+#: Of delta_min, relative.
+TOLERANCE = 1e-6
+#: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
+CLOSE = 0.01
+#: What a rank test may leave of a matrix without full rank, relative to A; more names no mode.
+RANK = 1e-13
+
+
+def has_value(game: Game) -> bool | None:
+    """The Hamiltonian splits, and X1'X2 >= 0 for the basis [X1; X2] of its stable subspace; None: rounding hides it.
+
+    Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has its signs. As delta
+    falls to its minimum P grows without bound while X1 and X2 stay within one: an eigenvalue of X1'X2 passes
+    through zero. That makes the minimum visible where P itself is lost. Where P is singular an eigenvalue is zero
+    at every delta; there the tests of P itself can say yes, though not no.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
+    """
+    distance, split = hamiltonian_checks(game)
+    if distance.value <= ON_THE_AXIS or not split.ok:
+        return False
+    form = normal_form(game)
+    n = len(form.A)
+    basis = _stable_basis(form.hamiltonian)
+    if basis is None or not distance.ok:
+        return None
+    product = basis[:n, :n].T @ basis[n:, :n]
+    smallest = float(np.linalg.eigvalsh((product + product.T) / 2.0)[0])
+    signless = SIGNLESS * max(1.0, float(np.linalg.cond(form.hamiltonian)) / WELL_CONDITIONED)
+    return smallest > 0.0 if abs(smallest) > signless else _solution_holds(game) or None
+
+
+def _stable_basis(hamiltonian: np.ndarray) -> np.ndarray | None:
+    """Orthogonal, its first half of columns spanning the stable subspace; None where that has not half the dimension.
+
+    Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal that comes there
+    makes it print two lines of its own.
+    """
+    from scipy.linalg.lapack import dgees, dtrsen
+
+    form, _, growth, _, basis, _, lost = dgees(lambda *_: 0, hamiltonian)  # not asked
+    if lost:
+        return None
+    _, basis, growth, *_, lost = dtrsen(growth < 0.0, form, basis, job=b"N")
+    halves = np.arange(len(form)) < len(form) // 2
+    return None if lost or not np.array_equal(growth < 0.0, halves) else basis
+
+
+def _solution_holds(game: Game) -> bool:
+    try:
+        return all(check.ok for check in solution_checks(game, first_derivation(game)))
+    except NoSolutionError:
+        return False
+
+
+class DeltaMin(NamedTuple):
+    """delta_min = inf{δ : the game has a value}, bracketed: refused < delta_min <= value.
+
+    value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0 when the
+    disturbance does not reach what is paid for.
+    """
+
+    value: float
+    refused: float
+
+    def margin(self, delta: float) -> float:
+        """delta / delta_min: above 1 the game has a value."""
+        return delta / self.value if self.value > 0.0 else math.inf
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether rounding leaves delta_min open by more than the tolerance of the search."""
+        return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
+
+    def advice(self, delta: float) -> str:
+        """Where delta stands and what to change when a solution at this delta fails a test."""
+        if self.refused < delta < self.value:  # there a value may exist or not
+            between = f"between {self.refused:.9g} and {self.value:.9g}"
+            known = f"which rounding leaves {between}" if self.uncertain else f"which lies {between}"
+            return f"delta = {delta:.9g} is too close to delta_min, {known}; ask for a larger delta"
+        if delta < self.value:
+            return f"delta = {delta:.9g} is below delta_min = {self.value:.7g}; ask for a larger delta"
+        excess = self.margin(delta) - 1.0
+        if excess < CLOSE:
+            above = f"{100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
+            return f"delta = {delta:.9g} is only {above}; ask for a larger delta"
+        return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
+
+
+def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
+    """Bisection of log δ on `has_value`, to 1e-6 relative. The game's own delta plays no part.
+
+    The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The search
+    starts above the L2 gain of the LQR policy, which is never below delta_min because that policy attains it.
+    Where that policy cannot be certified the policy of the game itself serves as well.
+    Raises NoSolutionError when neither can, naming the mode if one is found that rules out every solution.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    """
+    K = game.gain(_some_solution(game))
+    if not game.E.any():
+        return DeltaMin(0.0, 0.0)
+    # A disturbance of the size of 1; a power of two leaves the digits alone.
+    size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
+    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K, progress or (lambda done, total: None))
+    return DeltaMin(found.value * size, found.refused * size)
+
+
+def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
+    """`minimum_delta`, begun above the L2 gain of the policy K."""
+    gain = bounded_real_gain(game, K)
+    if gain == 0.0:
+        return DeltaMin(0.0, 0.0)
+    if math.isinf(gain):
+        raise NoSolutionError(
+            "a certified policy is so stiff that rounding hides its L2 gain, where the search for delta_min begins; "
+            "check the scaling of A, B, Q and R"
+        )
+    upper = 2.0 * gain
+    if not has_value(game.with_delta(upper)):
+        raise NoSolutionError(
+            f"delta = {upper:.4g} is twice the gain of a certified policy and still without a value; "
+            "check the scaling of A, B, Q and R"
+        )
+    lower = upper / 4.0
+    while has_value(game.with_delta(lower)):
+        lower, upper = lower / 4.0, lower
+    steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(TOLERANCE)))
+    for step in range(steps):
+        progress(step, steps)
+        middle = math.sqrt(lower * upper)
+        lower, upper = (lower, middle) if has_value(game.with_delta(middle)) else (middle, upper)
+    progress(steps, steps)
+    share = TOLERANCE
+    while has_value(game.with_delta(lower)) is not False:  # among rounding yes and no come in any order
+        if share > 1.0:
+            return DeltaMin(upper, 0.0)
+        lower, share = lower / (1.0 + share), 2.0 * share
+    return DeltaMin(upper, lower)
+
+
+def _some_solution(game: Game) -> np.ndarray:
+    """P of the problem without disturbance, or else of the game itself."""
+    try:
+        return certified_solution(game.with_delta(math.inf))[0]
+    except NoSolutionError as error:
+        try:
+            return certified_solution(game)[0]
+        except NoSolutionError:
+            raise NoSolutionError(lqr_obstacle(game, str(error))) from error
+
+
+def lqr_obstacle(game: Game, failure: str) -> str:
+    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution; failure: of its certificate.
+
+    It has one exactly when [A - λI, B] has full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable)
+    and [A - λI; Q] for every λ with Re λ = 0. An unstable mode outside Q is no obstacle: P is then the least
+    cost among the policies that bring the state to rest. Source: Zhou, Doyle and Glover, Theorem 13.7.
+    """
+    form = normal_form(game.with_delta(math.inf))
+    A = form.A
+    size = float(np.linalg.norm(A, 2)) or 1.0
+    eigenvalues = np.linalg.eigvals(A)
+    for value in eigenvalues:
+        if value.real >= -RANK * size and dependent(A, value, form.B.T, size):
+            return (
+                f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
+                "change B or leave that mode out of A"
+            )
+    for value in eigenvalues:
+        if abs(value.real) <= RANK * size and dependent(A.T, value, form.Q, size):
+            return (
+                f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(1j * value.imag)} costs nothing; "
+                "give Q weight on it"
+            )
+    return f"the problem without disturbance (delta = inf) is not certified: {failure}; check the scaling of A, B, Q, R"
+
+
+def dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
+    """Whether [A' - λI; rows] has no full column rank, the rows brought to the size of A first."""
+    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    return bool(np.linalg.svd(stacked, compute_uv=False)[-1] <= RANK * size)
+
+
+def _text(value: complex) -> str:
+    return f"{value.real:+.4g}" if abs(value.imag) <= 1e-12 * abs(value) else f"{value.real:+.4g}{value.imag:+.4g}j"

@@ -1,0 +1,66 @@
+"""What the paper prints: the two linear models, their trim condition and the settings of the game.
+
+The numbers stand in `printed_matrices.json`; nothing computed here is ever written there.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.by_value import ByValue
+from hfa_support.reporting.fields import Shown
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PublishedModel(ByValue, Shown):
+    """One printed linear model, x' = A x + B u (paper Section 5.1).
+
+    dihedral: rad.  A: (6, 6), B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`.
+    half_unit_A, half_unit_B: half a unit of the last printed digit of each entry. An entry printed as a bare
+    0 or 1 is taken to four decimals like its neighbours: B(alpha, throttle) is -2.6e-5 and printed 0.
+    """
+
+    dihedral: float
+    A: np.ndarray
+    B: np.ndarray
+    half_unit_A: np.ndarray
+    half_unit_B: np.ndarray
+
+    @property
+    def dihedral_deg(self) -> float:
+        """Dihedral angle as the paper states it, degrees."""
+        return round(float(np.degrees(self.dihedral)), 9)
+
+
+@cache
+def published_data() -> dict[str, Any]:
+    """Everything in `printed_matrices.json`, as stored."""
+    text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
+    data: dict[str, Any] = json.loads(text)
+    if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
+        raise ValueError("printed_matrices.json: states or inputs are not in the order of hfa_model.vectors")
+    return data
+
+
+@cache
+def published_models() -> tuple[PublishedModel, ...]:
+    """The printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order."""
+    return tuple(_model(case) for case in published_data()["cases"])
+
+
+def _model(case: dict[str, Any]) -> PublishedModel:
+    A, B = np.array(case["A"], dtype=float), np.array(case["B"], dtype=float)
+    decimals = published_data()["printed_decimals"]
+    half_unit_A, half_unit_B = (np.full(matrix.shape, 0.5 * 10.0 ** -decimals["default"]) for matrix in (A, B))
+    row, column = LINEAR_STATES.index("speed"), LINEAR_STATES.index("pitch")
+    half_unit_A[row, column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
+    for array in (A, B, half_unit_A, half_unit_B):
+        array.setflags(write=False)
+    return PublishedModel(float(np.radians(case["dihedral_deg"])), A, B, half_unit_A, half_unit_B)

@@ -1,1 +1,0 @@
-"""What every room leans on: errors, files, the front door."""

@@ -1,0 +1,160 @@
+"""Files that we write appear whole or not at all; those that users bring are regular ones of a bounded size whose text
+parses, or one line says why not.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import stat
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.resources import files
+from pathlib import Path
+from typing import IO, Any
+
+from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.temporary import temporary_file
+
+#: Bytes of a file, and of what it unpacks to.
+LARGEST = 2**30
+#: Bytes of a text file: parsed, it takes ten times the memory.
+LARGEST_TEXT = 2**28
+_LONGEST_REASON = 200
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
+    """A binary stream whose content becomes `path` when the block ends without an error; else nothing remains.
+
+    Writes to a temporary file beside the target, then renames. BadInputError when the folder does not exist
+    or cannot be written, or the target is a folder, or a FIFO or a device, which a file would replace.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise BadInputError(f"cannot write {target}: it is a folder; name a file")
+    if target.exists() and not target.is_file():
+        raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
+    with ExitStack() as around:
+        try:
+            temporary = around.enter_context(temporary_file(target.parent, f".{target.name}.", ".part"))
+        except OSError as error:
+            raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+        with temporary.open("wb") as stream:
+            yield stream
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # temporary files are private; a result is an ordinary one
+        temporary.replace(target)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a UTF-8 text file whole or not at all."""
+    with written_whole(path) as stream:
+        stream.write(text.encode("utf-8"))
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is made if need be."""
+    with ExitStack() as around:
+        if not folder.exists():
+            folder.mkdir()
+            around.callback(_remove_empty, folder)
+        for name, text in texts.items():
+            stream = around.enter_context(written_whole(folder / name))
+            stream.write(text.encode("utf-8"))
+            stream.flush()  # what the disk has no room for is told before the first of them is renamed
+    return [folder / name for name in texts]
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
+    """The path of a file that can be read to its end: a FIFO or a device would keep us waiting.
+
+    OSError as from opening it, also where it is no regular file or has more than `largest` bytes.
+    """
+    try:
+        found = os.stat(path)
+    except ValueError as error:  # a name with a zero byte
+        raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from error
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    if found.st_size > largest:
+        raise OSError(errno.EFBIG, f"larger than {largest >> 20} MiB", str(path))
+    return Path(path)
+
+
+def read_json(path: str | Path) -> Any:
+    """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no JSON."""
+    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise BadInputError(f"{path}: is not JSON ({_reason(error)})") from error
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no TOML."""
+    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    try:
+        return tomllib.loads(text.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadInputError(f"{path}: is not a TOML file ({_reason(error)})") from error
+
+
+def _reason(error: Exception) -> str:
+    return shortened(str(error), _LONGEST_REASON)
+
+
+def read_named(what: str, name: str, packaged: Mapping[str, str], folder: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    """The entries of a file of the package `folder`, by its name in `packaged` (name -> file), or of the user's file.
+
+    what: what the file describes, for messages. keys: the entries it may have. BadInputError where there is no such
+    name and file, and for any other entry.
+    """
+    try:
+        data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)
+    except OSError as error:
+        raise BadInputError(
+            f"{name}: no {what} of that name and no readable file; the names are {', '.join(packaged)}"
+        ) from error
+    unknown = sorted(set(data) - set(keys))
+    if unknown:
+        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a {what} has {', '.join(keys)}")
+    return data
+
+
+def table_of(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """The table [key]; empty where there is none. where: the file, for the message of BadInputError."""
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
+    return table
+
+
+def names_of(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """The list of names under a key."""
+    value = data.get(key, list(default))
+    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
+        raise BadInputError(f"{where}: {key} is {shown(value)}; give a list of names in quotes")
+    return tuple(value)
+
+
+def finite_number(where: str, entry: str, value: Any) -> float:
+    """A value as a float. BadInputError where it is no number, or no finite one."""
+    try:
+        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float)) else float(value)
+    except OverflowError:  # TOML's integers have no limit, Python's floats do
+        number = math.inf
+    if not math.isfinite(number):
+        raise BadInputError(f"{where}: {entry} is {shown(value)}; give a finite number")
+    return number

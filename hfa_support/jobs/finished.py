@@ -1,0 +1,40 @@
+"""Finished parts of a long job, in files that are known again by what decided their numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hfa_support.files import read_json
+from hfa_support.jsonable import jsonable
+from hfa_support.version import toolchain_version
+
+
+def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
+    """The version that makes a result, and a hash of everything else that decides its numbers (JSON values)."""
+    return {"toolchain": toolchain_version(), "identity": _digest(jsonable(decides))}
+
+
+def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of a finished part, as JSON values: the content, the stamp of today, a digest of what it holds."""
+    whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
+    return whole | {"digest": _digest(whole)}
+
+
+def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The JSON object in a file, if it bears the stamp of today and is as it was written; else None."""
+    try:
+        data = read_json(path)
+        known = data["digest"] == _digest(data) and stamp(decides).items() <= data.items()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+    return data if known else None
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    """Of all but itself, and the date and the words of the run: the same result has the same one."""
+    told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,122 @@
+"""A CasADi Function as plain C: functions of arrays, no library but math.h, no tables, no memory of their own."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping
+
+import casadi as ca
+
+from hfa_support.errors import BadInputError
+
+#: Operation -> C expression of its operands.
+_OPERATIONS = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_TWICE: "2.0 * {0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_SQRT: "sqrt({0})",
+    ca.OP_POW: "pow({0}, {1})",
+    ca.OP_CONSTPOW: "pow({0}, {1})",
+    ca.OP_EXP: "exp({0})",
+    ca.OP_SIN: "sin({0})",
+    ca.OP_COS: "cos({0})",
+    ca.OP_TAN: "tan({0})",
+    ca.OP_ASIN: "asin({0})",
+    ca.OP_ATAN: "atan({0})",
+    ca.OP_ATAN2: "atan2({0}, {1})",
+    ca.OP_FABS: "fabs({0})",
+    ca.OP_FMIN: "fmin({0}, {1})",
+    ca.OP_FMAX: "fmax({0}, {1})",
+    ca.OP_LT: "(double)({0} < {1})",
+    ca.OP_LE: "(double)({0} <= {1})",
+    ca.OP_NOT: "(double)(!{0})",
+    ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
+}
+
+
+#: The same where a loop over points is to run on the vector unit, which has no functions for these.
+_FOR_VECTORS = {
+    ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
+    ca.OP_FMAX: "{0} > {1} ? {0} : {1}",
+}
+
+
+def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]) -> str:
+    """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
+
+    Columns of a matrix come one after the other. One function that it calls, of one argument and one result, comes
+    before it. No warning of a compiler about what is empty or has no influence. BadInputError names an operation that
+    is not known here.
+    """
+    called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in function.find_functions(0))
+    names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
+    body = _statements(
+        function, name, lambda which, i: f"{arguments[which]}[{i}]", lambda which, i: f"{results[which]}[{i}]"
+    )
+    idle = "".join(f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body)
+    return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
+
+
+def c_loop(function: ca.Function, name: str) -> str:
+    """`void name(long n, const double *const *argument, double *result)` for n points, of one result.
+
+    argument k: (size, n), result: (size, n), so that neighbours in memory are neighbouring points.
+    """
+    count = function.n_in()
+    inputs = "\n".join(f"    const double *restrict a{k} = argument[{k}];" for k in range(count))
+    body = _statements(
+        function, name, lambda which, i: f"a{which}[{i} * n + k]", lambda _, i: f"out[{i} * n + k]", _FOR_VECTORS
+    )
+    return f"""#include <math.h>
+void {name}(long n, const double *const *argument, double *restrict out)
+{{
+{inputs}
+#pragma omp simd
+    for (long k = 0; k < n; k++) {{
+{body}
+    }}
+}}
+"""
+
+
+def _statements(
+    function: ca.Function,
+    name: str,
+    load: Callable[[int, int], str],
+    store: Callable[[int, int], str],
+    changed: Mapping[int, str] | None = None,
+) -> str:
+    """Declarations and statements; load, store: how entry i of an argument and of a result is written."""
+    operations = _OPERATIONS | dict(changed or {})
+    lines, used = [], set()
+    for index in range(function.n_instructions()):
+        code, out, source = (
+            function.instruction_id(index),
+            function.instruction_output(index),
+            function.instruction_input(index),
+        )
+        used |= set(out if code != ca.OP_OUTPUT else source) - {-1}
+        if code == ca.OP_CONST:
+            lines.append(f"w{out[0]} = {function.instruction_constant(index)!r};")
+        elif code == ca.OP_INPUT:
+            lines.append(f"w{out[0]} = {load(*source)};")
+        elif code == ca.OP_OUTPUT:
+            lines.append(f"{store(*out)} = w{source[0]};")
+        elif code == ca.OP_CALL and len(function.find_functions(0)) == 1:
+            given = ", ".join(f"w{each}" for each in source)
+            taken = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
+            callee = f"{name}_{function.find_functions(0)[0].name()}"
+            lines.append(f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}")
+        elif code in operations:
+            lines.append(f"w{out[0]} = {operations[code].format(*(f'w{each}' for each in source))};")
+        else:
+            words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
+            raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")
+    work = textwrap.fill(", ".join(f"w{index}" for index in sorted(used)), 100)
+    return "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])

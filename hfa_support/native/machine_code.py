@@ -1,0 +1,139 @@
+"""CasADi Functions as machine code: generated C, compiled once, cached by content.
+
+With a C compiler a function runs several times faster than in CasADi's virtual machine, and gives the same
+numbers to rounding. Without one, or when compiling fails, the virtual machine serves; one line on
+standard error says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import casadi as ca
+
+from hfa_support.streams import say_aside
+from hfa_support.temporary import temporary_folder
+
+Loaded = TypeVar("Loaded")
+
+_FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
+
+
+def machine_code(function: ca.Function) -> ca.Function:
+    """The same function compiled to machine code, or the function itself when that cannot be had."""
+
+    def load(symbol: str, library: Path) -> ca.Function:
+        return ca.external(symbol, str(library))
+
+    return loaded(lambda symbol: _c_text(function, symbol), _FLAGS, load) or function
+
+
+def loaded(
+    text: Callable[[str], str], flags: tuple[str, ...], load: Callable[[str, Path], Loaded], machine: str = ""
+) -> Loaded | None:
+    """load(symbol, library), the library compiled from text(symbol); None, said once, when that cannot be had.
+
+    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler, its flags and the machine,
+    and of its own content, which is checked before it is loaded. Its symbol carries the first, because two libraries
+    of one name cannot live in one process. What a compiler made that cannot be loaded is not kept.
+    """
+    compiler = c_compiler()
+    if compiler is None:
+        _say("no C compiler found; running without machine code")
+        return None
+    key = hashlib.sha256("\n".join([text("placeholder"), compiler, *flags, machine]).encode()).hexdigest()[:24]
+    symbol, library = f"hfa_{key}", None
+    try:
+        folder = _own_folder(cache_folder())
+        library = _kept(folder, symbol) or _compile([compiler, *flags], text(symbol), folder, symbol)
+        return load(symbol, library)
+    except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
+        if library is not None:
+            library.unlink(missing_ok=True)
+            reason = f"what {compiler} makes cannot be loaded"
+        elif isinstance(error, subprocess.CalledProcessError):
+            reason = f"{compiler} ended with exit code {error.returncode}"
+        else:
+            reason = str(error).splitlines()[0]
+        _say(f"cannot compile machine code ({reason}); running without")
+        return None
+
+
+def cache_folder() -> Path:
+    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`.
+
+    RuntimeError when there is no home folder.
+    """
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
+
+
+def _c_text(function: ca.Function, symbol: str) -> str:
+    generator = ca.CodeGenerator("generated.c", {"with_header": False})
+    generator.add(_renamed(function, symbol))
+    return str(generator.dump())
+
+
+def _renamed(function: ca.Function, symbol: str) -> ca.Function:
+    arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    return ca.Function(symbol, arguments, function.call(arguments))
+
+
+def _own_folder(folder: Path) -> Path:
+    """The folder, made if need be, which only its owner can write; RuntimeError when that is somebody else."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not _is_ours(folder.stat()):
+        raise RuntimeError(f"{folder} belongs to another user")
+    folder.chmod(0o700)
+    return folder
+
+
+def _is_ours(found: os.stat_result) -> bool:
+    return os.name != "posix" or found.st_uid == os.geteuid()
+
+
+def _kept(folder: Path, symbol: str) -> Path | None:
+    """The library of an earlier run; what is damaged or not ours alone goes."""
+    for library in sorted(folder.glob(f"{symbol}-*.so")):
+        found = library.lstat()
+        alone = stat.S_ISREG(found.st_mode) and _is_ours(found) and not found.st_mode & 0o022
+        if alone and library == _named(folder, symbol, library):
+            return library
+        library.unlink(missing_ok=True)
+    return None
+
+
+def _named(folder: Path, symbol: str, content: Path) -> Path:
+    return folder / f"{symbol}-{hashlib.sha256(content.read_bytes()).hexdigest()[:24]}.so"
+
+
+def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
+    with temporary_folder(folder, "unfinished-") as temporary:
+        source, made = temporary / "generated.c", temporary / "generated.so"
+        source.write_text(text, encoding="utf-8")
+        words = [*compiler, str(source), "-o", str(made), "-lm"]
+        subprocess.run(words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True)
+        made.chmod(0o700)
+        library = _named(folder, symbol, made)
+        os.replace(made, library)
+    return library
+
+
+@cache
+def c_compiler() -> str | None:
+    """The compiler that CC names, else cc, gcc or clang; None when there is none."""
+    return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
+
+
+@cache
+def _say(message: str) -> None:
+    """Once a process and message."""
+    say_aside(f"hfa: {message}")

@@ -1,0 +1,90 @@
+"""One checked number: the measured value, its limit, and what it means when it is beyond."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.report import Block
+from hfa_support.reporting.text import Table, Toned
+
+#: What a number may be asked to be of its limit; a value that is not a number is none of them.
+RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+}
+
+
+class Check(NamedTuple):
+    """A named number that must be `value relation limit`; `reason` is empty when `ok`."""
+
+    name: str
+    value: float
+    limit: float
+    ok: bool
+    reason: str
+    relation: str = "<="
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; a number that is not finite becomes None."""
+        numbers = {"value": finite_or_none(self.value), "limit": finite_or_none(self.limit)}
+        return {"name": self.name} | numbers | {"ok": self.ok, "reason": self.reason}
+
+    @property
+    def sentence(self) -> str:
+        """The check in words, for reports and error lines."""
+        return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+
+class Checked:
+    """What its checks decide."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def checks(self) -> tuple[Check, ...]:
+            """All that must hold."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether every check holds."""
+        return all(check.ok for check in self.checks)
+
+
+def checked(name: str, value: float, relation: str, limit: float, reason: str = "") -> Check:
+    """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number fails."""
+    ok = RELATIONS[relation](float(value), float(limit))
+    return Check(name, float(value), float(limit), ok, "" if ok else reason, relation)
+
+
+def at_most(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value <= limit; a value that is not a number fails."""
+    return checked(name, value, "<=", limit, reason)
+
+
+def at_least(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value >= limit; a value that is not a number fails."""
+    return checked(name, value, ">=", limit, reason)
+
+
+def below(name: str, value: float, limit: float, reason: str) -> Check:
+    """Passes when value < limit, strictly; a value that is not a number fails."""
+    return checked(name, value, "<", limit, reason)
+
+
+def checks_block(checks: Iterable[Check]) -> Block:
+    """One row a check, then the reason of each that failed."""
+    found = tuple(checks)
+    rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok)) for check in found]
+    reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
+    return Block((Table(("check", "value", "limit", "verdict"), rows), *reasons))
+
+
+def verdict_text(ok: bool) -> str:
+    """How a table says whether a check holds."""
+    return Toned("pass", "good") if ok else Toned("FAIL", "bad")

@@ -1,0 +1,111 @@
+"""Results as files of numbers, all digits kept: .json, .npz, .mat and .csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_support.files import write_text, written_whole
+from hfa_support.jsonable import jsonable, records_text
+from hfa_support.reporting.text import Table
+
+SUFFIXES = (".json", ".npz", ".mat", ".csv")
+_MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
+
+
+def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
+    """One file, whole or not at all; numbers keep 17 significant digits.
+
+    .json: `data` as it is, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
+    as structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
+    provenance as JSON in its first row.
+    """
+    suffix = target.suffix.lower()
+    if suffix == ".json":
+        write_text(target, records_text(data))
+    elif suffix == ".npz":
+        with written_whole(target) as stream:
+            np.savez(stream, allow_pickle=False, **_leaves(data))
+    elif suffix == ".mat":
+        with written_whole(target) as stream:
+            stream.write(_mat(data))
+    elif suffix == ".csv":
+        about = {name: data[name] for name in ("schema", "provenance") if name in data}
+        write_text(target, _csv(_with_column(records, "about", json.dumps(jsonable(about)))))
+    else:
+        raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use one of {', '.join(SUFFIXES)}")
+
+
+def _with_column(records: Table, name: str, text: str) -> Table:
+    """The records with one column more, whose first row alone has something to say."""
+    rows = ((*row, "" if number else text) for number, row in enumerate(records.rows))
+    return Table((*records.header, name), tuple(rows))
+
+
+def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
+    if isinstance(data, Mapping):
+        parts = (_leaves(value, f"{prefix}.{key}" if prefix else key) for key, value in data.items())
+        return {name: leaf for part in parts for name, leaf in part.items()}
+    if isinstance(data, list) and data and isinstance(data[0], Mapping):
+        return _leaves({str(index): item for index, item in enumerate(data)}, prefix)
+    return {prefix: np.asarray(_numbers(data))}
+
+
+def _mat(data: Mapping[str, Any]) -> bytes:
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, _for_matlab(data), long_field_names=True)
+    # SciPy puts the time into the free text that begins the file; the same result shall be the same file.
+    return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
+
+
+def _for_matlab(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {_field_name(key): _for_matlab(value) for key, value in data.items()}
+    if isinstance(data, list):
+        if data and isinstance(data[0], (Mapping, str)):
+            cells = np.empty(len(data), dtype=object)
+            cells[:] = [_for_matlab(item) for item in data]
+            return cells
+        return _stacked(np.asarray(_numbers(data)))
+    return _stacked(data) if isinstance(data, np.ndarray) else _numbers(data)
+
+
+def _stacked(array: np.ndarray) -> np.ndarray:
+    """A stack of matrices (N, rows, columns) as MATLAB and Octave have it: (rows, columns, N)."""
+    return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
+
+
+def _numbers(data: Any) -> Any:
+    """None, which stands for a number that is not there, becomes nan at any depth of lists."""
+    if isinstance(data, list):
+        return [_numbers(item) for item in data]
+    return np.nan if data is None else data
+
+
+def _field_name(key: str) -> str:
+    """A name that MATLAB accepts: "15.0" becomes "x15_0", as by its own `makeValidName`."""
+    name = re.sub(r"\W", "_", key)
+    return name if name[:1].isalpha() else f"x{name}"
+
+
+def _csv(records: Table) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(records.header)
+    for row in records.rows:
+        writer.writerow([_digits(cell) if isinstance(cell, (float, np.floating)) else cell for cell in row])
+    return stream.getvalue()
+
+
+def _digits(value: float | np.floating) -> str:
+    """All digits; polars takes NaN for a number, and nan for text."""
+    return "NaN" if np.isnan(value) else repr(float(value))

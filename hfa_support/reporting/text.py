@@ -1,0 +1,217 @@
+"""Numbers as aligned text for a terminal: here and nowhere else is a number given its form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from hfa_support.reporting.unit_system import entries_in_force, gain_unit, in_force, unit_in_force, value_unit
+
+#: Characters of a bar.
+_BAR = 10
+#: Numbers smaller than this are rounding and shown as 0.
+ROUNDING = 1e-12
+#: Largest entries of a matrix that is shown with four decimals.
+_LEAST, _MOST = 0.1, 1e7
+#: From the best to the worst, with the color that a terminal gives it.
+TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
+
+
+class Table(NamedTuple):
+    """A header and its rows: what a CSV file and a terminal table have in common."""
+
+    header: tuple[str, ...]
+    rows: Sequence[tuple[Any, ...]]
+
+
+class _Marked(str):
+    """A cell that says one thing more; it reads as the plain text, and keeps both when it is pickled or copied."""
+
+    mark: Any
+
+    def __new__(cls, text: str, mark: Any) -> Self:
+        """The text with its mark."""
+        cell = super().__new__(cls, text)
+        cell.mark = mark
+        return cell
+
+    def __getnewargs__(self) -> tuple[str, Any]:  # type: ignore[override]  # the words that make it again
+        return str(self), self.mark
+
+
+class Toned(_Marked):
+    """A cell that also says how good it is."""
+
+    @property
+    def tone(self) -> str:
+        """One of `TONES`."""
+        return str(self.mark)
+
+
+class Placed(_Marked):
+    """A number that also says where it lies in its range."""
+
+    @property
+    def place(self) -> float:
+        """0 at the lower end, 1 at the upper; outside, beyond them."""
+        return float(self.mark)
+
+    @property
+    def bar(self) -> str:
+        """[--o-------], the mark outside where the place is."""
+        if not 0.0 <= self.place <= 1.0:
+            bar = f"[{'-' * _BAR}]"
+            return f"o{bar} " if self.place < 0.0 else f" {bar}o"
+        mark = min(int(self.place * _BAR), _BAR - 1)
+        return f" [{'-' * mark}o{'-' * (_BAR - 1 - mark)}] "
+
+
+class Style(NamedTuple):
+    """What a text may have beside its words. bars: where numbers lie in their ranges. color: of toned cells."""
+
+    bars: bool = False
+    color: bool = False
+
+
+PLAIN = Style()
+
+
+class RowsMade(Sequence[tuple[Any, ...]]):
+    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no memory."""
+
+    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
+        self._count, self._row = count, row
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        if not 0 <= index < self._count:
+            raise IndexError(index)
+        return self._row(index)
+
+
+def matrix_table(
+    name: str,
+    rows: tuple[str, ...],
+    column_names: tuple[str, ...],
+    matrix: Any,
+    *axes: tuple[tuple[str, ...], int],
+) -> Table:
+    """A matrix with its row and column names, four decimals like the paper's, with exponents where these would hide all
+    of it or fill the line; axes: as of `entries_in_force`."""
+    matrix = entries_in_force(matrix, *axes)
+    largest = float(np.abs(matrix).max(initial=0.0))
+    form = four_decimals if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
+    body = [(row, *map(form, matrix[i].tolist())) for i, row in enumerate(rows)]
+    return Table((name, *column_names), body)
+
+
+def entry_rows(
+    P: tuple[np.ndarray, ...],
+    K: tuple[np.ndarray, ...],
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    units: tuple[tuple[str, ...], tuple[str, ...]],
+) -> list[tuple[Any, ...]]:
+    """Rows (matrix, row, column, an entry of each, unit) of every P (n, n), then of every K (m, n).
+
+    names, units: of states and of inputs; units "" where they are not known.
+    """
+    (states, inputs), (state_units, input_units) = names, units
+    rows: list[tuple[Any, ...]] = []
+    for name, matrices, lines, line_units, unit_of in (
+        ("P", P, states, state_units, value_unit),
+        ("K", K, inputs, input_units, gain_unit),
+    ):
+        if matrices:
+            rows += [
+                (name, row, column, *(each[i, j] for each in matrices), unit_of(line_units[i], state_units[j]))
+                for i, row in enumerate(lines)
+                for j, column in enumerate(states)
+            ]
+    return rows
+
+
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """x1, x2, ...: names of what has none."""
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def in_degrees(angle: float) -> float:
+    """An angle in degrees as it was asked for: 15, not 14.999999999999998."""
+    return round(math.degrees(angle), 10)
+
+
+def shown_unit(unit: str) -> str:
+    """The unit that a person reads: deg in place of rad, and what `shown_in` says in place of ft."""
+    return unit.replace("rad", "deg") if unit.startswith("rad") else unit_in_force(unit)
+
+
+def shown_value(value: float, unit: str, form: str = ".6g") -> str:
+    """A value in its `shown_unit`: radians become degrees."""
+    return format(math.degrees(value) if unit.startswith("rad") else in_force(value, unit), form)
+
+
+def shown_values(values: Any, unit: str) -> np.ndarray:
+    """Numbers in their `shown_unit`, for a picture."""
+    return np.asarray(np.degrees(values) if unit.startswith("rad") else in_force(np.asarray(values), unit))
+
+
+def degrees(value: float, unit: str) -> tuple[str, str]:
+    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as a person reads them."""
+    return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
+
+
+def angle_text(angle: float) -> str:
+    """An angle in degrees: 15 deg."""
+    return f"{shown_value(angle, 'rad')} deg"
+
+
+def short_number(value: float, unit: str) -> str:
+    """A value in its `shown_unit` with four digits or more; what is only rounding is 0."""
+    shown = math.degrees(value) if unit.startswith("rad") else float(in_force(value, unit))
+    shown = 0.0 if abs(shown) < ROUNDING else shown
+    return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
+
+
+def eigenvalue_text(value: complex) -> str:
+    """An eigenvalue, or a conjugate pair by either of its members: -0.0144 ± 0.7458i."""
+    return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
+
+
+def range_text(lowest: float, highest: float, infinite: str = "inf") -> str:
+    """0.012 to 3.4; one number where both print the same, a dash where there is none."""
+    if math.isnan(lowest):
+        return "-"
+    return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in (lowest, highest)))
+
+
+def four_decimals(value: float) -> str:
+    """1.2346; what rounds to zero has no sign."""
+    text = f"{value:.4f}"
+    return "0.0000" if text == "-0.0000" else text
+
+
+def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], style: Style = PLAIN) -> str:
+    """Rows of text in aligned columns: the first to the left, the others to the right."""
+    table = [header, *(_with_bars(row) if style.bars else row for row in rows)]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    lines = [
+        "  ".join(
+            _colored(cell, cell.ljust(width) if i == 0 else cell.rjust(width), style)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in table
+    ]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _with_bars(row: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{cell} {cell.bar}" if isinstance(cell, Placed) else cell for cell in row)
+
+
+def _colored(cell: str, shown: str, style: Style) -> str:
+    return f"\033[{TONES[cell.tone]}m{shown}\033[0m" if style.color and isinstance(cell, Toned) else shown

@@ -1,0 +1,56 @@
+"""Each player loses by deviating, to second order; with errors planted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from game_samples import INITIAL, failed_names, game_models
+
+from controller import Game
+from controller.analysis.cost import CHANGE, RATIO, _judge, saddle_checks
+from hfa_support import BadInputError
+from verification import solve_game
+
+
+def test_each_player_loses_to_second_order(game: Game) -> None:
+    checks = {check.name: check for check in saddle_checks(game, solve_game(game).P, INITIAL)}
+    # The larger change lies between CHANGE / 4 and CHANGE, the smaller is RATIO² below.
+    for player in ("control", "disturbance"):
+        assert CHANGE / 5.0 < checks[f"saddle_{player}_loses"].value * RATIO**2 < 1.1 * CHANGE
+    assert checks["saddle_control_slope_error"].value < 0.02
+    assert checks["saddle_disturbance_slope_error"].value < 0.02
+
+
+def test_one_percent_off_is_no_saddle_point(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    failed = failed_names(saddle_checks(game, 1.01 * P, INITIAL))
+    assert "saddle_control_slope_error" in failed
+    assert "saddle_control_loses" in failed
+
+
+def test_lqr_value_is_no_saddle_point_of_a_hard_game() -> None:
+    """Near the smallest delta the disturbance gains by leaving the policy that the LQR value gives it."""
+    game = game_models()["published-15"].with_delta(120.0)
+    P = solve_game(game.with_delta(math.inf)).P
+    failed = failed_names(saddle_checks(game, P, INITIAL))
+    assert "saddle_disturbance_slope_error" in failed
+
+
+def test_a_flight_that_costs_nothing_is_refused(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    with pytest.raises(BadInputError, match="costs nothing; choose another initial state"):
+        saddle_checks(game, P, np.zeros(6))
+
+
+def test_a_player_who_does_not_matter_cannot_lose() -> None:
+    """The disturbance does not reach the state: its own price is all that a deviation brings."""
+    game = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 3.0)
+    assert not failed_names(saddle_checks(game, solve_game(game).P, np.array([2.0])))
+
+
+@pytest.mark.parametrize(("orders", "farthest"), [((2.3, 1.9), 0.3), ((1.9, 2.3), 0.3), ((1.6, 2.1), 0.4)])
+def test_the_order_farthest_from_two_is_judged(orders: tuple[float, float], farthest: float) -> None:
+    _, slope = _judge("control", np.array([[RATIO**order, 1.0] for order in orders]))
+    assert slope.value == pytest.approx(farthest, rel=1e-9)

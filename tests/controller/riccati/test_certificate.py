@@ -1,0 +1,140 @@
+"""The certificate: wrong answers planted, each refused for the right reason."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from game_samples import failed_names, random_game
+from planted_critics import other_root
+
+from controller import Game
+from controller.riccati.certificate import (
+    Certificate,
+    agreement_check,
+    hamiltonian_checks,
+    iterated_solution,
+    relative_residual,
+    relative_residuals,
+    solution_checks,
+)
+from controller.riccati.gare_schur import schur_solution
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+I2 = np.eye(2)
+
+
+def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
+    """The tests of `certified_solution` on somebody else's P."""
+    return Certificate((*hamiltonian_checks(game), *solution_checks(game, P), agreement_check(game, P, second_P)))
+
+
+def test_non_stabilizing_root_is_refused(game: Game) -> None:
+    P = other_root(game)
+    assert relative_residual(game, P) < 1e-13
+    certificate = _certify(game, P, P)
+    assert not certificate.ok
+    assert "game_loop_abscissa" in failed_names(certificate.checks)
+    assert "residual" not in failed_names(certificate.checks)
+    assert "is not Hurwitz" in certificate["game_loop_abscissa"].reason
+
+
+def test_indefinite_root_is_refused(game: Game) -> None:
+    below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
+    P = schur_solution(below)
+    certificate = _certify(below, P, P)
+    assert failed_names(certificate.checks) == {"positive_semidefinite", "control_loop_abscissa"}
+    assert certificate["game_loop_abscissa"].ok
+    assert certificate["residual"].value < 1e-14
+    assert "P is indefinite" in certificate["positive_semidefinite"].reason
+
+
+def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
+    rng = np.random.default_rng(8)
+    refused = 0
+    while refused < 5:
+        game = random_game(rng, scaled=False)
+        if not all(check.ok for check in hamiltonian_checks(game)):
+            continue
+        P = schur_solution(game)
+        if np.linalg.eigvalsh(P)[0] > -1e-6 * np.abs(P).max():
+            continue
+        certificate = _certify(game, P, P)
+        assert {"positive_semidefinite", "control_loop_abscissa"} <= failed_names(certificate.checks)
+        assert certificate["residual"].ok
+        with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
+            iterated_solution(game)
+        refused += 1
+
+
+def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
+    P = solve_game(game.with_delta(math.inf)).P
+    assert failed_names(_certify(game, P, solve_game(game).P).checks) == {"residual", "second_derivation"}
+
+
+def test_solution_of_another_game_is_refused(game: Game) -> None:
+    P = solve_game(game).P
+    other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
+    assert "residual" in failed_names(_certify(other, P, P).checks)
+
+
+@pytest.mark.parametrize(
+    ("change", "failed"),
+    [
+        (lambda P: P * (1.0 + 1e-8), "residual"),
+        (lambda P: P + 1e-9 * np.triu(np.abs(P).max() * np.ones_like(P), 1), "symmetry"),
+        (lambda P: -P, "positive_semidefinite"),
+        (lambda P: 0.0 * P, "residual"),
+    ],
+)
+def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
+    P = solve_game(game).P
+    assert failed in failed_names(_certify(game, change(P), P).checks)  # type: ignore[operator]
+
+
+def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
+    P = solve_game(game).P
+    assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
+    assert not _certify(game, P, np.full_like(P, np.nan)).ok
+    nowhere = _certify(game, np.full_like(P, np.nan), P)
+    assert not nowhere.ok
+    assert nowhere["residual"].reason == "P has entries that are not finite"
+
+
+def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
+    """At this delta the double eigenvalue 0 of H is computed some 1e-8 off the axis: |Re| would mislead."""
+    critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
+    rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
+    Q = rotation @ np.diag([1.0, 1.0, 1.0]) @ rotation.T
+    hidden = Game(A, np.zeros((3, 1)), np.eye(3), (Q + Q.T) / 2.0, [[1.0]], 1.0)
+    for game in (critical, hidden):
+        assert "hamiltonian_axis_distance" in failed_names(hamiltonian_checks(game))
+        with pytest.raises(NoSolutionError, match="delta_min"):
+            solve_game(game)
+        assert solve_game(game.with_delta(1.01)).certificate.ok
+
+
+def test_schur_method_refuses_a_hamiltonian_on_the_axis(game: Game) -> None:
+    rotor = Game([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [0.0]], I2, 0.0 * I2, [[1.0]], math.inf)
+    with pytest.raises(NoSolutionError, match=r"stable subspace|multiple root"):
+        schur_solution(rotor)
+
+
+def test_the_residual_is_a_part_of_its_largest_terms_entry_by_entry() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A, P, C = (rng.standard_normal((3, 3)) for _ in range(3))
+        S, D, Q = C @ C.T, 0.3 * np.diag(rng.random(3)), np.diag(rng.random(3))
+        residual, terms = np.zeros((3, 3)), np.zeros((3, 3))
+        for i, j in np.ndindex(3, 3):
+            linear = [A[k, i] * P[k, j] + P[i, k] * A[k, j] for k in range(3)]
+            square = [P[i, k] * (S[k, m] - D[k, m]) * P[m, j] for k, m in np.ndindex(3, 3)]
+            residual[i, j] = sum(linear) + Q[i, j] - sum(square)
+            sizes = [abs(A[k, i] * P[k, j]) + abs(P[i, k] * A[k, j]) for k in range(3)]
+            squares = [abs(P[i, k]) * (abs(S[k, m]) + abs(D[k, m])) * abs(P[m, j]) for k, m in np.ndindex(3, 3)]
+            terms[i, j] = sum(sizes) + abs(Q[i, j]) + sum(squares)
+        expected = np.abs(residual).max() / terms.max()
+        assert relative_residuals(A, S, D, Q, P) == pytest.approx(expected, rel=1e-12)

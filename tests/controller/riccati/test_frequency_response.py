@@ -1,0 +1,153 @@
+"""The L2 gain by two methods, against formulas, python-control and delta_min."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import mpmath
+import numpy as np
+import pytest
+from game_samples import failed_names, game_models, random_game
+
+from controller import Game
+from controller.riccati.frequency_response import SweptGain, gain_checks, gain_is_below, swept_gain
+from controller.riccati.smallest_delta import has_value
+from hfa_support import NoSolutionError
+from verification import bounded_real_gain, minimum_delta, solve_game
+
+
+def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
+    K = solve_game(game).K
+    gain, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    assert gain < game.delta
+    assert swept.gain == pytest.approx(gain, rel=1e-8)
+    assert swept.gain <= gain * (1.0 + 1e-12)
+    assert gain_is_below(game, K, game.delta)
+    assert not gain_is_below(game, K, gain * (1.0 - 1e-8))
+
+
+def test_gain_agrees_with_python_control(game: Game) -> None:
+    K = solve_game(game).K
+    output = np.vstack([np.sqrt(game.Q), np.sqrt(game.R) @ K])  # Q and R are diagonal
+    inputs = np.hstack([game.E, np.zeros((6, 5))])  # python-control 0.10 takes square systems only
+    system = control.ss(game.A - game.B @ K, inputs, output, 0.0)
+    assert bounded_real_gain(game, K) == pytest.approx(control.system_norm(system, "inf", tol=1e-9), rel=1e-7)
+
+
+def test_gain_of_a_first_order_loop_in_closed_form() -> None:
+    game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
+    exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
+    K = np.array([[0.5]])
+    assert bounded_real_gain(game, K) == pytest.approx(exact, rel=2e-9)
+    assert swept_gain(game, K) == SweptGain(pytest.approx(exact, rel=1e-12), 0.0)
+
+
+@pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
+def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
+    """1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s, which no grid holds, nor its width where ζ is small."""
+    oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
+    game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
+    found = swept_gain(game, np.zeros((1, 2)))
+    assert found.gain == pytest.approx(1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9)
+    assert found.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
+
+
+def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    K = -game.gain(P)
+    assert bounded_real_gain(game, K) == swept_gain(game, K).gain == math.inf
+    assert not gain_is_below(game, K, 1e12)
+    (check,) = gain_checks(game, K)
+    assert not check.ok
+    assert "not Hurwitz" in check.reason
+
+
+def test_gain_without_disturbance_or_cost_is_zero() -> None:
+    still = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
+    hidden = Game(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0)
+    for game, K in ((still, np.zeros((1, 1))), (hidden, np.zeros((1, 2)))):
+        assert bounded_real_gain(game, K) == 0.0
+        assert not failed_names(gain_checks(game, K))
+
+
+def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    checks = gain_checks(game, 0.01 * game.gain(P))
+    assert failed_names(checks) == {"l2_gain"}
+    assert "is not below delta = 200" in checks[0].reason
+
+
+def test_a_sweep_that_misses_the_peak_is_noticed(
+    first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    game, P = first
+    monkeypatch.setattr("controller.riccati.frequency_response.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
+    assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
+
+
+def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
+    """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its delta."""
+    rng, tried = np.random.default_rng(6), 0
+    while tried < 6:
+        game = random_game(rng, scaled=False)
+        if not has_value(game):
+            continue
+        gain = bounded_real_gain(game, solve_game(game).K)
+        assert minimum_delta(game).refused < gain < game.delta
+        tried += 1
+
+
+STIFF = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
+
+
+def test_a_loop_so_stiff_that_rounding_hides_its_slow_mode_has_no_bound() -> None:
+    """The search for a bound went on for ever; the sweep, which promises nothing, finds 1044."""
+    K = np.array([[1e40, 0.0]])
+    assert bounded_real_gain(STIFF, K) == math.inf
+    assert swept_gain(STIFF, K).gain == pytest.approx(1044.03, rel=1e-5)
+    (failed,) = gain_checks(STIFF, K)
+    assert "rounding hides every bound" in failed.reason
+
+
+def test_a_bound_that_rounding_raises_is_refused_by_the_sweep() -> None:
+    K = np.array([[1e10, 0.0]])
+    assert swept_gain(STIFF, K).gain < bounded_real_gain(STIFF, K) < math.inf
+    assert failed_names(gain_checks(STIFF, K)) == {"l2_gain", "l2_gain_methods_agree"}
+
+
+@pytest.mark.parametrize(("factor", "raised"), [(1e3, 1e-7), (1e5, 2e-4), (1e6, 2e-2)])
+def test_in_a_stiff_loop_the_sweep_is_right_and_the_bound_is_above(factor: float, raised: float) -> None:
+    """At the sweep's frequency the gain in 50 digits is that of the sweep."""
+    game = game_models()["published-15"]
+    K = factor * solve_game(game).K
+    bound, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    with mpmath.workdps(50):
+        A, B, E, Q, R, gain = (mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K))
+        response = mpmath.inverse(mpmath.mpc(0, swept.frequency) * mpmath.eye(len(game.A)) - A + B * gain) * E
+        squares = mpmath.eigh(response.H * (Q + gain.T * R * gain) * response, eigvals_only=True)
+        exact = float(mpmath.sqrt(max(mpmath.re(each) for each in squares)))
+    assert swept.gain == pytest.approx(exact, rel=1e-10)
+    assert exact < bound < exact * (1.0 + raised)
+
+
+def test_the_search_for_the_smallest_delta_needs_a_gain_to_begin_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It went on for ever below infinity."""
+    monkeypatch.setattr("controller.riccati.smallest_delta.bounded_real_gain", lambda game, K: math.inf)
+    with pytest.raises(NoSolutionError, match="rounding hides its L2 gain"):
+        minimum_delta(STIFF)
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.3, 1.0 - 2e-6, 1.0 + 2e-6, 7.0])
+def test_a_sweep_that_errs_does_not_move_the_gain(
+    first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch, factor: float
+) -> None:
+    """The bisection begins where the sweep says, and believes it nothing."""
+    game, P = first
+    K = game.gain(P)
+    right = bounded_real_gain(game, K)
+    swept = swept_gain(game, K)
+    planted = swept._replace(gain=factor * swept.gain)
+    monkeypatch.setattr("controller.riccati.frequency_response.swept_gain", lambda *_: planted)
+    assert bounded_real_gain(game, K) == pytest.approx(right, rel=2e-9)
+    assert not gain_checks(game, K)[-1].ok

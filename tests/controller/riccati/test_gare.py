@@ -1,0 +1,226 @@
+"""The exact solution: as accurate as claimed, certified for the right reasons, refused for the right ones."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import control
+import mpmath
+import numpy as np
+import pytest
+from game_samples import game_models, regenerated_models
+from reference_riccati import reference_solution, relative_error
+
+from controller import Game
+from controller.riccati.balancing import balanced, balanced_units, in_units
+from controller.riccati.certificate import (
+    certified_solution,
+)
+from controller.riccati.gare_schur import quick_solution
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+MODELS = sorted(game_models())
+OURS = regenerated_models()
+I2 = np.eye(2)
+
+
+# Accuracy ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*MODELS, *OURS])
+def test_P_and_K_are_exact_to_1e12(name: str) -> None:
+    game = (game_models() | OURS)[name]
+    reference, solution = reference_solution(game), solve_game(game)
+    assert reference.exists
+    assert relative_error(solution.P, reference.P) < 1e-12
+    assert relative_error(solution.K, reference.K) < 1e-12
+    units = 1.0 / np.sqrt(np.diag(reference.P))  # and so is every entry, in units that make them alike
+    assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
+
+
+def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
+    n = len(game.A)
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    with mpmath.workdps(40):
+        values, vectors = mpmath.eig(mpmath.matrix(H.tolist()))
+        stable = [i for i in range(2 * n) if values[i].real < 0]
+        top = mpmath.matrix([[vectors[row, i] for i in stable] for row in range(n)])
+        bottom = mpmath.matrix([[vectors[n + row, i] for i in stable] for row in range(n)])
+        P = np.array((bottom * mpmath.inverse(top)).apply(mpmath.re).tolist(), dtype=float)
+    assert relative_error(reference_solution(game).P, P) < 1e-13  # S was rounded to double on the way
+
+
+def test_solution_satisfies_what_defines_it(game: Game) -> None:
+    solution = solve_game(game)
+    assert solution.certificate.ok
+    P = solution.P
+    residual = game.A.T @ P + P @ game.A + game.Q - P @ (game.B @ np.linalg.solve(game.R, game.B.T)) @ P
+    residual += P @ game.E @ game.E.T @ P / game.delta**2
+    assert np.abs(residual).max() < 1e-12 * np.abs(P @ game.A).max()
+    np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
+    np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
+    flown = np.linalg.eigvals(game.A - game.B @ solution.K)
+    np.testing.assert_allclose(np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9)
+    assert solution.worst_case_eigenvalues.real.max() < 0.0
+
+
+def test_delta_to_infinity_gives_lqr(game: Game) -> None:
+    K, P, _ = control.lqr(game.A, game.B, game.Q, game.R, method="scipy")  # slycot, where it is, errs by 4e-11
+    lqr = solve_game(game.with_delta(math.inf))
+    assert relative_error(lqr.P, P) < 1e-11
+    assert relative_error(lqr.K, K) < 1e-11
+    assert not lqr.disturbance_gain.any()
+    distances = [relative_error(solve_game(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)]
+    assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
+    values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
+    for cheaper, dearer in itertools.pairwise(values):
+        assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
+
+
+@pytest.mark.parametrize("delta", [0.1, 5.0])
+def test_the_quick_solution_refuses_where_the_stable_subspace_has_not_half_the_dimension(delta: float) -> None:
+    """x' = -x + d, Q = 1: eigenvalues +-sqrt(1 - 1/delta^2), both on the axis or one on each side."""
+    game = Game(-np.eye(1), np.zeros((1, 1)), np.eye(1), np.eye(1), np.eye(1), delta)
+    if delta > 1.0:
+        assert quick_solution(game) == pytest.approx(solve_game(game).P, rel=1e-9)
+    else:
+        with pytest.raises(NoSolutionError, match="no stable subspace"):
+            quick_solution(game)
+
+
+def test_scalar_game_in_closed_form() -> None:
+    for a, s in ((-1.0, 0.75), (2.0, 0.75), (-1.0, -0.3), (-1.0, 0.0)):
+        delta = 1.0 / math.sqrt(1.0 - s)
+        exact = 1.5 if s == 0.0 else (a + math.sqrt(a * a + 3.0 * s)) / s
+        game = Game([[a]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], delta)
+        assert solve_game(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
+
+
+# Invariance ----------------------------------------------------------------------------------------------------------
+
+
+def test_units_of_state_change_nothing(game: Game) -> None:
+    units = np.array([1e3, 1e-4, 57.3, 1e-2, 1e5, 0.3])
+    P, scaled = solve_game(game).P, solve_game(in_units(game, units)).P
+    assert relative_error(scaled / np.outer(units, units), P) < 1e-12
+
+
+def test_units_of_cost_and_time_change_nothing(game: Game) -> None:
+    P = solve_game(game).P
+    dearer = Game(game.A, game.B, game.E, 7.0 * game.Q, 7.0 * game.R, math.sqrt(7.0) * game.delta)
+    assert relative_error(solve_game(dearer).P, 7.0 * P) < 1e-12
+    slower = Game(
+        60.0 * game.A, 60.0 * game.B, 60.0 * game.E, 60.0 * game.Q, 60.0 * game.R, math.sqrt(60.0) * game.delta
+    )
+    assert relative_error(solve_game(slower).P, P) < 1e-12
+
+
+def test_balanced_units_make_numbers_alike(game: Game) -> None:
+    units = np.array([1e6, 1.0, 1e-6, 1e3, 1e-3, 1.0])
+    alike = in_units(in_units(game, units), balanced_units(in_units(game, units)))
+    assert np.log2(balanced_units(game)) == pytest.approx(np.round(np.log2(balanced_units(game))))
+    assert np.abs(np.log10(np.diag(solve_game(alike).P))).max() < 4.0
+
+
+# Degenerate games ----------------------------------------------------------------------------------------------------
+
+
+def test_state_that_costs_nothing_is_no_obstacle() -> None:
+    P = solve_game(Game(np.diag([-1.0, -2.0]), [[1.0], [1.0]], I2, np.diag([1.0, 0.0]), [[1.0]], 5.0)).P
+    s = 1.0 - 1.0 / 25.0
+    np.testing.assert_allclose(P, np.diag([(-1.0 + math.sqrt(1.0 + s)) / s, 0.0]), atol=1e-15)
+
+
+def test_double_eigenvalue_and_no_cost_at_all() -> None:
+    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
+    assert not solve_game(game).P.any()
+    assert minimum_delta(game) == DeltaMin(0.0, 0.0)
+
+
+def test_unstable_mode_outside_the_cost_is_brought_to_rest() -> None:
+    P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
+    assert P[0, 0] == pytest.approx(1.0, rel=1e-14)  # least energy: p = 2 a
+
+
+def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
+    quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
+    assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
+    assert minimum_delta(quiet).margin(quiet.delta) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "message"),
+    [
+        (np.diag([0.5, -1.0]), [[0.0], [1.0]], I2, "not stabilizable: no input reaches the mode with eigenvalue +0.5;"),
+        ([[0.5, 1.0], [-1.0, 0.5]], [[0.0], [0.0]], I2, "not stabilizable: .* eigenvalue +0.5+1j;"),
+        ([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], 0.0 * I2, "not detectable: .* eigenvalue +0+1j costs nothing"),
+        (np.diag([0.0, -1.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), "not detectable: .* eigenvalue +0 costs nothing"),
+    ],
+)
+def test_problem_without_lqr_solution_names_the_mode(A: object, B: object, Q: object, message: str) -> None:
+    game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
+    pattern = message.replace("+", r"\+")
+    for solve in (solve_game, minimum_delta):
+        with pytest.raises(NoSolutionError, match=pattern) as refusal:
+            solve(game)
+        assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "change", [{"A": 1e90}, {"A": 1e-90}, {"B": 1e-90}, {"R": 1e-90}, {"R": 1e90}, {"Q": 1e90}, {"delta": 1e-49}]
+)
+def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float]) -> None:
+    parts = {"A": np.diag([1.0, -1.0]), "B": np.array([[1.0], [0.0]]), "E": I2, "Q": I2, "R": np.eye(1), "delta": 10.0}
+    parts |= {name: parts[name] * factor for name, factor in change.items()}
+    try:
+        assert solve_game(Game(**parts)).certificate.ok
+    except NoSolutionError as refusal:
+        assert "\n" not in str(refusal)  # noqa: PT017
+
+
+def test_balancing_says_nothing_about_large_scales() -> None:
+    scaled, scaling = balanced(np.array([[1.0, 1e80], [1e-80, 2.0]]))
+    assert scaling.max() / scaling.min() > 1e70
+    assert np.abs(scaled).max() < 1e3
+
+
+# Results -------------------------------------------------------------------------------------------------------------
+
+
+def test_results_are_plain_json(game: Game) -> None:
+    content = json.loads(json.dumps(solve_game(game).to_dict(), allow_nan=False))
+    assert np.array_equal(np.array(content["P"]), solve_game(game).P)
+    assert content["delta"] == game.delta
+    assert content["certificate"]["ok"] is True
+    names = [check["name"] for check in content["certificate"]["checks"]]
+    assert len(names) == len(set(names)) == 8
+    lqr = json.loads(json.dumps(solve_game(game.with_delta(math.inf)).to_dict(), allow_nan=False))
+    assert lqr["delta"] is None
+
+
+def test_results_cannot_be_changed(game: Game) -> None:
+    solution = solve_game(game)
+    with pytest.raises(ValueError, match="read-only"):
+        solution.P[0, 0] = 0.0
+    P, certificate = certified_solution(game)
+    assert np.array_equal(P, solution.P)
+    with pytest.raises(KeyError):
+        certificate["no_such_test"]
+
+
+def test_the_report_shows_a_real_pole_and_one_of_each_pair() -> None:
+    """An oscillator beside a lag."""
+    A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.2, 0.0], [0.0, 0.0, -1.0]])
+    game = Game(A=A, B=np.eye(3)[:, 1:], E=np.eye(3), Q=np.eye(3), R=np.eye(2), delta=50.0)
+    found = solve_game(game)
+    shown = found.report().parts[2].rows
+    assert np.count_nonzero(found.closed_loop_eigenvalues.imag > 0) == 1
+    assert np.count_nonzero(found.closed_loop_eigenvalues.imag == 0) == 1
+    assert len(shown) == 2

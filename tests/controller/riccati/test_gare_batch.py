@@ -1,0 +1,69 @@
+"""Batched exact solutions against the one-by-one ones: the same P, the same refusals."""
+
+import numpy as np
+import pytest
+
+from controller import Game, published_game
+from hfa_model import LINEAR_STATES, STATES, VARIANTS, default_parameters
+from hfa_support import BadInputError, NoSolutionError
+from trim import level_conditions, solve_level_flights
+from verification import solve_game, solve_games
+
+
+def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+    angles = np.radians(np.linspace(0, 20, count))[:, None]
+    conditions = level_conditions(("dihedral",), angles)
+    flights = solve_level_flights(VARIANTS[dynamics], default_parameters().values, conditions)
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    return flights.A[:, rows][:, :, rows], flights.B[:, rows]
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_every_model_gets_the_solution_that_it_gets_alone(dynamics):
+    A, B = _models(dynamics, 21)
+    batch = solve_games(A, B, published_game(A[10], B[10]))
+    assert batch.certified.all()
+    for i in range(len(A)):
+        alone = solve_game(published_game(A[i], B[i]))
+        assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-12 * np.linalg.norm(alone.P)
+        assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
+
+
+def test_below_the_smallest_delta_nothing_is_certified_and_nothing_is_given():
+    A, B = _models("published", 5)
+    batch = solve_games(A, B, published_game(A[2], B[2], delta=50.0))
+    assert not batch.certified.any()
+    assert np.isnan(batch.P).all()
+    assert np.isnan(batch.K).all()
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
+def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int) -> None:
+    rng = np.random.default_rng(7)
+    accepted = refused = 0
+    for delta in (0.7, 1.5, 3.0, 8.0):
+        A, B = rng.standard_normal((count, 6, 6)), rng.standard_normal((count, 6, 2))
+        like = Game(A[0], B[0], np.eye(6), np.eye(6), np.eye(2), delta)
+        batch = solve_games(A, B, like)
+        for i in range(len(A)):
+            try:
+                alone = solve_game(Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), delta))
+            except NoSolutionError:
+                assert not batch.certified[i]
+                refused += 1
+                continue
+            assert batch.certified[i]
+            assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-8 * np.linalg.norm(alone.P)
+            accepted += 1
+    assert min(accepted, refused) >= 2 * count // 3
+
+
+def test_a_singular_plant_does_not_stop_the_others():
+    A, B = _models("published", 3)
+    A, B = A.copy(), B.copy()
+    A[1], B[1] = 0.0, 0.0
+    batch = solve_games(A, B, published_game(A[0], B[0]))
+    assert batch.certified.tolist() == [True, False, True]
+    A[1] = np.nan
+    with pytest.raises(BadInputError, match="model 1 of the batch"):
+        solve_games(A, B, published_game(A[0], B[0]))

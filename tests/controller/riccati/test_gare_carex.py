@@ -1,0 +1,193 @@
+"""Continuous-time Riccati equations of the CAREX collection whose solutions are known in closed form.
+
+Source of the equations and solutions: Benner, Laub, Mehrmann, A collection of benchmark examples for the numerical
+solution of algebraic Riccati equations I: continuous-time case, SPC 95_22 (1995). The numbers are theirs.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg
+from reference_riccati import reference_solution
+
+from controller import Game
+from controller.riccati.smallest_delta import has_value
+from hfa_support import BadInputError, NoSolutionError
+from verification import minimum_delta, solve_game
+
+#: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of 1e16.
+EXACT = 1e-14
+
+
+def equation(A: object, B: object, Q: object, R: object) -> Game:
+    A = np.array(A, float)
+    return Game(A=A, B=np.array(B, float), Q=np.array(Q, float), R=np.array(R, float), E=np.eye(len(A)), delta=math.inf)
+
+
+def known() -> Iterator[tuple[str, Game, np.ndarray]]:
+    """Number of the example and its parameter, equation, solution."""
+    yield "1", equation([[0, 1], [0, 0]], [[0], [1]], np.diag([1, 2]), [[1]]), np.array([[2.0, 1.0], [1.0, 2.0]])
+    Q = np.array([[9.0, 6.0], [6.0, 4.0]])
+    yield "2", equation([[4, 3], [-4.5, -3.5]], [[1], [-1]], Q, [[1]]), (1.0 + math.sqrt(2.0)) * Q
+    for small in (1.0, 1e-2, 1e-4, 1e-6, 1e-8):  # (A, B) loses stabilizability
+        root = math.sqrt(1.0 + small**2)
+        corner = 1.0 / (2.0 + root)
+        X = np.array([[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]])
+        yield f"7, {small:g}", equation(np.diag([1, -2]), [[small], [0]], np.ones((2, 2)), [[1]]), X
+    for size in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+        root = math.sqrt(1.0 + 2.0 * size)
+        yield (
+            f"9, {size:g}",
+            equation([[0, size], [0, 0]], [[0], [1]], np.eye(2), [[1]]),
+            np.array([[root / size, 1], [1, root]]),
+        )
+    for small in (1.0, 1e-3, 1e-5):  # the closed loop comes near the imaginary axis
+        a = small + 1.0
+        x = 0.5 * (2.0 * a + math.sqrt(2.0 * a**2 + 2.0) + math.sqrt(2.0) * small)
+        X = np.array([[x, x / (x - a)], [x / (x - a), x]])
+        yield f"10, {small:g}", equation([[a, 1], [1, a]], np.eye(2), small**2 * np.eye(2), np.eye(2)), X
+    V = np.eye(3) - 2.0 / 3.0
+    for size in (1.0, 1e3, 1e6):
+        cost = np.array([1.0 / size, 1.0, size])
+        rates = size * np.array([1.0, 2.0, 3.0])
+        X = V @ np.diag(size * (rates + np.sqrt(rates**2 + cost / size))) @ V
+        game = equation(V @ np.diag(rates) @ V, np.eye(3), V @ np.diag(cost) @ V, size * np.eye(3))
+        yield f"12, {size:g}", game, X
+    for n in (8, 24):
+        A = -2.0 * np.eye(n) + np.roll(np.eye(n), 1, axis=0) + np.roll(np.eye(n), -1, axis=0)
+        values, vectors = np.linalg.eigh(A)
+        yield f"16, {n}", equation(A, *[np.eye(n)] * 3), vectors * (values + np.sqrt(values**2 + 1.0)) @ vectors.T
+
+
+@pytest.mark.parametrize(("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()])
+def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
+    P = solve_game(game).P
+    assert np.abs(P - X).max() <= EXACT * np.abs(X).max()
+    with pytest.raises(AssertionError):
+        assert np.abs(1.000001 * P - X).max() <= EXACT * np.abs(X).max()
+
+
+@pytest.mark.parametrize("n", [3, 8, 21])
+def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
+    """Example 17: of X only the corner sqrt(q r) is known; its condition grows as 10^n."""
+    game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
+    assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("small", [1.0, 1e-3, 1e-6])
+def test_a_servo_with_small_time_constants_is_certified(small: float) -> None:
+    """Example 13: no solution is printed; the certificate counts, and that the tests of it hold for no other P."""
+    A = [
+        [0, 0.4, 0, 0],
+        [0, 0, 0.345, 0],
+        [0, -0.524 / small, -0.465 / small, 0.262 / small],
+        [0, 0, 0, -1 / small],
+    ]
+    assert solve_game(equation(A, [[0], [0], [0], [1 / small]], np.diag([1, 0, 1, 0]), [[1]])).certificate.ok
+
+
+def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> None:
+    """Example 14 with 1e-6: the slowest poles of the optimum are 5e-13 left of the axis."""
+    A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
+    game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
+    with pytest.raises(NoSolutionError, match="eigenvalue within rounding of the imaginary axis at 1 rad/s"):
+        solve_game(game)
+    assert has_value(game) is None  # neither yes nor no: the search for delta_min must not lean on it
+
+
+@pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
+def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: float) -> None:
+    plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
+    expected, found = minimum_delta(plant), minimum_delta(replace(plant, E=size * plant.E))
+    assert found.value == pytest.approx(expected.value * size, rel=3e-6)
+    assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
+
+
+# Those without a known solution, with the parameters of the report: against 60 digits, or by what is left.
+
+_PRINTED = json.loads(Path(__file__).with_name("carex.json").read_bytes())["examples"]
+#: Examples that SciPy's own tests bring as files.
+_FILES = (6, 15, pytest.param(18, marks=pytest.mark.slow), 19)
+
+
+def printed(number: int) -> Game:
+    example = _PRINTED[str(number)]
+    return equation(example["A"], example["B"], example["Q"], np.eye(np.shape(example["B"])[1]))
+
+
+def nearly_singular_weight(small: float) -> Game:
+    """Example 8: R is [[1 + small, 1], [1, 1]]."""
+    B, Q = [[0.1, 0.0], [0.001, 0.01]], [[100.0, 1000.0], [1000.0, 10000.0]]
+    return equation(np.diag([-0.1, -0.02]), B, Q, [[1.0 + small, 1.0], [1.0, 1.0]])
+
+
+def remainder(game: Game, P: np.ndarray) -> float:
+    """|A'P + P A + Q - P S P| relative to the largest of its terms, in digits beyond double."""
+    A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
+    terms = [A.T @ X, X @ A, Q, -X @ S @ X]
+    return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
+
+
+@pytest.mark.parametrize(
+    "game",
+    [pytest.param(nearly_singular_weight(small), id=f"8, {small:g}") for small in (1.0, 1e-3, 1e-6)]
+    + [pytest.param(printed(5), id="5")],
+)
+def test_an_equation_without_a_known_solution_is_solved_to_sixty_digits(game: Game) -> None:
+    P, reference = solve_game(game).P, reference_solution(game).P
+    units = 1.0 / np.sqrt(np.diag(reference))
+    for found, right in ((P, True), (P * (1.0 + 1e-9), False)):
+        assert (np.abs((found - reference) * np.outer(units, units)).max() <= 1e-12) == right
+
+
+def filed(number: int) -> Game:
+    file = Path(scipy.linalg.__file__).parent / f"tests/data/carex_{number}_data.npz"
+    if not file.exists():
+        pytest.skip("this SciPy comes without its tests")
+    with np.load(file) as data:
+        return equation(*(np.atleast_2d(data[name]) for name in "ABQR"))
+
+
+@pytest.mark.parametrize("number", _FILES)
+def test_an_equation_of_30_to_100_states_is_met(number: int) -> None:
+    game = filed(number)
+    P = solve_game(game).P
+    assert remainder(game, P) <= 1e-12
+    assert remainder(game, P * (1.0 + 1e-9)) > 1e-12
+    assert np.linalg.eigvals(game.A - game.S @ P).real.max() < 0.0
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q"),
+    [
+        *[(_PRINTED[number]["A"], _PRINTED[number]["B"], _PRINTED[number]["Q"]) for number in ("3", "4")],
+        ([[3.0, 1.0], [4.0, 2.0]], [[1.0], [1.0]], [[-11.0, -5.0], [-5.0, -2.0]]),
+    ],
+    ids=["3", "4", "11"],
+)
+def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object) -> None:
+    """Q has a negative eigenvalue, in 3 and 4 by the rounding of its print."""
+    with pytest.raises(BadInputError, match="Q is not positive semidefinite"):
+        equation(A, B, Q, np.eye(np.shape(B)[1]))
+
+
+@pytest.mark.slow
+def test_the_one_of_421_states_is_refused_because_its_equation_is_singular_to_rounding() -> None:
+    """Example 20: a rotor in coordinates whose entries reach 3e11. A change of 1e-18 of its Hamiltonian, which is below
+    rounding, makes that singular; the least damped mode is not so near to the axis.
+    """
+    game = filed(20)
+    with pytest.raises(NoSolutionError, match="Hamiltonian has an eigenvalue on the imaginary axis at 0 rad/s"):
+        solve_game(game)
+    H = scipy.linalg.matrix_balance(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]), permute=False)[0]
+    least_damped = max(np.linalg.eigvals(game.A), key=lambda value: value.real).imag
+    for frequency, singular in ((0.0, True), (least_damped, False)):
+        sizes = np.linalg.svd(H - 1j * frequency * np.eye(len(H)), compute_uv=False)
+        assert (sizes[-1] <= 1e-16 * sizes[0]) == singular

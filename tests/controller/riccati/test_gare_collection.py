@@ -1,0 +1,107 @@
+"""The collection of hard games against the 60-digit reference: none accepted wrongly, hardly one refused wrongly."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import Counter
+
+import numpy as np
+import pytest
+from game_collection import STRUCTURES, Sample, collection
+from reference_riccati import reference_solution
+
+from controller import Game
+from controller.riccati.certificate import certified_solution
+from controller.riccati.smallest_delta import lqr_obstacle
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+#: A right answer may be refused where a delta this much smaller has none.
+MARGIN = 1e-3
+#: Largest error of an accepted P, relative in units that give it a unit diagonal.
+WORST_ERROR = 1e-10
+#: Of delta_min, relative, unless its uncertainty is stated: as the page of promises says.
+CLOSE = 1e-6
+
+
+def _verdict(sample: Sample) -> str:
+    """How the solver does on a game; AssertionError when it accepts what is wrong, or names a cause that is none."""
+    game, label = sample.game, f"{sample.structure} {sample.number}"
+    reference = reference_solution(game)
+    try:
+        P, _ = certified_solution(game)
+    except NoSolutionError:
+        if _exists(game, math.inf):
+            assert "is not certified" in lqr_obstacle(game, "why"), f"{label}: a cause that is none"
+        if not reference.exists:
+            return "refused, rightly"
+        with_less = math.isfinite(game.delta) and not _exists(game, game.delta * (1.0 - MARGIN))
+        return "refused at the edge" if with_less else "refused wrongly"
+    assert reference.exists, f"{label}: accepted, and there is no solution"
+    size = np.sqrt(np.diag(reference.P))
+    units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
+    error = float(np.abs((P - reference.P) * np.outer(units, units)).max())
+    assert error < WORST_ERROR, f"{label}: accepted with an error of {error:.2g}"
+    return "accepted, rightly"
+
+
+def _exists(game: Game, delta: float) -> bool:
+    return reference_solution(game.with_delta(delta)).exists
+
+
+def _bracket(sample: Sample) -> str:
+    """How the bracket of delta_min does on a game."""
+    game = sample.game
+    try:
+        found = minimum_delta(game)
+    except NoSolutionError:
+        return "not found, wrongly" if _exists(game, math.inf) else "none"
+    if found.value == 0.0:
+        return "right"
+    if not _exists(game, found.value * (1.0 + CLOSE)):
+        return "wrong"
+    if found.refused > 0.0 and _exists(game, found.refused / (1.0 + CLOSE)):
+        return "wrong"
+    if found.uncertain:
+        return "right, wide"
+    return "right" if found.value <= found.refused * (1.0 + 2.0 * CLOSE) else "wrong"
+
+
+def test_two_games_of_each_structure() -> None:
+    verdicts = Counter(_verdict(sample) for sample in collection(2 * len(STRUCTURES), seed=1))
+    assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
+    assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
+
+
+@pytest.mark.slow  # of random games and of degenerate ones by name: test_existence.py, test_gare_degenerate.py
+def test_smallest_delta_of_each_structure() -> None:
+    brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
+    assert set(brackets) <= {"right", "right, wide", "none"}
+    assert brackets["right"] >= 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+def test_two_thousand_games(seed: int) -> None:
+    count = 1000
+    verdicts, brackets = Counter[str](), Counter[str]()
+    for sample in collection(count, seed):
+        verdicts[_verdict(sample)] += 1
+        brackets[_bracket(sample)] += 1
+    print(f"\nseed={seed}: {dict(verdicts)}; delta_min {dict(brackets)}")
+    assert verdicts["refused wrongly"] <= 0.005 * count
+    assert verdicts["refused at the edge"] <= 0.005 * count
+    assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 0.15 * count
+    assert not brackets["wrong"]
+    assert brackets["right, wide"] + brackets["not found, wrongly"] <= 0.03 * count
+
+
+@pytest.mark.parametrize("n", range(1, 11))
+def test_chains_of_integrators_without_a_warning_from_scipy(n: int) -> None:
+    """The forcing of the iteration was asymmetric by rounding, which SciPy refuses."""
+    B = np.eye(n)[:, [-1]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for R in (0.01, 1.0, 100.0):
+            assert solve_game(Game(np.eye(n, k=1), B, B, np.eye(n), [[R]], 1000.0)).certificate.ok

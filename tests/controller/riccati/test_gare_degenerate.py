@@ -1,0 +1,148 @@
+"""Degenerate games by name: each is solved as the 60-digit reference has it, or refused with the true cause."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference_riccati import reference_solution
+
+from controller import Game
+from controller.riccati.balancing import in_units
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+#: Of P in units that give it a unit diagonal.
+EXACT = 1e-12
+TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+
+def error(game: Game, P: np.ndarray | None = None) -> float:
+    """Of the certified P, or of another, against 60 digits; the game has a solution."""
+    reference = reference_solution(game)
+    assert reference.exists
+    size = np.sqrt(np.diag(reference.P))
+    units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
+    found = solve_game(game).P if P is None else P
+    return float(np.abs((found - reference.P) * np.outer(units, units)).max())
+
+
+def elsewhere(game: Game, seed: int) -> Game:
+    """The same game in random coordinates T z, which hide its structure."""
+    T = np.random.default_rng(seed).standard_normal(game.A.shape)
+    inverse = np.linalg.inv(T)
+    Q = inverse.T @ game.Q @ inverse
+    return replace(game, A=T @ game.A @ inverse, B=T @ game.B, E=T @ game.E, Q=(Q + Q.T) / 2.0)
+
+
+def chain(n: int, delta: float = 1000.0) -> Game:
+    B = np.eye(n)[:, [-1]]
+    return Game(np.eye(n, k=1), B, B, np.eye(n), [[1.0]], delta)
+
+
+@pytest.mark.parametrize("n", [2, 5, 8, 12])
+def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
+    """A is defective, its one eigenvalue 0 n times, and rounding spreads the copies by some 1e-16^(1/n)."""
+    for seed in range(2):
+        game = elsewhere(chain(n), seed)
+        assert error(game) <= EXACT
+    P = solve_game(game).P
+    with pytest.raises(AssertionError):
+        assert error(game, P * (1.0 + 1e-11)) <= EXACT
+
+
+@pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_defective_plant(value: float, seed: int) -> None:
+    """One Jordan block of four, left of the axis, on it and right of it."""
+    block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
+    assert error(elsewhere(block, seed)) <= EXACT
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3, 4])
+def test_Q_of_every_rank(rank: int) -> None:
+    """What is paid for, in random directions of four; nothing at all is in `test_gare.py`."""
+    rng = np.random.default_rng(rank)
+    C = rng.standard_normal((rank, 4))
+    A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
+    game = Game(A, rng.standard_normal((4, 2)), np.eye(4), C.T @ C, np.eye(2), 50.0)
+    assert error(game) <= EXACT
+    assert np.linalg.matrix_rank(solve_game(game).P) == 4
+
+
+@pytest.mark.parametrize("delta", [math.inf, 20.0])
+def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_named(delta: float) -> None:
+    """Two oscillators without damping, of 1 and 3 rad/s, and an integrator; Q pays for all or leaves one out."""
+    A = np.zeros((5, 5))
+    A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN
+    B = np.ones((5, 1))
+    for seed in range(3):
+        seen = elsewhere(Game(A, B, 0.1 * B, np.diag([1.0, 0.0, 1.0, 0.0, 1.0]), [[1.0]], delta), seed)
+        assert error(seen) <= EXACT
+        for left_out, named in ((0, r"\+0\+1j"), (2, r"\+0\+3j"), (4, r"\+0")):
+            paid = np.diag([1.0, 0.0, 1.0, 0.0, 1.0])
+            paid[left_out, left_out] = 0.0
+            unseen = Game(A, B, 0.1 * B, paid, [[1.0]], delta)
+            assert not reference_solution(unseen.with_delta(math.inf)).exists
+            with pytest.raises(NoSolutionError, match=f"not detectable: the undamped mode with eigenvalue {named} "):
+                solve_game(elsewhere(unseen, seed))
+
+
+def test_units_over_16_decades_change_nothing() -> None:
+    """States, inputs and disturbances in units between 1e-8 and 1e8 of others."""
+    rng = np.random.default_rng(4)
+    A, B, E = rng.standard_normal((5, 5)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2))
+    game = Game(A, B, E, np.eye(5), np.eye(3), 30.0)
+    plain = solve_game(game)
+    assert error(game) <= EXACT
+    inputs = np.array([1e8, 1.0, 1e-8])
+    turned = replace(game, B=game.B * inputs, R=game.R * np.outer(inputs, inputs))
+    np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=1e-12)
+    np.testing.assert_allclose(solve_game(turned).K, plain.K / inputs[:, None], rtol=1e-11)
+    assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=2e-6)
+    states = np.array([1e8, 1e-8, 1.0, 1e4, 1e-4])
+    assert error(in_units(game, states)) <= EXACT
+    assert error(in_units(turned, states)) <= EXACT
+    for size in (1e-8, 1e8):  # of cost: P goes with it, and delta with its root
+        dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(math.sqrt(size) * game.delta)
+        np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=1e-12)
+
+
+# A state x' = a x + b u + e d: its smallest delta is e / sqrt(b²/r + min(a, 0)²/q), as exact as that is computed.
+
+
+def scalar(a: float, apart: float) -> Game:
+    """A game whose delta lies by the share `apart` above its exact smallest delta, or below."""
+    b, e, q, r = 0.7, 1.3, 2.0, 0.4
+    exact = e / math.sqrt(b * b / r + min(a, 0.0) ** 2 / q)
+    return Game([[a]], [[b]], [[e]], [[q]], [[r]], exact * (1.0 + apart))
+
+
+@pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
+@pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, -1e-9, -1e-6, -1e-3])
+def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(a: float, apart: float) -> None:
+    """Never solved below, always a thousandth above; nearer it is solved to what the condition of P, 1/apart, leaves,
+    or the message says that it is near, and nothing about it that is untrue."""
+    game = scalar(a, apart)
+    exists = reference_solution(game).exists
+    assert exists == (apart > 0.0)
+    try:
+        P = solve_game(game).P
+    except NoSolutionError as refusal:
+        said = str(refusal)
+        assert not (exists and apart == 1e-3), said
+        assert ("no value of the game" in said) <= (not exists), said
+        assert ("is below delta_min" in said) <= (not exists), said
+        assert any(text in said for text in ("is below delta_min", "% above delta_min", "too close to delta_min")), said
+    else:
+        assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
+
+
+@pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
+def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
+    found, exact = minimum_delta(scalar(a, 1.0)), scalar(a, 0.0).delta
+    assert exact * (1.0 - 1e-6) <= found.refused <= exact * (1.0 + 1e-12)
+    assert exact * (1.0 - 1e-12) <= found.value <= exact * (1.0 + 1e-6)
+    assert not found.uncertain

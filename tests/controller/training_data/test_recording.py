@@ -1,0 +1,236 @@
+"""The recorded stack: exact data, rich choices, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from learning_samples import PUBLISHED, published, stable_game
+
+from controller import Game, Stack, basis, random_pool, record
+from controller.training_data.probing import ProbingFlight
+from controller.training_data.recording import (
+    RANK_TOLERANCE,
+    choose,
+    excitation,
+    natural_spread,
+    rank,
+    refuse_poor,
+    unit_rows,
+)
+from hfa_support import BadInputError
+
+QUADRATIC = basis("quadratic", 6)
+
+
+def worst_condition(stack: Stack) -> float:
+    rows = unit_rows(QUADRATIC.psi(stack.states / stack.channel_scales()))
+    return float(np.linalg.cond(rows))
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_recorded_drifts_are_those_of_the_plant(name: str) -> None:
+    game, _ = published(name)
+    pool = random_pool(game, 50, seed=1)
+    exact = pool.states @ game.A.T
+    assert np.abs(pool.drifts - exact).max() < 1e-13 * np.abs(exact).max()
+
+
+def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
+    game = stable_game()
+    pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
+    assert np.all(np.abs(pool.states) <= [2.0, 0.1])
+    assert np.all(np.abs(pool.states).max(axis=0) > [1.9, 0.095])
+    assert np.array_equal(pool.states, random_pool(game, 300, 2, np.array([2.0, 0.1])).states)
+    assert not np.array_equal(pool.states, random_pool(game, 300, 3, np.array([2.0, 0.1])).states)
+
+
+def test_natural_spread_changes_with_the_units_of_the_states() -> None:
+    game, _ = published(PUBLISHED[0])
+    units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
+    other = Game(
+        A=game.A * units[:, None] / units,
+        B=game.B * units[:, None],
+        E=game.E * units[:, None],
+        Q=game.Q / np.outer(units, units),
+        R=game.R,
+        delta=game.delta,
+    )
+    assert natural_spread(other) / units == pytest.approx(natural_spread(game), rel=1e-6)
+
+
+def test_a_plant_without_motion_of_its_own_has_a_spread_all_the_same() -> None:
+    """A = 0: β is 0.1 1/s, X = (B R⁻¹B' + EE'/δ²) / (2 β)."""
+    game = Game([[0.0]], [[2.0]], [[3.0]], [[1.0]], [[4.0]], 6.0)
+    assert natural_spread(game) == pytest.approx([np.sqrt((1.0 + 0.25) / 0.2)], rel=1e-12)
+
+
+def test_natural_spread_solves_its_equation() -> None:
+    game = stable_game()
+    beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
+    shifted, push = game.A - beta * np.eye(2), game.S_control + game.S_disturbance / game.delta**2
+    times = np.linspace(0.0, 60.0, 60_001)
+    step = np.eye(2) + (times[1] - times[0]) * shifted + 0.5 * (times[1] - times[0]) ** 2 * shifted @ shifted
+    X, current = np.zeros((2, 2)), np.eye(2)
+    for _ in times:
+        X = X + current @ push @ current.T * (times[1] - times[0])
+        current = step @ current
+    assert natural_spread(game) == pytest.approx(np.sqrt(np.diag(X)), rel=2e-3)
+
+
+def test_a_state_that_nothing_reaches_is_still_recorded_moving() -> None:
+    game = Game(A=np.diag([-1.0, -2.0]), B=[[1.0], [0.0]], E=[[1.0], [0.0]], Q=np.eye(2), R=[[1.0]], delta=5.0)
+    assert natural_spread(game)[1] == 1.0
+
+
+def test_probing_flight_obeys_the_plant() -> None:
+    """Against an independent integration of z' = A z + B u(t) + E d(t)."""
+    from scipy.integrate import solve_ivp
+
+    game = stable_game()
+    flight = ProbingFlight.design(
+        game, 7, input_amplitude=0.3, disturbance_amplitude=0.2, half_widths=np.array([1.0, 1.0])
+    )
+    times = np.linspace(0.0, 4.0, 21)
+    z, u, d = flight.at(times)
+
+    def rate(t: float, state: np.ndarray) -> np.ndarray:
+        _, inputs, disturbances = flight.at(np.array([t]))
+        return game.A @ state + game.B @ inputs[0] + game.E @ disturbances[0]
+
+    flown = solve_ivp(rate, (0.0, 4.0), z[0], t_eval=times, rtol=1e-10, atol=1e-12).y.T
+    assert np.abs(flown - z).max() < 1e-8
+    assert 0.0 < np.abs(u).max() <= 0.3
+    assert 0.0 < np.abs(d).max() <= 0.2
+
+
+@pytest.mark.parametrize("samples", [21, 30, 60])
+def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
+    game, _ = published(PUBLISHED[0])
+    pool = random_pool(game, 500, seed=0)
+    chosen = choose(pool, QUADRATIC, samples)
+    first = Stack(pool.states[:samples], pool.drifts[:samples])
+    assert chosen.samples == samples
+    assert len(np.unique(chosen.states, axis=0)) == samples
+    assert worst_condition(chosen) < 0.8 * worst_condition(first)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("functions", ["quadratic", "paper"])
+def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
+    """Another processor rounds otherwise: the same seed must give the same samples there."""
+    game, _ = published(name)
+    pool, rng = random_pool(game, 500, seed=0), np.random.default_rng(1)
+    chosen = choose(pool, basis(functions, 6), 50)
+    for _ in range(5):
+        rounded = Stack(pool.states * (1.0 + 1e-15 * rng.normal(size=pool.states.shape)), pool.drifts)
+        assert choose(rounded, basis(functions, 6), 50).states == pytest.approx(chosen.states, rel=1e-12)
+
+
+def unprobed_flight(game: Game) -> Stack:
+    """20 s of free response, 100 samples a second."""
+    flight = ProbingFlight.design(
+        game, 0, input_amplitude=0.0, disturbance_amplitude=0.0, half_widths=natural_spread(game)
+    )
+    states, _, _ = flight.at(np.linspace(0.0, 20.0, 2001))
+    return record(game, states)
+
+
+def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
+    """Evenly spaced samples have rank 10 of 21: the fast modes are over before the second one."""
+    game, _ = published("published-5")
+    pool = unprobed_flight(game)
+    even = Stack(pool.states[::95], pool.drifts[::95])
+    assert even.samples == 22
+    assert rank(unit_rows(QUADRATIC.psi(even.states / even.channel_scales()))) < 15
+    assert worst_condition(choose(pool, QUADRATIC, 21)) < 1e9
+
+
+def test_an_unprobed_flight_can_be_too_poor() -> None:
+    game, _ = published("published-15")
+    with pytest.raises(BadInputError, match="the recorded stack has rank 20 of 21"):
+        choose(unprobed_flight(game), QUADRATIC, 21)
+
+
+def test_poor_stacks_are_refused() -> None:
+    game, _ = published(PUBLISHED[0])
+    rng = np.random.default_rng(0)
+    in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
+    with pytest.raises(BadInputError, match=r"rank 15 of 21 .*record more"):
+        choose(record(game, in_a_plane), QUADRATIC, 30)
+    pool = random_pool(game, 25, seed=0)
+    with pytest.raises(BadInputError, match="20 samples cannot determine 21 weights"):
+        choose(pool, QUADRATIC, 20)
+    with pytest.raises(BadInputError, match="the pool holds 25 samples and 26 were asked for"):
+        choose(pool, QUADRATIC, 26)
+
+
+def test_rank_counts_what_the_tolerance_says() -> None:
+    rows = np.eye(3)
+    rows[2, 2] = 2.0 * RANK_TOLERANCE
+    assert rank(rows) == 3
+    rows[2, 2] = 0.5 * RANK_TOLERANCE
+    assert rank(rows) == 2
+    with pytest.raises(BadInputError, match="the stack has rank 2 of 3"):
+        refuse_poor(rank(rows), 3, "the stack")
+
+
+def test_excitation_of_a_known_stack() -> None:
+    regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
+    found = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
+    assert (found.rank, found.size, found.samples) == (2, 2, 3)
+    assert found.smallest_eigenvalue == pytest.approx(2.0 * 0.25 / 1.25)
+    assert found.condition == pytest.approx(np.sqrt(2.0))
+    assert 0.0 < found.rounding < 1e-28
+
+
+def test_excitation_sees_fewer_samples_than_weights() -> None:
+    found = excitation(np.ones((2, 3)), samples=np.eye(3)[:2])
+    assert found.rank == 2
+    assert found.smallest_eigenvalue == 0.0
+    assert found.condition == np.inf
+
+
+def test_linear_fit_removes_noise_and_reports_it() -> None:
+    game, _ = published(PUBLISHED[1])
+    exact = random_pool(game, 500, seed=0)
+    fitted, misfit = exact.linear()
+    assert misfit < 1e-13
+    assert np.abs(fitted.drifts - exact.drifts).max() < 1e-12 * np.abs(exact.drifts).max()
+    noise = np.random.default_rng(1).normal(size=exact.drifts.shape) * exact.drifts.std(axis=0)
+    noisy, misfit = Stack(exact.states, exact.drifts + 1e-3 * noise).linear()
+    assert misfit == pytest.approx(1e-3, rel=0.1)
+    assert np.linalg.norm(noisy.drifts - exact.drifts) < 0.2 * 1e-3 * np.linalg.norm(noise)
+
+
+def test_a_reference_forcing_shows_as_misfit() -> None:
+    game, _ = published(PUBLISHED[0])
+    pool = random_pool(game, 500, seed=0)
+    forced = Stack(pool.states, pool.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert forced.linear()[1] > 1e-3
+
+
+def test_a_stack_at_rest_has_no_misfit() -> None:
+    assert Stack(np.ones((3, 2)), np.zeros((3, 2))).linear()[1] == 0.0
+
+
+def test_malformed_stacks_are_refused() -> None:
+    game = stable_game()
+    with pytest.raises(BadInputError, match=r"must both be \(N_h, n\)"):
+        Stack(np.zeros((4, 2)), np.zeros((4, 3)))
+    with pytest.raises(BadInputError, match="not finite"):
+        Stack(np.zeros((1, 2)), np.array([[np.nan, 0.0]]))
+    with pytest.raises(BadInputError, match=r"must be \(N, 2\)"):
+        record(game, np.zeros((4, 3)))
+    with pytest.raises(BadInputError, match="2 positive half-widths"):
+        random_pool(game, 10, 0, np.array([1.0, 0.0]))
+    with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
+        record(game, np.array([[1.0, 0.0]])).channel_scales()
+
+
+def test_a_stack_is_its_own_and_stays_as_it_is() -> None:
+    states = np.ones((3, 2))
+    stack = Stack(states, 2.0 * states)
+    states[0, 0] = 5.0
+    assert stack.states[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        stack.drifts[0, 0] = 5.0

@@ -1,0 +1,76 @@
+"""Chunks computed by several threads of one process, as workers of a cluster do: the bits of one after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from known_models import exact_gain, model_at
+from numpy.typing import NDArray
+
+from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
+from controller.monte_carlo.stored_members import fly_members
+from hfa_model import State, default_parameters
+from hfa_support.native.bound import cached_per_thread
+from trim.sweeps.stored_sweep import run_points
+
+PARAMETERS = default_parameters().values
+Rows = Mapping[str, NDArray]
+
+
+def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
+    """Chunks that come out otherwise on four threads than one after the other."""
+    alone = [chunk(number) for number in numbers]
+    with ThreadPoolExecutor(4) as threads:
+        together = list(threads.map(chunk, numbers))
+    same = [{name: a[name].tobytes() == b[name].tobytes() for name in a} for a, b in zip(alone, together, strict=True)]
+    return [number for number, names in zip(numbers, same, strict=True) if not all(names.values())]
+
+
+@pytest.mark.parametrize("compile_code", [False, True])
+def test_a_sweep(compile_code: bool) -> None:
+    def chunk(number: int) -> Rows:
+        rng = np.random.default_rng(number)
+        values = np.column_stack([np.radians(rng.uniform(0.0, 20.0, 400)), rng.uniform(25.0, 75.0, 400)])
+        return run_points(("dihedral", "speed"), values, PARAMETERS, "published", compile_code)
+
+    assert differing(chunk, range(6)) == []
+
+
+def test_a_monte_carlo() -> None:
+    point, law = model_at(15.0).point, gain_law("exact", exact_gain(15.0))
+    scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
+    plan = MonteCarlo(
+        40,
+        0,
+        PARAMETERS,
+        "published",
+        point,
+        "nonlinear",
+        law,
+        scenario,
+        everywhere,
+    )
+    assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(10)) == []
+
+
+def test_memory_that_threads_share_is_noticed() -> None:
+    """What `cached_per_thread` is for, with the fault that it prevents planted by hand."""
+
+    def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:
+        def chunk(number: int) -> Rows:
+            memory = memory_of()
+            memory[:] = number
+            time.sleep(0.002)  # lets other threads run
+            return {"number": memory.copy()}
+
+        return chunk
+
+    shared = np.zeros(3)
+    assert differing(chunk_with(lambda: shared), range(20)) != []
+    own = cached_per_thread(None)(lambda: np.zeros(3))
+    assert differing(chunk_with(own), range(20)) == []

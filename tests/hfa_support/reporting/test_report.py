@@ -1,0 +1,135 @@
+"""A report says the same as text, Markdown, HTML, LaTeX and data; every word is escaped; a picture is drawn once."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from hfa_support import Report
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Block, Picture
+from hfa_support.reporting.text import RowsMade, Style, Table, Toned
+
+
+def picture(drawn: list[str]) -> Picture:
+    def draw() -> Figure:
+        drawn.append("drawn")
+        return new_figure(1.0, 1.0)
+
+    return Picture("a.png", 'a "picture"', draw)
+
+
+def report(drawn: list[str]) -> Report:
+    table = Table(("load", "value"), [("lift <1>", "2.5"), ("a|b", "10")])
+    inner = Report("Inner", (Block((table, "below the table")), picture(drawn)))
+    return Report(
+        title="Title & more\nof it",
+        parts=("first", inner),
+        notes=("take care",),
+        data={"schema": "hfa.test/1", "values": np.array([0.1, np.inf]), "rows": [{"name": "a"}, {"name": "b"}]},
+        records=Table(("name", "value"), RowsMade(2, lambda i: (f"row {i}", (i + 1) / 3))),
+    )
+
+
+def test_text_has_an_empty_line_between_parts_but_not_within_a_block() -> None:
+    assert report([]).text() == (
+        "Title & more\nof it\n\nfirst\n\nInner\n\n"
+        "load      value\nlift <1>    2.5\na|b          10\nbelow the table\n\nNote: take care"
+    )
+
+
+def test_markdown_has_headings_tables_and_links_to_pictures() -> None:
+    assert report([]).markdown() == (
+        "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n"
+        "| load | value |\n|---|---|\n| lift <1> | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\n"
+        '![a "picture"](a.png)\n\nNote: take care'
+    )
+
+
+def test_html_has_real_tables_and_escapes_every_word() -> None:
+    drawn: list[str] = []
+    found = report(drawn)
+    html = found.html(2)
+    assert html.startswith("<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n")
+    assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
+    assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
+    assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
+    assert html.endswith("<p>Note: take care</p>")
+    assert found.html(2) == html
+    assert found.html().startswith("<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n")
+    assert drawn == ["drawn"]
+
+
+def test_latex_has_sections_tabulars_and_pictures_by_name() -> None:
+    assert report([]).latex() == (
+        "\\section*{Title \\& more}\n\nof it\n\nfirst\n\n\\subsection*{Inner}\n\n"
+        "\\noindent\\begin{tabular}{lr}\nload & value \\\\\n\\hline\n"
+        "lift \\textless{}1\\textgreater{} & 2.5 \\\\\na\\textbar{}b & 10 \\\\\n\\end{tabular}\n\n"
+        "below the table\n\n\\includegraphics[width=\\linewidth]{a.png}\n\nNote: take care"
+    )
+
+
+def test_a_text_draws_no_picture() -> None:
+    drawn: list[str] = []
+    found = report(drawn)
+    assert found.text()
+    assert found.markdown()
+    assert found.latex()
+    assert [each.name for each in found.pictures()] == ["a.png"]
+    assert drawn == []
+
+
+def test_pictures_can_be_left_out() -> None:
+    found = report([]).without_pictures()
+    assert list(found.pictures()) == []
+    assert found.text() == report([]).text()
+    assert found.markdown() == report([]).markdown().replace('\n\n![a "picture"](a.png)', "")
+
+
+def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
+    found = report([]).with_data(more=[1])
+    expected = {"schema": "hfa.test/1", "values": [0.1, None], "rows": [{"name": "a"}, {"name": "b"}], "more": [1]}
+    assert json.loads(found.json()) == expected
+    for suffix in ("json", "npz", "mat", "csv"):
+        found.save(tmp_path / f"a.{suffix}")
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == expected
+    rows = list(csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()))
+    assert [(row["name"], float(row["value"])) for row in rows] == [("row 0", 1 / 3), ("row 1", 2 / 3)]
+    assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
+    with pytest.raises(ValueError, match="unknown suffix"):
+        found.save(tmp_path / "a.txt")
+
+
+def test_rows_that_are_made_are_counted_and_end() -> None:
+    rows = RowsMade(2, lambda i: (i,))
+    assert (len(rows), list(rows), list(rows)) == (2, [(0,), (1,)], [(0,), (1,)])
+    with pytest.raises(IndexError):
+        rows[2]
+
+
+def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
+    table = Table(("check", "value", "verdict"), [("a", "1.5", Toned("pass", "good")), ("longer", "2", "-")])
+    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(Style(color=True))
+    assert plain.splitlines()[1] == "a         1.5     pass"
+    assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
+    assert "\033[32m   pass\033[0m" in shown
+    assert '<td>1.5</td><td class="words good">pass</td>' in Report("", (table,)).html()
+    assert "good" not in Report("", (table,)).markdown() + Report("", (table,)).latex()
+    assert pickle.loads(pickle.dumps(Toned("pass", "good"))).tone == "good"
+
+
+def test_a_column_of_words_has_fewer_numbers_than_words_in_what_it_says() -> None:
+    columns = {
+        "words": ("a", "b", "-1"),
+        "half": ("a", "-", "2"),
+        "numbers": ("±3", "+4", "b"),
+        "empty": ("-", "", "-"),
+    }
+    page = Report("", (Table(("of", *columns), list(zip("xyz", *columns.values(), strict=True))),)).html()
+    assert [name for name in columns if f'<th scope="col" class="words">{name}</th>' in page] == ["words"]

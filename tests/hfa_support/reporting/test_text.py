@@ -1,0 +1,79 @@
+"""Numbers as people read them: degrees for radians, pairs, ranges."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from hfa_support.reporting.text import (
+    Placed,
+    Style,
+    Toned,
+    angle_text,
+    columns,
+    degrees,
+    eigenvalue_text,
+    in_degrees,
+    matrix_table,
+    numbered,
+    range_text,
+    shown_value,
+)
+
+
+def test_radians_become_degrees() -> None:
+    angle = math.radians(15.0)
+    assert (in_degrees(angle), angle_text(angle)) == (15.0, "15 deg")
+    assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
+    assert degrees(68.0, "ft/s") == ("68.00000", "ft/s")
+    assert (shown_value(angle, "rad"), shown_value(2.0, "ft", ".2f")) == ("15", "2.00")
+
+
+def test_a_pair_is_one_text() -> None:
+    assert eigenvalue_text(-1 - 2j) == eigenvalue_text(-1 + 2j) == "-1.0000 ± 2.0000i"
+    assert eigenvalue_text(0.5 + 0j) == "0.5000"
+
+
+def test_a_range_has_a_number_once() -> None:
+    assert range_text(0.1, 0.25) == "0.1 to 0.25"
+    assert range_text(0.1, 0.1) == "0.1"
+    assert range_text(0.1, math.inf, "never") == "0.1 to never"
+    assert range_text(math.nan, math.nan) == "-"
+
+
+def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
+    ends = {0.0: " [o---------] ", 1.0: " [---------o] "}
+    marks = ends | {0.5: " [-----o----] ", -0.1: "o[----------] ", 1.1: " [----------]o"}
+    assert {place: Placed("1", place).bar for place in marks} == marks
+    rows = [("a", Placed("1.5", 0.5)), ("b", "")]
+    assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
+    assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
+
+
+def test_what_has_no_name_is_counted() -> None:
+    assert numbered("x", 3) == ("x1", "x2", "x3")
+
+
+def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
+    for cell in (Toned("pass", "good"), Placed("1.5", 0.25)):
+        for again in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
+            assert (type(again), again, again.mark) == (type(cell), str(cell), cell.mark)
+
+
+@pytest.mark.parametrize(
+    ("largest", "cells"),
+    [
+        (0.0, ("0.0000", "0.0000")),
+        (2e-6, ("2.0000e-06", "1.0000e-06")),
+        (0.2, ("0.2000", "0.1000")),
+        (2e6, ("2000000.0000", "1000000.0000")),
+        (2e15, ("2.0000e+15", "1.0000e+15")),
+    ],
+)
+def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str, ...]) -> None:
+    table = matrix_table("K", ("u1",), ("x1", "x2"), np.array([[largest, largest / 2.0]]))
+    assert table.rows == [("u1", *cells)]

@@ -1,0 +1,114 @@
+"""What is no regular file, too large or no text is refused before it is read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_support import BadInputError
+from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, read_toml, regular_file
+
+
+@pytest.mark.parametrize("read", [read_json, read_toml])
+def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    for path in (tmp_path / "fifo", "/dev/zero"):
+        with pytest.raises(OSError, match="not a regular file"):
+            read(path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("trim", "--dihedral", "15", "--parameters"),
+        ("trim", "--dihedral", "15", "--condition"),
+        ("trim", "--dihedral", "15", "--start"),
+        ("solve", "--model"),
+        ("verify", "--dihedral", "15", "--weights"),
+        ("monte-carlo", "--dihedral", "15", "--gain"),
+        ("solve", "--dihedral", "15", "--design"),
+        ("design", "--tune"),
+        ("design", "--dihedral", "11", "-o", "a.npz", "--design"),
+        ("prove", "--check"),
+        ("prove", "critic", "--dihedral", "15"),
+        ("prove", "schedule", "--dihedral", "14:15", "--table"),
+        ("prove", "schedule", "--dihedral", "14:15", "--resume", "-o"),
+        ("fly", "--dihedral", "11", "--actuators", "0.5:60", "--controller"),
+        ("export", "--dihedral", "11", "--c", "folder", "--controller"),
+        ("servo", "order-1", "-o", "folder", "--controller"),
+        ("lpv", "--dihedral", "14:14.1", "--parameters"),
+        ("report", "--dihedral", "5", "--claims"),
+    ],
+    ids=lambda words: f"{words[0]} {words[-1]}",
+)
+@pytest.mark.parametrize("suffix", [".json", ".mat"])
+def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...], suffix: str) -> None:
+    os.mkfifo(tmp_path / f"fifo{suffix}")
+    assert_refused(hfa(*words, str(tmp_path / f"fifo{suffix}")), 2, "fifo")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("trim", "--dihedral", "15", "-o"),
+        ("trim", "--dihedral", "15", "--picture"),
+        ("export", "--formats"),
+        ("export", "--dihedral", "15", "--c", "folder", "--formats"),
+        ("export", "--dihedral", "15", "--fmu"),
+        ("lpv", "--dihedral", "14:14.01", "-o"),
+    ],
+    ids=lambda words: f"{words[0]} {words[-1]}",
+)
+def test_no_result_takes_the_place_of_a_fifo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    suffix = {"--picture": ".png", "--fmu": ".fmu"}.get(words[-1], ".c" if words[0] == "lpv" else ".json")
+    fifo = tmp_path / f"fifo{suffix}"
+    os.mkfifo(fifo)
+    assert_refused(hfa(*words, str(fifo)), 2, "it is not a regular file; name another")
+    assert list(tmp_path.iterdir()) == [fifo]
+    assert fifo.is_fifo()
+
+
+def test_a_text_of_a_gigabyte_is_refused_by_its_size(tmp_path: Path) -> None:
+    with (tmp_path / "large.json").open("wb") as file:
+        file.truncate(LARGEST_TEXT + 1)
+    with pytest.raises(OSError, match="larger than 256 MiB"):
+        read_json(tmp_path / "large.json")
+    assert regular_file(tmp_path / "large.json").name == "large.json"
+
+
+def test_an_archive_that_unpacks_to_more_than_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import numpy as np
+
+    from controller.game import array_file
+
+    np.savez_compressed(tmp_path / "plant.npz", A=np.zeros(1_000_000))
+    monkeypatch.setattr(array_file, "LARGEST", 1 << 20)
+    with pytest.raises(BadInputError, match="unpacks to more than 1 MiB"):
+        array_file.read_arrays(tmp_path / "plant.npz")
+
+
+@pytest.mark.parametrize(("content", "said"), [(b"[" * 100_000, ""), (b"9" * 5000, "digits"), (b"\xff\xfe\xff", "")])
+def test_text_that_no_parser_survives_is_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_bytes(content)
+    with pytest.raises(BadInputError, match=f"is not JSON .*{said}"):
+        read_json(path)
+    path.write_bytes(b"x = " + content)
+    with pytest.raises(BadInputError, match=f"is not a TOML file .*{said}"):
+        read_toml(path)
+
+
+def test_names_that_no_file_has() -> None:
+    assert LARGEST >= LARGEST_TEXT
+    with pytest.raises(FileNotFoundError):
+        regular_file("a\0b")
+    with pytest.raises(IsADirectoryError):
+        regular_file("/")

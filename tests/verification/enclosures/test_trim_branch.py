@@ -1,0 +1,105 @@
+"""The branch of trims and the linear model over a box of dihedrals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_models import model_at
+from proof_cases import family
+
+from hfa_model import Aircraft, default_parameters
+from hfa_support import NoSolutionError
+from trim import level_model
+from verification.arithmetic.ball_function import Undecided
+from verification.arithmetic.balls import exact
+from verification.arithmetic.taylor_model import TaylorModel
+from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.trim_branch import TrimBranch
+
+
+def at(form: TaylorModel, s: float) -> np.ndarray:
+    """The enclosure at one place of the box: midpoints, and radii."""
+    rows = (form.parts[0] + form.away(exact(s), exact(s * s))).tolist()
+    return np.array([[(float(entry.mid()), float(entry.rad())) for entry in row] for row in rows])
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("low", [0.0, 9.5])
+def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) -> None:
+    box = DihedralBox(low, low + 0.5)
+    forms = TrimBranch(family(dynamics)).forms(box)
+    for tau in (-0.25, -0.1, 0.0, 0.25):
+        model = model_at(low + 0.25 + tau, dynamics)
+        for form, expected in ((forms.A, model.A), (forms.B, model.B), (forms.inputs, model.input_offsets[:, None])):
+            found = at(form, tau / 0.25)
+            rounding = 1e-11 * (1.0 + np.abs(expected).max())
+            assert np.all(np.abs(found[..., 0] - expected) <= found[..., 1] + rounding)
+
+
+@pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
+def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> None:
+    values = default_parameters().values
+    width = 1e-4 * getattr(values, name)
+    spread = tuple(width if each == name else 0.0 for each in values._fields)
+    box = DihedralBox(12.0, 12.03125)
+    forms = TrimBranch(replace(family(), spread=spread)).forms(box)
+    ends = []
+    for sign in (-1.0, 1.0):
+        moved = Aircraft(values._replace(**{name: getattr(values, name) + sign * width}))
+        ends.append(level_model(moved, math.radians(float(box.middle))))
+    for part in ("A", "B"):
+        expected = (getattr(ends[1], part) - getattr(ends[0], part)) / 2.0
+        rows = getattr(forms, part).parts[4].tolist()
+        middle, radius = (
+            np.array([[float(getattr(each, of)()) for each in row] for row in rows]) for of in ("mid", "rad")
+        )
+        assert np.all(np.abs(middle - expected) <= radius + 1e-4 * np.abs(expected).max())
+        assert radius.max() <= 0.5 * np.abs(expected).max()
+
+
+def test_the_remainder_shrinks_with_the_third_power() -> None:
+    branch = TrimBranch(family())
+    rests = []
+    for width in (0.2, 0.1, 0.05):
+        form = branch.forms(DihedralBox(5.0 - width / 2, 5.0 + width / 2)).A
+        rests.append(float(abs(form.parts[3][3, 1]).upper()))
+    orders = np.log2(np.array(rests[:-1]) / rests[1:])
+    assert np.all((orders > 2.8) & (orders < 3.6))
+
+
+def test_a_box_that_is_too_wide_is_said() -> None:
+    with pytest.raises(Undecided):
+        TrimBranch(family()).forms(DihedralBox(0.0, 20.0))
+
+
+def test_an_angle_without_a_trim_is_said() -> None:
+    with pytest.raises(NoSolutionError, match="no trim"):
+        TrimBranch(family()).forms(DihedralBox(49.9, 50.1))
+
+
+def test_inputs_near_their_limits_are_named() -> None:
+    """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim cannot rule it out."""
+    branch = TrimBranch(family())
+    last, without = 40.0, 60.0
+    while without - last > 1e-9:
+        middle = (last + without) / 2
+        try:
+            model_at(middle)
+            last = middle
+        except NoSolutionError:
+            without = middle
+    assert branch.beyond_limits(branch.forms(DihedralBox(last - 0.2, last - 0.1))) is None
+    assert branch.beyond_limits(branch.forms(DihedralBox(last - 0.1, last))) == "elevator_center"
+
+
+def test_doubles_alone_give_a_sharper_model() -> None:
+    flights = family()
+    sharp = TrimBranch(replace(flights, decimals=False)).model_at(15.0)[0]
+    wide = TrimBranch(flights).model_at(15.0)[0]
+    for one, other in zip(sharp.entries(), wide.entries(), strict=True):
+        assert other.contains(one.mid())
+        assert float(one.rad()) < 1e-40
+    assert 1e-16 < float(wide[3, 1].rad()) < 1e-11

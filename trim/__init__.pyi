@@ -1,0 +1,38 @@
+"""Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
+
+from .identification.evidence import run_identification as run_identification
+from .identification.identification_result import Fit as Fit, Identification as Identification
+from .identification.identify import fit as fit, identify as identify
+from .linear.bands import Bands as Bands
+from .linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
+from .linear.entry_bands import entry_bands as entry_bands
+from .linear.linear_model import (
+    LinearModel as LinearModel,
+    level_model as level_model,
+    linear_model_report as linear_model_report,
+    linearize as linearize,
+)
+from .linear.modes import Mode as Mode, modes_of as modes_of, track_modes as track_modes
+from .point.condition import (
+    CONTROL_LIMITS as CONTROL_LIMITS,
+    STATE_LIMITS as STATE_LIMITS,
+    TrimCondition as TrimCondition,
+    level_flight as level_flight,
+    release as release,
+)
+from .point.named_condition import NamedCondition as NamedCondition, load_condition as load_condition
+from .point.operating_point import (
+    OperatingPoint as OperatingPoint,
+    Status as Status,
+    load_operating_point as load_operating_point,
+    save_operating_point as save_operating_point,
+)
+from .point.performance import Performance as Performance, performance as performance
+from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
+from .point.trim_figure import trim_figure as trim_figure
+from .point.trim_report import trim_report as trim_report
+from .sweeps.level_flights import level_conditions as level_conditions, solve_level_flights as solve_level_flights
+from .sweeps.stored_sweep import stream_sweep as stream_sweep
+from .sweeps.sweep import sweep as sweep
+from .sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan
+from .sweeps.sweep_result import Sweep as Sweep

@@ -1,0 +1,18 @@
+"""The exact game solution and its analysis, which the checks compare with, offered under the package's own name."""
+
+from controller.analysis.linear_flight import simulate as simulate
+from controller.analysis.margins import loop_margins as loop_margins
+from controller.analysis.solution_report import analyse_game as analyse_game
+from controller.riccati.feedforward import (
+    exosystem_feedforward as exosystem_feedforward,
+    paper_reference as paper_reference,
+)
+from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain, disk_margin as disk_margin
+from controller.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
+from controller.riccati.gare_batch import solve_games as solve_games
+from controller.riccati.output_feedback import (
+    OutputGame as OutputGame,
+    minimum_output_delta as minimum_output_delta,
+    solve_output_feedback as solve_output_feedback,
+)
+from controller.riccati.smallest_delta import minimum_delta as minimum_delta
