@@ -2,7 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report test test-all test-matrix test-random fuzz lint bench notebooks lock clean
+STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
+
+.PHONY: report studies test test-all test-matrix test-random fuzz lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -13,6 +15,10 @@ BIN := .venv/bin
 
 report: .venv/ready
 	$(BIN)/hfa report --folder report --claims docs/results/claims.json
+
+# Every study of the folder studies/, one after the other; results go to out/NAME.
+studies: .venv/ready
+	@for name in $(STUDIES); do echo "studies.$$name"; $(BIN)/python -m studies.$$name || exit 1; done
 
 test: .venv/ready
 	$(BIN)/python -m pytest -m "not slow"

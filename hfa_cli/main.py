@@ -50,6 +50,9 @@ COMMANDS = {
     "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
 }
 
+#: Former commands, for one release -> the study that took their place.
+MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or input."""
@@ -137,6 +140,9 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
     chosen = words[0] if words else "--help"
     if chosen not in COMMANDS:
+        if chosen in MOVED:
+            study = MOVED[chosen]
+            raise BadInputError(f"`hfa {chosen}` is a study now: run python -m studies.{study} in the repository")
         overview().parse_words([chosen])
         raise BadInputError(unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa"))
     command = Parser(prog=f"hfa {chosen}")
