@@ -1,1 +1,1 @@
-"""Studies: questions answered with the packages, as a user of them would. Not installed; nothing installed imports them."""
+"""Studies: questions answered with the packages, as a user would. Not installed; nothing installed imports them."""
