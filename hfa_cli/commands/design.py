@@ -57,9 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Design or read, print, check; exit 1 when a corner is unstable."""
-    from verification.synthesis.controller_report import controller_report
-    from verification.synthesis.controllers import design_controller
-    from verification.synthesis.corners import check_corners
+    from controller.design.controllers import design_controller
+    from controller.design.corners import check_corners
+    from controller.design.scheduled_controller import controller_report
     from verification.synthesis.gust_limits import gust_limits
 
     options.refuse_files(arguments, ("output",), "a controller and a design are in ft, slug, lbf")

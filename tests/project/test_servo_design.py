@@ -13,17 +13,17 @@ from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z
 
 from controller import Actuator, CommandSteps, Design, ScheduledController, design_model, load_design
+from controller.design.controllers import design_controller
+from controller.design.corners import check_corners, corner_loops
 from controller.design.design import Feedforward
+from controller.design.servo_loop import servo_plant
 from controller.flight.actuators import LONGEST_STEP
 from hfa_model import Aircraft
 from verification.servo import servo_flights
 from verification.servo.cases import OWN_ANGLES, STEP
 from verification.servo.servo_flights import fly_case
 from verification.synthesis.command_flight import fly_commands
-from verification.synthesis.controllers import design_controller
-from verification.synthesis.corners import check_corners, corner_loops
 from verification.synthesis.design_evaluation import quick_controller
-from verification.synthesis.servo_loop import servo_plant
 
 #: SimVFA's commands, deg and ft/s², 70 s each; its faults: effectiveness 0.2 and bandwidth 0.5 rad/s.
 DIHEDRAL = [1, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0]

@@ -14,12 +14,12 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 
 from controller import Actuator, load_design
+from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from controller.game.zero_sum import Game
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from verification.synthesis.design_evaluation import quick_controller
 from verification.synthesis.moving_air import turbulence_rms
-from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 
 #: ft/s and ft, of the searches and of the members flown in turbulence.
 INTENSITY, SCALE = 3.0, 1750.0

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.design.controllers import design_controller
 from controller.design.design import Actuator
 from controller.design.design_file import load_design
 from controller.design.scheduled_controller import ScheduledController
@@ -31,7 +32,6 @@ from verification.servo.adaptive_degree_2 import AdaptiveDegree2
 from verification.servo.adaptive_degree_3 import AdaptiveDegree3
 from verification.servo.adaptive_policy import adaptive_law
 from verification.servo.reference_model import REGULATED, reference_servo
-from verification.synthesis.controllers import design_controller
 from verification.synthesis.moving_air import flown_actuators
 
 #: Dihedral of the trim in which all flights begin, deg; angles of the tables of SimVFA, rad.

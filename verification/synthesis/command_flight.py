@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.design.command_shaping import command_rates
 from controller.design.design import Feedforward
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from verification.synthesis.command_shaping import command_rates
 
 #: s, of the record. The response to commands held in a step is exact.
 STEP = 0.1

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from controller.design.controllers import controller_at, controller_table
+from controller.design.corners import corner_loops
 from controller.design.design import Actuator, Design, Feedforward
 from controller.design.design_file import design_of
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.linear.linear_model import LinearModel, level_model
 from verification.synthesis.command_flight import fly_commands
-from verification.synthesis.controllers import controller_at, controller_table
-from verification.synthesis.corners import corner_loops
 from verification.synthesis.moving_air import gust_held, gust_share, turbulence_rms
-from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 from verification.synthesis.tuning import Evaluation, Tuning
 
 #: Cost of a constraint that is missed by its own size, and of a design without a stable loop.

@@ -9,6 +9,7 @@ import numpy as np
 from controller.design.design import Actuator
 from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.servo_loop import ServoLoop
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import angles_of_attack, flight_envelope, share_of_way
 from controller.flight.gusts import OneMinusCosine
@@ -22,7 +23,6 @@ from hfa_model.vectors import STATES, Input
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import CONTROL_LIMITS
 from verification.synthesis.command_flight import commanded
-from verification.synthesis.servo_loop import ServoLoop
 from verification.synthesis.tuning import InGust
 
 #: s: step of a flight in a gust, how often the envelope is looked at, and how long it lasts.

@@ -12,6 +12,7 @@ import pytest
 from known_models import model_at
 
 from controller import ActuatorFault, CommandSteps, Dryden, OneMinusCosine, flight_envelope, load_design, servo_law
+from controller.design.controllers import design_controller
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
 from controller.flight.tracking import Tracked
@@ -33,7 +34,6 @@ from verification.servo.cases import (
 )
 from verification.servo.servo_flights import fly_case, run_case
 from verification.servo.servo_result import ServoFlight, servo_figure, servo_report
-from verification.synthesis.controllers import design_controller
 
 ORIGIN = Provenance("hfa servo")
 

@@ -25,6 +25,7 @@ from controller import (
     servo_law,
 )
 from controller.design.design import Feedforward
+from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from controller.flight.flight_result import NonlinearFlight
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulate import fly_law
@@ -32,7 +33,6 @@ from hfa_model import STATES, Aircraft, Input
 from verification.synthesis import moving_air
 from verification.synthesis.design_evaluation import quick_controller
 from verification.synthesis.moving_air import LARGEST, gust_held, gust_share, turbulence_rms
-from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 from verification.synthesis.tuning import InGust
 
 SIGMA, SCALE, LENGTH = 3.0, 1750.0, 400.0

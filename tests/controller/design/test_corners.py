@@ -10,12 +10,12 @@ from controllers import small_controller
 from known_models import model_at
 
 from controller import Actuator, ScheduledController, load_design
+from controller.design import corners
+from controller.design.controllers import design_controller
+from controller.design.corners import check_corners
+from controller.design.servo_loop import servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError
-from verification.synthesis import corners
-from verification.synthesis.controllers import design_controller
-from verification.synthesis.corners import check_corners
-from verification.synthesis.servo_loop import servo_loop, servo_plant
 
 
 def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:

@@ -7,9 +7,9 @@ from typing import Any
 
 from controllers import small_controller
 
+from controller.design.scheduled_controller import controller_report
 from hfa_model import Aircraft
 from hfa_support.reporting.text import Table
-from verification.synthesis.controller_report import controller_report
 
 
 def row(degrees: float, disk: float, ok: bool) -> dict[str, Any]:

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
+from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from hfa_model.aircraft import Aircraft
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
 from trim.linear.linear_model import LinearModel, level_model
-from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 
 #: Ends of the ranges: share of a command that arrives, and rad/s.
 EFFECTIVENESS, BANDWIDTH = (0.2, 1.0), (0.5, 2.0)

@@ -10,11 +10,11 @@ from controllers import small_controller
 from known_models import model_at
 
 from controller import design_model, load_design
+from controller.design.controllers import design_controller
+from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import NoSolutionError
 from verification import disk_margin, solve_game
-from verification.synthesis.controllers import design_controller
-from verification.synthesis.servo_loop import ServoLoop, servo_loop, servo_plant
 
 
 def test_margins_of_state_feedback_are_those_of_its_gain(published_aircraft: Aircraft) -> None:

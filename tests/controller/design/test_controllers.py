@@ -8,15 +8,14 @@ from known_models import model_at
 from servo_cases import A_Z, measured_servo
 
 from controller import Design, design_model, load_design
+from controller.design.controllers import LinearController, controller_at, design_controller, measurements
 from controller.design.design import Feedforward
+from controller.design.servo_loop import servo_plant
 from controller.riccati.output_feedback import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
 from verification import OutputGame, solve_game, solve_output_feedback
 from verification.synthesis.command_flight import fly_commands
-from verification.synthesis.command_path import LinearController, measurements
-from verification.synthesis.controllers import controller_at, design_controller
-from verification.synthesis.servo_loop import servo_plant
 
 ANGLES = np.radians([9.0, 11.0])
 

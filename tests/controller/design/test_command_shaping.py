@@ -13,16 +13,15 @@ from scipy.optimize import minimize
 from servo_cases import A_Z, measured_servo
 
 from controller import Actuator, Design
+from controller.design import command_shaping
+from controller.design.command_shaping import GAP, SECONDS, command_rates
+from controller.design.controllers import LinearController, controller_at, controller_table
 from controller.design.design import Feedforward
+from controller.design.servo_loop import servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from hfa_support import NoSolutionError
-from verification.synthesis import command_shaping
 from verification.synthesis.command_flight import fly_commands
-from verification.synthesis.command_path import LinearController
-from verification.synthesis.command_shaping import GAP, SECONDS, command_rates
-from verification.synthesis.controllers import controller_at, controller_table
-from verification.synthesis.servo_loop import servo_plant
 
 WHOLE, WEAK = Actuator(), Actuator(bandwidth=0.6, effectiveness=0.25)
 #: Of dihedral, rad/s per rad.
