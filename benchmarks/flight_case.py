@@ -1,4 +1,4 @@
-"""The benchmark flight as data, and the same flight in C by hand, NumPy, numba and JAX."""
+"""The benchmark flight as data, and the same flight in C by hand, NumPy and JAX."""
 
 from __future__ import annotations
 
@@ -123,12 +123,12 @@ class _Loop(ctypes.Structure):
     ]
 
 
-def c_flight(case: FlightCase, steps: int = STEPS, flags: tuple[str, ...] = ("-O3",)) -> Contestant:
-    """The hand-written C loop as a function () -> history. The flag -DSAMPLES=0 leaves the stack out."""
+def c_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
+    """The hand-written C loop as a function () -> history."""
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
     source = FOLDER / "flight_loop.c"
-    subprocess.run([c_compiler(), *flags, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run([c_compiler(), "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
     code = ctypes.CDLL(str(library))
     pointer = ctypes.POINTER(ctypes.c_double)
     arrays = {name: np.ascontiguousarray(value, dtype=float) for name, value in case.data().items()}
@@ -207,13 +207,6 @@ def numpy_flight(case: FlightCase, steps: int) -> np.ndarray:
     for step in range(steps):
         history[step + 1] = runge_kutta(rate, step * STEP, history[step], STEP)
     return history
-
-
-def numba_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
-    """The loop under numba; ImportError where it is not installed."""
-    from benchmarks.numba_flight import numba_flight as compiled
-
-    return compiled(case, STEP, steps)
 
 
 def jax_flight(case: FlightCase, steps: int = STEPS) -> Contestant:

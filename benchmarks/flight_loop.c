@@ -6,10 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#ifndef SAMPLES
-#define SAMPLES 50
-#endif
-enum { N = 6, M = 5, W = 25, S = SAMPLES, Y = N + W };
+enum { N = 6, M = 5, W = 25, S = 50, Y = N + W };
 
 typedef struct {
     const double *A, *B, *RB, *scales, *S, *Q, *regressors, *residuals, *reference, *disturbance;

@@ -1,23 +1,57 @@
-"""The table of figures: printed and stored."""
+"""Two jobs timed in turn, and the figures of all comparisons: as a table, as a file, as a picture."""
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.timing import Comparison
 from hfa_support.files import write_text
-from hfa_support.reporting.text import columns
+from hfa_support.reporting.figure import new_figure, save
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
-_PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr", "distributed", "numba", "jax")
+PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
+_PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr", "distributed", "jax")
+
+
+class Comparison(NamedTuple):
+    """Medians over the repeats, seconds for one unit of work, and the median of the ratios pair by pair."""
+
+    ours: float
+    peer: float
+    ratio: float
+
+    @classmethod
+    def of(cls, ours: list[float], peer: list[float]) -> Comparison:
+        """From times measured in turn. ratio: peer / ours, how many times faster ours is."""
+        ratios = [b / a for a, b in zip(ours, peer, strict=True)]
+        return cls(statistics.median(ours), statistics.median(peer), statistics.median(ratios))
+
+
+def in_turn(
+    ours: Callable[[], Any], peer: Callable[[], Any], *, units: float = 1.0, peer_units: float = 1.0, repeats: int = 7
+) -> Comparison:
+    """Ours, peer, ours, peer, ... after one uncounted round: a drift of the machine's speed is fair to both.
+
+    units: pieces of work in one call of each.
+    """
+    ours()
+    peer()
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(repeats):
+        for function, size, row in ((ours, units, times[0]), (peer, peer_units, times[1])):
+            start = time.perf_counter()
+            function()
+            row.append((time.perf_counter() - start) / size)
+    return Comparison.of(*times)
 
 
 class Size(NamedTuple):
@@ -30,13 +64,8 @@ class Size(NamedTuple):
     disk: float
 
 
-@dataclass(frozen=True)
-class Row:
-    """One figure: the job, what it is compared with, times, the target of the ratio, and a remark.
-
-    target: None where the peer is there for orientation. unit: of the two values, "s" or "MB". sizes: how the job
-    grows, where that is the question.
-    """
+class Row(NamedTuple):
+    """One comparison. target: of the ratio, None where the peer is there for orientation. unit: "s" or "MB"."""
 
     job: str
     peer: str
@@ -54,73 +83,28 @@ class Row:
         return "yes" if self.timing.ratio >= self.target else "NO"
 
 
-def machine() -> dict[str, str]:
-    """What the figures depend on."""
-    processor = next(
-        (line.split(":")[1].strip() for line in _cpu_lines() if line.startswith("model name")), platform.processor()
-    )
-    own = {"processor": processor, "cores": str(os.cpu_count() or 1), "python": platform.python_version()}
-    return own | {name: found for name in _PACKAGES if (found := _version(name))}
+def rows_of(subject: str, quick: bool) -> list[Row]:
+    """The figures of one subject, measured here and now."""
+    found: list[Row] = importlib.import_module(f"benchmarks.jobs_{subject}").rows(quick)
+    return found
 
 
-def text(rows: list[Row]) -> str:
-    """One line a figure, then the remarks."""
-    table = [
-        (
-            row.job,
-            row.peer,
-            value_text(row.timing.ours, row.unit),
-            value_text(row.timing.peer, row.unit),
-            ratio_text(row.timing.ratio),
-            ratio_text(row.target),
-            row.verdict,
-        )
-        for row in rows
-    ]
-    header = ("job", "peer", "ours", "peer's", "ratio", "target", "met")
-    remarks = [f"{row.job}, {row.peer}: {row.remark}" for row in rows if row.remark]
-    return "\n".join([columns(header, table), "", *remarks])
+def figure(row: Row, subject: str = "") -> dict[str, Any]:
+    """A comparison, ready for JSON."""
+    ours, peers, ratio = row.timing
+    found = {"set": subject, "job": row.job, "peer": row.peer, "ours": ours, "peers": peers, "unit": row.unit}
+    found |= {"ratio": ratio, "to_reach": row.target, "reached": row.verdict, "remark": row.remark}
+    return found | {"sizes": [size._asdict() for size in row.sizes]}
 
 
-def data(rows: Mapping[str, list[Row]]) -> dict[str, Any]:
-    """Machine and figures, ready for JSON. rows: name of a set of jobs -> its rows."""
-    figures = [
-        {
-            "set": name,
-            "job": row.job,
-            "peer": row.peer,
-            "ours": row.timing.ours,
-            "peers": row.timing.peer,
-            "unit": row.unit,
-            "ratio": row.timing.ratio,
-            "to_reach": row.target,
-            "reached": row.verdict,
-            "remark": row.remark,
-            "sizes": [size._asdict() for size in row.sizes],
-        }
-        for name, some in rows.items()
-        for row in some
-    ]
-    return {"machine": machine(), "figures": figures}
-
-
-def store(rows: Mapping[str, list[Row]], order: Sequence[str]) -> dict[str, Any]:
-    """Write results.json beside this file and return it.
-
-    Sets that were not run keep their figures, if they are of this machine with these versions; order: of the sets.
-    """
-    new = data(rows)
-    if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
-        new["figures"] += [figure for figure in old["figures"] if figure["set"] not in rows]
-    new["figures"].sort(key=lambda figure: order.index(figure["set"]))
-    write_text(RESULTS, json.dumps(new, indent=2, ensure_ascii=False) + "\n")
-    return new
-
-
-def stored() -> dict[str, Any]:
-    """What was stored last."""
-    result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
-    return result
+def markdown(figures: Iterable[dict[str, Any]]) -> str:
+    """The figures as a table, one row each."""
+    lines = ["| job | compared with | ours | peer's | ratio | target | met |", "|---|---|---|---|---|---|---|"]
+    for each in figures:
+        ours, peers = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
+        ratio, target = ratio_text(each["ratio"]), ratio_text(each["to_reach"])
+        lines.append(f"| {' | '.join((each['job'], each['peer'], ours, peers, ratio, target, each['reached']))} |")
+    return "\n".join(lines)
 
 
 def value_text(value: float, unit: str) -> str:
@@ -138,15 +122,61 @@ def ratio_text(ratio: float | None) -> str:
     return "-" if ratio is None else f"{float(f'{ratio:.3g}'):.12g}"
 
 
-def _cpu_lines() -> list[str]:
-    try:
-        return Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return []
+def machine() -> dict[str, str]:
+    """What the figures depend on."""
+    lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
+    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    found = {"processor": (names or [platform.processor()])[0], "cores": str(os.cpu_count() or 1)}
+    found["python"] = platform.python_version()
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
 
 
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return ""
+def store(rows: Mapping[str, list[Row]], order: Sequence[str]) -> dict[str, Any]:
+    """Write results.json and return it. Subjects that were not run keep their figures if the machine is the same."""
+    new = {"machine": machine(), "figures": [figure(row, name) for name, some in rows.items() for row in some]}
+    if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
+        new["figures"] += [each for each in old["figures"] if each["set"] not in rows]
+    new["figures"].sort(key=lambda each: order.index(each["set"]))
+    write_text(RESULTS, json.dumps(new, indent=2, ensure_ascii=False) + "\n")
+    return new
+
+
+def stored() -> dict[str, Any]:
+    """What was stored last."""
+    result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
+    return result
+
+
+def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
+    """Bars of the ratios that have a target, with a mark there; curves of time and memory against size."""
+    bars = [each for each in data["figures"] if not each["sizes"] and each["unit"] == "s" and each["to_reach"]]
+    picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
+    above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
+    axes = above.subplots()
+    for place, each in enumerate(reversed(bars)):
+        axes.barh(place, each["ratio"], height=0.6, color="#2a6f97" if each["reached"] == "yes" else "#c1440e")
+        axes.text(1.04 * each["ratio"], place, ratio_text(each["ratio"]), va="center", fontsize=8)
+        axes.plot([each["to_reach"]] * 2, [place - 0.4, place + 0.4], color="black", linewidth=1.5)
+    axes.set_yticks(range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set(xscale="log", xlim=(0.3, 5000), xlabel="times faster than the peer; black: target; orange: target missed")
+    axes.axvline(1.0, color="black", linewidth=0.5)
+    time_axes, memory = below.subplots(1, 2)
+    for each in data["figures"]:
+        rows = [size["rows"] for size in each["sizes"]]
+        label = each["job"].split(" ", 1)[1].partition(",")[0]
+        if rows:
+            time_axes.loglog(rows, [1e6 * size["seconds"] for size in each["sizes"]], "o-", label=label)
+            memory.semilogx(rows, [size["memory"] for size in each["sizes"]], "o-", label=label)
+            memory.legend(fontsize=8, loc="lower right")
+    for lower, name in ((time_axes, "time a row, µs"), (memory, "largest memory, MB")):
+        lower.set(xlabel="rows", ylabel=name)
+        lower.grid(alpha=0.3)
+    memory.set_ylim(bottom=0)
+    save(picture, path, "measured with " + ", ".join(f"{name} {version}" for name, version in data["machine"].items()))
+    return path

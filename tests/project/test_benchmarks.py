@@ -1,33 +1,28 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO.
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that show what is stored.
 
 Nothing here asserts a time.
 """
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import __main__ as bench, flight_case, jobs_no_compiler, report
-from benchmarks.documents import markdown
-from benchmarks.flight_case import FlightCase, c_flight, difference, jax_flight, numba_flight, numpy_flight, python_rate
-from benchmarks.jobs_size import growth
-from benchmarks.jobs_trim import peer_point, peer_system
-from benchmarks.members_case import critic_plan, gain_plan
+from benchmarks import __main__ as bench, report
+from benchmarks.flight_case import FlightCase, c_flight, difference, jax_flight, numpy_flight, python_rate
+from benchmarks.jobs_models import peer_point, peer_system
+from benchmarks.jobs_scale import critic_plan, gain_plan, growth
 from benchmarks.numpy_dynamics import six_state_rates
-from benchmarks.picture import draw
-from benchmarks.report import Row, Size
-from benchmarks.timing import Comparison, in_turn
+from benchmarks.report import Comparison, Row, Size, in_turn
 from controller.monte_carlo.stored_members import fly_member
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_support.native import machine_code as generated
-from hfa_support.native.bound import BoundFunction
 from trim import find_operating_point, level_flight, linearize
 
 ROOT = Path(__file__).parents[2]
+SCALING = ROOT / "docs" / "scaling.md"
 PARAMETERS = default_parameters().values
 ALTITUDE = 40_000.0
 NEEDS_COMPILER = pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
@@ -88,7 +83,6 @@ def test_the_rate_in_numpy_is_that_of_the_compiled_loop(case: FlightCase) -> Non
 PEERS = {
     "C by hand": pytest.param(c_flight, marks=NEEDS_COMPILER),
     "NumPy": lambda case, steps: lambda: numpy_flight(case, steps),
-    "numba": numba_flight,
     "JAX": jax_flight,
 }
 
@@ -112,17 +106,6 @@ def test_another_flight_would_be_noticed(
     data = case.data()
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
     assert difference(case.fly(False, 300), numpy_flight(case, 300)) > 5e-6
-
-
-def test_other_ways_to_write_the_stack_give_its_numbers(case: FlightCase) -> None:
-    plain = flight_case.CriticPolicy(case.law, flight_case.zero(6))._stack
-    weights = case.start[6:]
-    expected = np.array(plain(weights)).ravel()
-    for other in (jobs_no_compiler._by_logarithm(case), jobs_no_compiler._written_out(case)):
-        bound = BoundFunction(other)
-        bound.inputs[0][:] = weights
-        bound()
-        np.testing.assert_allclose(bound.results[0], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_the_members_fly_the_flight_of_the_benchmark(case: FlightCase) -> None:
@@ -155,13 +138,9 @@ def row(ratio: float, target: float | None) -> Row:
     [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO"), (5.0, None, "-")],
 )
 def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float | None, verdict: str) -> None:
-    assert row(ratio, target).verdict == verdict
-    assert report.data({"a set": [row(ratio, target)]})["figures"][0]["reached"] == verdict
-    line = report.text([row(ratio, target)]).splitlines()[1]
-    assert line.split()[-1] == verdict
-    assert "2 µs" in line
-    table = markdown(report.data({"a set": [row(ratio, target)]})["figures"])
-    assert table.endswith(f"| {verdict} |")
+    line = report.markdown([report.figure(row(ratio, target))]).splitlines()[-1]
+    assert line.startswith("| a job | a peer | 2 µs |")
+    assert line.endswith(f"| {verdict} |")
 
 
 def sizes(*seconds_and_memory: tuple[float, float]) -> list[Size]:
@@ -186,58 +165,85 @@ def test_results_are_stored_and_drawn(tmp_path: Path, monkeypatch: pytest.Monkey
     report.store({"second": rows["second"]}, list(rows))
     report.store({"first": rows["first"]}, list(rows))
     data = report.stored()
-    assert data == report.data(rows)
     assert [figure["reached"] for figure in data["figures"]] == ["yes", "NO", "yes", "NO"]
     assert data["figures"][2]["sizes"][1] == {"rows": 10_000, "seconds": 2e-5, "memory": 300.0, "disk": 100.0}
     assert {"processor", "cores", "python", "casadi", "numpy"} <= set(data["machine"])
-    assert draw(data, tmp_path / "a.png").stat().st_size > 10_000
+    assert report.draw(data, tmp_path / "a.png").stat().st_size > 10_000
     # Figures of another machine are no company for new ones.
     monkeypatch.setattr(report, "machine", lambda: data["machine"] | {"cores": "999"})
     assert len(report.store({"first": rows["first"]}, list(rows))["figures"]) == 2
 
 
-@pytest.mark.parametrize(
-    ("jobs", "peers"),
-    [
-        ("gare", ["solve_continuous_are"]),
-        pytest.param("trim", ["python-control", "IPOPT"], marks=pytest.mark.slow),
-    ],
-)
-def test_quick_jobs_run_and_store_nothing(
-    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, jobs: str, peers: list[str]
+@pytest.mark.slow
+def test_every_job_runs_and_a_quick_run_stores_nothing(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
-    assert bench.main(["--quick", jobs]) == 0
+    assert bench.main(["--quick"]) == 0
     said = capsys.readouterr().out
-    for words in peers:
+    for words in ("python-control", "IPOPT", "solve_continuous_are", "NumPy loop", "Dask", "members of 0.1 s"):
         assert words in said
 
 
-def test_an_unknown_set_is_one_line(capsys: pytest.CaptureFixture) -> None:
-    assert bench.main(["trim", "speed"]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err == (
-        "benchmarks: no set 'speed'; choose from startup, trim, gare, flight, no_compiler, monte_carlo, dask, size, "
-        "or --quick\n"
-    )
+def test_an_unknown_subject_is_refused(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit) as end:
+        bench.main(["models", "speed"])
+    assert end.value.code == 2
+    assert "no subject 'speed'; choose from models, flight, scale" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_every_job_runs(capsys: pytest.CaptureFixture) -> None:
-    assert bench.main(["--quick"]) == 0
-    said = capsys.readouterr().out
-    assert said.count("critic learning") >= 2
-    assert "members of 0.1 s into a store" in said
+# What is stored, and what docs/scaling.md shows of it.
+
+
+def not_shown(document: str, figures: list[dict]) -> list[str]:
+    """Stored figures, and sizes of jobs that grow, without their row in the document."""
+    rows = [report.markdown([figure]).splitlines()[-1] for figure in figures]
+    for figure in figures:
+        name = figure["job"].split(" ", 1)[1].partition(",")[0]
+        for size in figure["sizes"]:
+            cells = (f"{size['rows']:,}", name, report.value_text(size["seconds"], "s"), f"{size['memory']:.0f} MB")
+            rows.append(f"| {' | '.join(cells)} | {size['disk']:.0f} B |")
+    return [row for row in rows if row not in document]
+
+
+def test_the_document_shows_the_stored_figures_and_their_arithmetic() -> None:
+    text, data = SCALING.read_text("utf-8"), report.stored()
+    assert not_shown(text, data["figures"]) == []
+    point = next(figure["sizes"][-1] for figure in data["figures"] if "points of a sweep into" in figure["job"])
+    member = next(figure["ours"] for figure in data["figures"] if "Monte Carlo" in figure["job"])
+    said = " ".join(text.split())
+    for words in (
+        f"= {1e9 * point['seconds']:,.0f} core seconds = {1e9 * point['seconds'] / 3600:.1f} core hours",
+        f"each is {1e5 * point['seconds']:.2f} s of work and {1e5 * point['disk'] / 1e6:.0f} MB on disk",
+        f"{point['memory']:.0f} MB a process",
+        f"= {point['disk']:.0f} GB",
+        f"{1e6 * int(data['machine']['cores']) * member / 3600:.0f} core hours",
+    ):
+        assert words in said
+
+
+def test_documents_of_other_figures_would_be_noticed() -> None:
+    text, figures = SCALING.read_text("utf-8"), report.stored()["figures"]
+    changed = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in figures]
+    assert len(not_shown(text, changed)) == len(figures)
+    for figure in figures:
+        figure["sizes"] = [size | {"seconds": 2.0 * size["seconds"]} for size in figure["sizes"]]
+    assert len(not_shown(text, figures)) == 10
+
+
+def test_every_stored_verdict_follows_from_its_figures() -> None:
+    for figure in report.stored()["figures"]:
+        timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])
+        again = Row(figure["job"], figure["peer"], timing, figure["to_reach"])
+        assert again.verdict == figure["reached"] != "NO", figure["job"]
+        assert figure["ratio"] == pytest.approx(figure["peers"] / figure["ours"], rel=0.2)
 
 
 def test_the_peers_stay_out_of_the_lock() -> None:
-    def packages(path: str) -> dict[str, str]:
+    def packages(path: str) -> set[str]:
         lines = (ROOT / path).read_text("utf-8").splitlines()
-        return dict(line.partition(";")[0].split("==") for line in lines if line and not line.startswith("#"))
+        return {line.partition("==")[0] for line in lines if line and not line.startswith("#")}
 
     peers = packages("benchmarks/requirements.txt")
-    assert {"numba", "jax"} <= set(peers)
-    assert all(re.fullmatch(r"[\w.]+", version) for version in peers.values())
-    assert set(peers) & set(packages("requirements.lock")) == set()
-    assert "benchmarks/requirements.txt" in (ROOT / "Makefile").read_text("utf-8")
+    assert "jax" in peers
+    assert peers & packages("requirements.lock") == set()

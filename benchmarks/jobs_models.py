@@ -1,14 +1,18 @@
-"""Trim and linearize: against python-control and against an optimizer, one point and many."""
+"""Start-up, trims, linear models and games: against python-control, an optimizer and SciPy."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 
 from benchmarks.numpy_dynamics import six_state_rates
-from benchmarks.report import Row
-from benchmarks.timing import in_turn
+from benchmarks.report import Row, in_turn
+from controller.game.zero_sum import published_game
+from controller.riccati.gare_batch import solve_games
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.variants import variant_named
 from hfa_support.native.machine_code import c_compiler
@@ -20,12 +24,52 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def rows(quick: bool = False) -> list[Row]:
-    """All figures of trims."""
+    """All figures of models."""
     angles, peer_angles = (500, 2) if quick else (10_000, 100)
     with warnings.catch_warnings():
         # python-control counts the states that it is told to hold as constraints, and warns of too many of them.
         warnings.filterwarnings("ignore", "number of constraints", UserWarning)
-        return [_one_point(), *_many_points(angles, peer_angles), _optimizer(angles, peer_angles // 2)]
+        trims = [_one_point(), *_many_points(angles, peer_angles), _optimizer(angles, peer_angles // 2)]
+    return [*_startup(1 if quick else 11), *trims, _games(20 if quick else 1000)]
+
+
+def _startup(repeats: int) -> list[Row]:
+    """A trim, and the help, from nothing to the last line."""
+
+    def run(*words: str) -> None:
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+
+    hfa, peer = str(Path(sys.executable).with_name("hfa")), 'python -c "import control"'
+    found = []
+    for words in (("trim", "--dihedral", "15"), ("--help",)):
+        timing = in_turn(
+            lambda words=words: run(hfa, *words), lambda: run(sys.executable, "-c", "import control"), repeats=repeats
+        )
+        found.append(Row(f"`hfa {' '.join(words)}`, new process", f"`{peer}`", timing, 1.0))
+    return found
+
+
+def _games(count: int) -> Row:
+    """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver without one."""
+    from scipy.linalg import block_diag, solve_continuous_are
+
+    conditions = level_conditions(("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None])
+    flights = solve_level_flights(variant_named("published"), default_parameters().values, conditions)
+    index = [STATES.index(name) for name in LINEAR_STATES]
+    A, B = flights.A[:, index][:, :, index], flights.B[:, index]
+    game = published_game(A[count // 2], B[count // 2])
+    weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
+
+    def ours():
+        assert solve_games(A, B, game).certified.all()
+
+    def peer():
+        for a, b in zip(A[::5], B[::5], strict=True):
+            solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
+
+    timing = in_turn(ours, peer, units=count, peer_units=count / 5)
+    job = f"{count} game Riccati equations, certified"
+    return Row(job, "SciPy solve_continuous_are, no certificate", timing, 1 / 2.5)
 
 
 def peer_system():
@@ -112,17 +156,13 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
         )
     ]
     if c_compiler() is not None:
-        # 0.3 us a point was asked of the vector unit, where the peer takes 465.
-        for name, vector, target in (("generated C", False, 200.0), ("generated C on the vector unit", True, 1550.0)):
-            timing = in_turn(
-                lambda vector=vector: solve_level_flights(
-                    variant, parameters, conditions, compile_code=True, vector=vector
-                ),
-                peer,
-                units=count,
-                peer_units=peer_count,
-            )
-            found.append(Row(f"{count} dihedral angles, {name}", peer_name, timing, target))
+        timing = in_turn(
+            lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
+            peer,
+            units=count,
+            peer_units=peer_count,
+        )
+        found.append(Row(f"{count} dihedral angles, generated C", peer_name, timing, 200.0))
     found.append(
         Row(
             f"{count} dihedral angles with tracked modes, every residual and limit checked",

@@ -1,0 +1,231 @@
+"""Jobs that grow: Monte Carlo on all cores, on Dask beside the built-in pool, and cost and memory against size.
+
+`python -m benchmarks.jobs_scale sweep 1000` runs one job of that size and prints its time, memory and disk; the time
+is from an empty store to a full one, without the start of the process and the import of the libraries.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.flight_case import STEP, FlightCase
+from benchmarks.report import Comparison, Row, Size, in_turn, value_text
+from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.scenario import Scenario
+from controller.flight.uncertain import Uncertainty
+from controller.game.zero_sum import published_game
+from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+from controller.monte_carlo.stored_members import MonteCarloJob, fly_member, stream_monte_carlo
+from controller.policy.critic_policy import CriticPolicy, critic_law
+from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.signals import zero
+from controller.riccati.gare import solve_game
+from hfa_model.aircraft import Aircraft
+from hfa_model.parameters import default_parameters
+from hfa_model.vectors import State
+from hfa_support.jobs.layout import Layout
+from hfa_support.jobs.stream import stream
+from hfa_support.jobs.workers import workers as crew
+from trim.linear.linear_model import level_model
+from trim.point.condition import level_flight
+from trim.point.solve import find_operating_point
+from trim.sweeps.stored_sweep import stream_sweep
+from trim.sweeps.sweep_plan import Steps, SweepPlan
+
+_EFFICIENCY = 0.85
+#: A row of the largest job may cost this much more than one of the cheapest smaller one, and need as much memory.
+_LINEAR = 0.8
+#: The memory of the largest size is compared with that of the one before, of a few chunks.
+_SIZES, _QUICK_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000), (1, 3)
+#: A job of more rows takes minutes and is run once.
+_THRICE = 100_000
+#: Members of a chunk on Dask: half a second of a core.
+_CHUNK = 25
+_UNCERTAIN = Uncertainty(
+    errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
+    noise={"alpha": 0.001, "pitch_rate": 0.001},
+    turbulence=(1.0, 1750.0),
+)
+_EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
+#: Monitors that wake each worker 150 times a second by default and so take 2 % of its core (docs/scaling.md).
+_QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "2s",
+    "distributed.admin.tick.interval": "5s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.scheduler.work-stealing-interval": "1s",
+}
+
+
+def rows(quick: bool = False) -> list[Row]:
+    """All figures of scale."""
+    sizes = _QUICK_SIZES if quick else _SIZES
+    grown = [
+        row
+        for job, name in (("sweep", "points of a sweep into a store"), ("members", "members of 0.1 s into a store"))
+        for row in growth(name, [_median(job, count, 1 if quick or count > _THRICE else 3) for count in sizes])
+    ]
+    return [_monte_carlo(quick), *_dask(quick), *grown]
+
+
+def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
+    """The flight of `flight_case` by many members: 25 weights, 50 samples, step 1e-4 s, seven states at 5 degrees.
+
+    The envelope is as good as none, so that every member flies to the end.
+    """
+    case = FlightCase()
+    law = critic_law("published", CriticPolicy(case.law, zero(6)))
+    initial = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    scenario = Scenario(duration, STEP, 0.01, initial, case.reference, case.disturbance, uncertainty=_UNCERTAIN)
+    return _plan(members, 5.0, "linear", law, scenario, _EVERYWHERE)
+
+
+def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
+    """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
+    aircraft = Aircraft(default_parameters().values)
+    model = level_model(aircraft, float(np.radians(15.0)))
+    law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
+    scenario = Scenario(duration, uncertainty=_UNCERTAIN)
+    return _plan(members, 15.0, "nonlinear", law, scenario, flight_envelope(aircraft.parameters, model.point))
+
+
+def _plan(
+    members: int, degrees: float, plant: str, law: FlownLaw, scenario: Scenario, envelope: Envelope
+) -> MonteCarlo:
+    aircraft = Aircraft(default_parameters().values)
+    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
+    return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, scenario, envelope)
+
+
+def _monte_carlo(quick: bool) -> Row:
+    """As many processes as there are cores; their start, the compiled loop and the store: all of it counts."""
+    cores = os.cpu_count() or 1
+    workers = max(2, cores)
+    members, alone, duration, repeats = (4, 1, 0.05, 1) if quick else (40 * workers, 4, 20.0, 3)
+    plan = critic_plan(members, duration)
+
+    def stored() -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            store = stream_monte_carlo(plan, Path(folder) / "members.zarr", count=workers)
+            assert store.missing() == []
+            assert (store.read("flown") == duration).all(), "a member left: its flight was shorter"
+
+    def one_by_one() -> None:
+        for member in range(alone):
+            fly_member(plan, member)
+
+    timing = in_turn(stored, one_by_one, units=members, peer_units=alone, repeats=repeats)
+    job = f"Monte Carlo of that flight (errors, noise, turbulence) on {workers} processes, per member"
+    remark = f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of the processes"
+    return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
+
+
+class _HalfSeconds(MonteCarloJob):
+    """The job with chunks of half a second."""
+
+    @property
+    def layout(self) -> Layout:  # type: ignore[override]
+        return replace(super().layout, chunk=_CHUNK)
+
+
+def _dask(quick: bool) -> list[Row]:
+    """As many processes as there are cores on either side. The cluster is running; the pool is started by each job."""
+    import dask
+    from distributed import LocalCluster
+
+    workers = max(2, os.cpu_count() or 1)
+    peer = f"the built-in pool of {workers} processes"
+    members, duration, repeats = (3 * workers * _CHUNK, 0.05, 1) if quick else (1000, 20.0, 7)
+    plan, chunks = gain_plan(members, duration), 20 if quick else 2000
+    with (
+        dask.config.set(_QUIET),
+        LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+    ):
+        address = cluster.scheduler_address
+        _flown(plan, workers, scheduler=address)  # uncounted: the workers of a running cluster have their imports
+        pairs = [
+            (_flown(plan, workers, scheduler=address), _flown(plan, workers, count=workers)) for _ in range(repeats)
+        ]
+        empty = in_turn(
+            lambda: _hand_out(chunks, scheduler=address),
+            lambda: _hand_out(chunks, count=workers),
+            units=chunks,
+            peer_units=chunks,
+            repeats=3,
+        )
+    whole, steady = (Comparison.of(*([pair[side][at] for pair in pairs] for side in (0, 1))) for at in (0, 1))
+    job = f"{members} members on Dask, {workers} worker processes, nonlinear aircraft under a gain, per member"
+    remark = f"chunks of {_CHUNK} members, {_CHUNK * workers * steady.ours:.2f} s each"
+    return [
+        Row(job, peer, whole, 1.0, remark),
+        Row(f"{job}, in the steady state", peer, steady, None),
+        Row("an empty chunk on Dask", f"{peer}, its start included", empty, None),
+    ]
+
+
+def _flown(plan: MonteCarlo, workers: int, **where: Any) -> tuple[float, float]:
+    """Seconds a member: of the whole job, and from the time when each worker had finished a chunk."""
+    finished: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        start, path = time.perf_counter(), Path(folder) / "members.zarr"
+        store = stream(_HalfSeconds(plan), path, progress=lambda *_: finished.append(time.perf_counter()), **where)
+        assert store.missing() == []
+    rest = plan.members * (len(finished) - workers) / len(finished)
+    return (finished[-1] - start) / plan.members, (finished[-1] - finished[workers - 1]) / rest
+
+
+def _hand_out(chunks: int, **where: Any) -> None:
+    """Hand out empty chunks and hear that they are done."""
+    with crew(**where) as hands:
+        assert len(list(hands.run(abs, ((number, (-number,)) for number in range(chunks))))) == chunks
+
+
+def growth(name: str, sizes: list[Size]) -> list[Row]:
+    """Time and memory of the largest size against the best smaller one."""
+    *smaller, largest = sizes
+    cheapest, memory = min(size.seconds for size in smaller), smaller[-1].memory
+    time_row = Comparison(largest.seconds, cheapest, cheapest / largest.seconds)
+    remark = "; ".join(f"{size.rows}: {value_text(size.seconds, 's')}, {size.memory:.0f} MB" for size in sizes)
+    job, held = f"{largest.rows} {name}", Comparison(largest.memory, memory, memory / largest.memory)
+    return [
+        Row(f"{job}, per row", "the cheapest smaller size", time_row, _LINEAR, remark, sizes=tuple(sizes)),
+        Row(f"{job}, memory", f"{smaller[-1].rows} of them", held, _LINEAR, unit="MB"),
+    ]
+
+
+def _median(job: str, count: int, repeats: int) -> Size:
+    """The run of median time, each in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.jobs_scale", job, str(count)]
+    runs = [subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(repeats)]
+    return sorted((Size(**json.loads(run)) for run in runs), key=lambda run: run.seconds)[repeats // 2]
+
+
+def _sized(job: str, count: int) -> Size:
+    """Trims of `count` dihedral angles, or nonlinear flights of 0.1 s in turbulence, into a store."""
+    steps = Steps(0.0, float(np.radians(20.0)) / count, count)
+    with tempfile.TemporaryDirectory() as folder:
+        path, start = Path(folder) / "store.zarr", time.perf_counter()
+        if job == "sweep":
+            stream_sweep(SweepPlan({"dihedral": steps}, default_parameters().values, "published"), path)
+        else:
+            stream_monte_carlo(gain_plan(count, duration=0.1), path)
+        seconds = (time.perf_counter() - start) / count
+        disk = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / count
+    return Size(count, seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, disk)
+
+
+if __name__ == "__main__":
+    import zarr  # noqa: F401  # loaded before the clock starts, as in a session that works
+
+    print(json.dumps(_sized(sys.argv[1], int(sys.argv[2]))._asdict()))
