@@ -4,7 +4,7 @@ BIN := .venv/bin
 
 STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
-.PHONY: report studies test test-all test-matrix test-random fuzz lint bench notebooks lock clean
+.PHONY: report studies test test-all test-matrix fuzz lint bench notebooks lock clean
 
 .venv/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -26,30 +26,16 @@ test: .venv/ready
 test-all: .venv/ready
 	$(BIN)/python -m pytest
 
-# The files, and the tests of each, in ORDERS random orders, to the first with a failure: those of SEED, SEED + 1, ...
-# Which were tried, and what came of it, stays in out/orders.
-ORDERS ?= 1
-SEED := $(or $(SEED),$(shell date +%s))
-TESTS ?= tests
-test-random: .venv/ready
-	@mkdir -p out
-	@for seed in $$(seq $(SEED) $$(($(SEED) + $(ORDERS) - 1))); do \
-		said=failed; $(BIN)/python -m pytest -m "not slow" --no-loadscope-reorder --order $$seed $(TESTS) && said=passed; \
-		echo "SEED=$$seed TESTS=$(TESTS): $$said, $$(git describe --always --dirty)" | tee -a out/orders; \
-		[ $$said = passed ] || exit 1; \
-	done
-
-# Hostile inputs by every way in, continued where the last run was left; atheris guides them where it installs.
-FUZZ_INPUTS ?= 100000
-FUZZ_SECONDS ?= 3600
+# Many hostile inputs by every way in: numbers FIRST, FIRST + 1, ... of each.
+FUZZ_INPUTS ?= 250
+FIRST ?= 0
 fuzz: .venv/ready
-	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/support/fuzz.py --inputs $(FUZZ_INPUTS) --seconds $(FUZZ_SECONDS)
+	HOSTILE_INPUTS=$(FUZZ_INPUTS) HOSTILE_FIRST=$(FIRST) $(BIN)/python -m pytest tests/cli/test_hostile_inputs.py
 
-# The oldest and the newest versions of the dependencies, with every Python that is found (PYTHONS names them).
-PYTHONS ?=
+# The oldest and the newest versions of the dependencies, with every Python that is found.
 test-matrix: .venv/ready
-	$(BIN)/python tests/support/matrix.py $(PYTHONS)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check nox
+	$(BIN)/nox
 
 lint: .venv/ready
 	$(BIN)/ruff check .
@@ -64,7 +50,7 @@ bench: .venv/ready
 
 # Executes the notebooks and stores their outputs in them.
 notebooks: .venv/ready
-	$(BIN)/python tests/support/notebooks.py
+	$(BIN)/jupyter-execute --inplace --NotebookClient.record_timing=False examples/*.ipynb
 
 # Rewrites the exact versions from the lower bounds in pyproject.toml.
 lock:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import hashlib
 import os
 import signal
 import sys
@@ -35,18 +34,6 @@ from trim import OperatingPoint
 
 sys.dont_write_bytecode = False  # as above, for this process
 gc.set_threshold(50_000, 20, 20)  # what the test files load and define stays
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--order", metavar="SEED", help="run the files, and the tests of each, in a random order")
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if (seed := config.getoption("--order")) is not None:
-        items.sort(
-            key=lambda item: [hashlib.sha256(f"{seed} {it}".encode()).digest() for it in (item.path, item.nodeid)]
-        )
 
 
 def pytest_collection_finish() -> None:

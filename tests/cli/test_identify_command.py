@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from cli import Result, hfa, hfa_process
-from documents import ROOT, SOURCE, blocks_of, commands_of, difference
+from project import ROOT
 
 from hfa_cli.commands import identify
 from hfa_model import default_parameters, load_parameters
@@ -98,20 +98,6 @@ def test_its_entries_are_those_of_regenerate_under_the_same_names(identified: Ru
         assert set(other) <= set(one)
         assert (one["name"], one["printed"]) == (other["name"], other["printed"])
         assert one["computed"] == pytest.approx(other["computed"], rel=1e-7, abs=1e-12)
-
-
-def test_the_documents_show_what_it_prints(identified: Run) -> None:
-    shown = [
-        command
-        for path in sorted((ROOT / "docs").glob("*.md"))
-        for block in blocks_of(path.read_text(encoding="utf-8"))
-        if block.language == "console"
-        for command in commands_of(block)
-        if command.text == "hfa identify"
-    ]
-    assert shown
-    for command in shown:
-        assert difference(command.expected, SOURCE.sub("", identified.result.out)) == ""
 
 
 @pytest.mark.slow

@@ -12,8 +12,8 @@ import pytest
 import zarr
 from cli import hfa, written_json
 from controllers import small_controller
-from import_graph import ROOT, project_sources
 from jsonschema import Draft202012Validator
+from project import ROOT, project_sources
 from published_formats import assert_published, complaints_about
 
 from controller import save_controller

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from cli import Result, assert_refused, hfa
-from import_graph import ROOT
+from project import ROOT
 
 from hfa_cli.main import DONE, FAILED
 from hfa_model import default_parameters

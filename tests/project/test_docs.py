@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import re
 import runpy
-import weakref
 from pathlib import Path
 
-import documents
 import numpy as np
 import pytest
-from documents import ROOT, blocks_of, commands_of, complaints, difference
+from documents import blocks_of, complaints, difference
+from project import ROOT
 
 from hfa_cli.main import COMMANDS
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-#: Takes too long to run twice; test_identify_command.py runs it once and looks at the documents too.
-ELSEWHERE = ("hfa identify",)
 
 
 def text_of(path: Path) -> str:
@@ -26,7 +23,7 @@ def text_of(path: Path) -> str:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
 def test_blocks_run_and_print_what_is_shown(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert "\n\n".join(complaints(text_of(path), elsewhere=ELSEWHERE, name=path.name)) == ""
+    assert "\n\n".join(complaints(text_of(path), name=path.name)) == ""
     if path.stem == "README":
         assert_is_that_of_the_documents(tmp_path / "verify.png")
 
@@ -54,9 +51,8 @@ def headings(document: str) -> list[str]:
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_readme_names_every_command(command: str) -> None:
-    assert f"`hfa {command}" in text_of(ROOT / "README.md")
+def test_the_readme_names_every_command() -> None:
+    assert [name for name in COMMANDS if not re.search(rf"`(hfa )?{name}\b", text_of(ROOT / "README.md"))] == []
 
 
 def assert_is_that_of_the_documents(picture: Path) -> None:
@@ -117,26 +113,18 @@ hfa: --dihedral is 'abc'; give a number
 
 def test_a_sound_document_passes() -> None:
     assert complaints(SOUND) == []
-    block = blocks_of(SOUND)[-1]
-    assert [command.code for command in commands_of(block)] == [0, 0, 0, 2]
-    assert SOUND.splitlines()[block.line - 1] == "$ make test"
 
 
 @pytest.mark.parametrize(
     ("right", "wrong", "complaint"),
     [
         ("text\n2\n", "text\n3\n", "-3\n+2"),
-        ("text\n2\n", "text\n2\n2\n", "-2"),
-        ("text\n2\n", "text\n2.0\n", "-2.0"),
-        ("...\nend\n", "...\nEnd\n", "-End"),
         ("...\nend\n", "end\n", "+3"),
         ("text\n2\n", "json\n2\n", "is not shown"),
         ("a = 2", "a = b", "NameError"),
         ("python\na = 2", "txt\na = 2", "no python block before"),
-        ("a + 1", "A + 1", "NameError"),
         ("make test", "make tea", "no target 'tea'"),
         ("hfa --version\n...\n$ hfa --version", "hfa --version\n$ hfa --version", "+hfa 0"),
-        ("hfa --version\n...", "hfa --version\nhfa 99.9.9", "-hfa 99.9.9"),
         ("  # exit 2", "", "exit code 2 instead of 0"),
         ("give a number", "give another", "-hfa: --dihedral is 'abc'; give another"),
         ("$ make test", "$ ls", "neither hfa nor make"),
@@ -147,20 +135,6 @@ def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint:
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
-
-
-def test_what_a_document_holds_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    held: list[weakref.ref] = []
-    monkeypatch.setattr(documents, "held", held, raising=False)
-    lines = (
-        "import documents, weakref",
-        "class A: pass",
-        "a = A()",
-        "def f(): a",
-        "documents.held += [weakref.ref(a)]",
-    )
-    assert complaints("\n".join(["```python", *lines, "```", ""])) == []
-    assert [each() for each in held] == [None]
 
 
 def test_dots_stand_for_any_lines_and_for_nothing_else() -> None:

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from documents import ROOT
 from known_models import model_at
 from learning_samples import abscissa, random_start
+from project import ROOT
 from reference_riccati import relative_error
 
 from controller import Actuator, Design, Game, basis, design_model, learn, load_design

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from browser import browser, screenshot, seen_at, settles
 from cli import hfa
-from import_graph import ROOT
+from project import ROOT
 
 from hfa_cli.main import DONE
 

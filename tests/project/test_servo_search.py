@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from documents import ROOT
+from project import ROOT
 from servo_cases import A_Z
 
 from controller.design.design_file import read_design

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from documents import ROOT
 from known_models import model_at
+from project import ROOT
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 

@@ -8,10 +8,10 @@ import sys
 import zipfile
 
 import pytest
-from import_graph import LAYERS, ROOT
+from project import PACKAGES, ROOT
 
 DATA = {
-    *(f"{package}/py.typed" for package in LAYERS),
+    *(f"{package}/py.typed" for package in PACKAGES),
     *("hfa_model/parameters.toml", "hfa_model/printed_matrices.json"),
     "verification/experiments/section5.toml",
 }
@@ -23,7 +23,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     sources, wheels = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheels")
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, sources)
-    for package in LAYERS:
+    for package in PACKAGES:
         shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
     for stray in ("trim_results", "controller_old"):
         (sources / stray).mkdir()
@@ -36,12 +36,12 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
 
 def test_the_wheel_holds_our_packages_and_nothing_else(names: set[str]) -> None:
     tops = {name.partition("/")[0] for name in names}
-    assert {top for top in tops if not top.endswith(".dist-info")} == set(LAYERS)
-    assert len(tops) == len(LAYERS) + 1
+    assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
+    assert len(tops) == len(PACKAGES) + 1
 
 
 def test_the_wheel_holds_every_module_and_all_data(names: set[str]) -> None:
-    files = (path for package in LAYERS for path in (ROOT / package).rglob("*") if path.is_file())
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
     ours = {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
     assert ours >= DATA
     assert {name for name in names if ".dist-info/" not in name} == ours

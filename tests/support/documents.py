@@ -2,9 +2,9 @@
 
 A ```python block is run; a ```text block right after it is what it prints. In a ```console block, lines that begin
 with "$ " are commands, and the lines after a command are what it prints; "# exit 1" at the end of a command is its
-exit code. A line "..." stands for any number of lines, and the last line, which says
-where an output comes from, may be left out. The blocks of one document run in order, in one folder
-and one namespace; blocks in other languages, or in none, are not run.
+exit code. A line "..." stands for any number of lines, and the last line, which names where an output comes from, may
+be left out. The blocks of one document run in order, in one folder and one namespace; blocks in other languages, or in
+none, are not run.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import io
 import re
 import shlex
 import subprocess
-from collections.abc import Container
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from cli import hfa
+from project import ROOT
 
-ROOT = Path(__file__).parents[2]
-#: The lines at the end of an output that say where it comes from; a document need not show them.
+#: The lines at the end of an output that name where it comes from; a document need not show them.
 SOURCE = re.compile(r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M)
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.M | re.S)
+_COMMAND = re.compile(r"^\$ (.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 
 class Block(NamedTuple):
@@ -35,32 +35,9 @@ class Block(NamedTuple):
     line: int
 
 
-class Command(NamedTuple):
-    """One command of a console block: its words, exit code, expected output, and its line."""
-
-    text: str
-    code: int
-    expected: str
-    line: int
-
-
 def blocks_of(document: str) -> list[Block]:
     """The fenced blocks of a Markdown document, in order."""
-    return [
-        Block(match[1], match[2], document.count("\n", 0, match.start(2)) + 1) for match in _FENCE.finditer(document)
-    ]
-
-
-def commands_of(block: Block) -> list[Command]:
-    """The commands of a console block."""
-    commands: list[Command] = []
-    for offset, line in enumerate(block.text.splitlines(keepends=True)):
-        if line.startswith("$ "):
-            text, code = re.fullmatch(r"\$ (.*?)(?:\s+# exit (\d+))?\n", line).groups()  # type: ignore[union-attr]
-            commands.append(Command(text, int(code or 0), "", block.line + offset))
-        else:
-            commands[-1] = commands[-1]._replace(expected=commands[-1].expected + line)
-    return commands
+    return [Block(each[1], each[2], document.count("\n", 0, each.start(2)) + 1) for each in _FENCE.finditer(document)]
 
 
 def difference(expected: str, actual: str) -> str:
@@ -73,37 +50,33 @@ def difference(expected: str, actual: str) -> str:
     return "\n".join(difflib.unified_diff(lines, said.splitlines(), "the document", "what happens", lineterm="", n=1))
 
 
-def complaints(document: str, *, elsewhere: Container[str] = (), name: str = "document") -> list[str]:
-    """What is wrong with the blocks of a document; runs in the current folder, leaves files there.
-
-    elsewhere: commands that are checked in another place and not run here.
-    """
+def complaints(document: str, *, name: str = "document") -> list[str]:
+    """What is wrong with the blocks of a document; runs in the current folder, leaves files there."""
     namespace: dict[str, Any] = {"__name__": "__main__"}
-    found: list[str] = []
+    found = [
+        f"{name}, line {line}: {wrong}" for line, wrong in _complaints(blocks_of(document), namespace, name) if wrong
+    ]
+    namespace.clear()  # functions hold it: a file left open in it would warn in whichever test runs later
+    return found
+
+
+def _complaints(blocks: list[Block], namespace: dict[str, Any], name: str) -> Iterator[tuple[int, str]]:
     printed: str | None = None
-    for block in blocks_of(document):
-        where = f"{name}, line {block.line}"
+    for block in [*blocks, Block("", "", 0)]:
         if block.language == "text":
-            if printed is None:
-                found.append(f"{where}: no python block before this text prints it")
-            elif wrong := difference(block.text, printed):
-                found.append(f"{where}:\n{wrong}")
+            wrong = "no python block before this text prints it" if printed is None else difference(block.text, printed)
+            yield block.line, wrong
             printed = None
             continue
-        if printed:
-            found.append(f"{where}: what the python block before prints is not shown")
+        yield block.line, "what the python block before prints is not shown" if printed else ""
         printed = None
         if block.language == "python":
             printed, error = _run_python(block, namespace, name)
-            found += [f"{where}: {error}"] * bool(error)
+            yield block.line, error
         elif block.language == "console":
-            for command in commands_of(block):
-                if command.text not in elsewhere and (wrong := _wrong_with(command)):
-                    found.append(f"{name}, line {command.line}: $ {command.text}\n{wrong}")
-    if printed:
-        found.append(f"{name}: what the last python block prints is not shown")
-    namespace.clear()  # functions hold it: a file left open in it would warn in whichever test runs later
-    return found
+            for command in _COMMAND.finditer(block.text):
+                wrong = _wrong_with(command[1], int(command[2] or 0), command[3])
+                yield block.line, wrong and f"$ {command[1]}\n{wrong}"
 
 
 def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str, str]:
@@ -117,17 +90,17 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
     return out.getvalue(), ""
 
 
-def _wrong_with(command: Command) -> str:
-    words = shlex.split(command.text)
+def _wrong_with(command: str, code: int, expected: str) -> str:
+    words = shlex.split(command)
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
         return "\n".join(f"the Makefile has no target {word!r}" for word in words[1:] if word not in targets)
     if words[0] in ("cc", "size") or words[0].startswith("./"):
-        return difference(command.expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+        return difference(expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     if words[0] != "hfa":
         return "neither hfa nor make, cc, size or ./PROGRAM"
     result = hfa(*words[1:])
-    if result.code != command.code:
-        return f"exit code {result.code} instead of {command.code}: {result.err}"
-    said = result.out if SOURCE.search(command.expected) else SOURCE.sub("", result.out)
-    return difference(command.expected, said + result.err)
+    if result.code != code:
+        return f"exit code {result.code} instead of {code}: {result.err}"
+    said = result.out if SOURCE.search(expected) else SOURCE.sub("", result.out)
+    return difference(expected, said + result.err)

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from import_graph import ROOT
+from project import ROOT
 
 from hfa_support import BadInputError
 from hfa_support.reporting.text import Table

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import pytest
-from documents import ROOT
+from project import ROOT
 
 from verification.servo.servo_result import rows_of, servo_report
 

@@ -1,0 +1,61 @@
+"""`make test-matrix`: the oldest and the newest versions of the dependencies, with every Python that is found.
+
+Each session installs this project with its extras, at the lower bounds of pyproject.toml or at the newest versions that
+have wheels, compares numbers of the commands with those of the environment in .venv, and runs a part of the tests.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+
+import nox
+import numpy as np
+
+nox.options.error_on_missing_interpreters = False
+PROJECT = nox.project.load_toml("pyproject.toml")["project"]
+EXTRAS = ("distributed", "page", "proof", "completion")
+TOOLS = ("pytest", "pytest-xdist", "hypothesis", "jsonschema", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
+#: Command -> the arrays of its JSON that are compared.
+COMMANDS = {
+    "sweep --dihedral 0:20:1": ("A", "B", "operating_inputs"),
+    "linearize --dihedral 10 --dynamics newton": ("A", "B"),
+    "solve --dihedral 15": ("P", "K"),
+    "solve --dihedral 15 --design simvfa-1": ("P", "K"),
+    "learn --dihedral 15": ("P", "K"),
+}
+TESTS = (
+    *("tests/hfa_model", "tests/trim/linear", "tests/trim/sweeps", "tests/controller/riccati/test_gare.py"),
+    *("tests/verification/checker/test_checker.py", "tests/controller/flight"),
+)
+#: Of the largest number of an array.
+TOLERANCE = 1e-10
+
+
+def arrays(python: str, command: str) -> dict[str, np.ndarray]:
+    """What a command prints with an interpreter."""
+    words = [python, "-P", "-m", "hfa_cli", *command.split(), "--json"]
+    data = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+    return {name: np.array(data[name], dtype=float) for name in COMMANDS[command]}
+
+
+@nox.session(python=["3.11", "3.12", "3.13", "3.14"])
+@nox.parametrize("versions", ["oldest", "newest"])
+def matrix(session: nox.Session, versions: str) -> None:
+    """Install, compare, test; the lower bounds with the oldest Python alone."""
+    if versions == "oldest" and session.python != "3.11":
+        session.skip("the lower bounds have wheels for the oldest Python")
+    optional = PROJECT["optional-dependencies"]
+    wanted = [*PROJECT["dependencies"], *(each for extra in EXTRAS for each in optional[extra])]
+    if versions == "oldest":
+        wanted = [each.replace(">=", "==") for each in wanted]
+    session.install("--only-binary", ":all:", *wanted, *TOOLS)
+    session.install("--no-deps", "--no-build-isolation", "--editable", ".")
+    for command in COMMANDS:
+        ours, theirs = (arrays(python, command) for python in (".venv/bin/python", f"{session.bin}/python"))
+        for name, array in ours.items():
+            off = np.abs(array - theirs[name]).max() / np.abs(array).max()
+            if not off <= TOLERANCE:
+                session.error(f"hfa {command}: {name} differs by {off:.1e} of its largest number")
+    session.run("pytest", "-m", "not slow", "-n", "0", "-p", "no:cacheprovider", *TESTS, env=dict(os.environ))
