@@ -13,7 +13,7 @@ import argparse
 import math
 from argparse import ArgumentTypeError
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,14 +23,16 @@ from controller.policy.gain_table import GainTable, load_gains
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, number, parsed
 from hfa_cli.options.flight_family import add_flights, at_one_angle, family_of, interval_of
-from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of
+from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of, weights_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
+from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
 
 if TYPE_CHECKING:
+    from verification.checker.checker import Verified
     from verification.enclosures.trim_family import Family
 
 #: Statement -> options that do not belong to it.
@@ -94,11 +96,43 @@ def _check(arguments: argparse.Namespace) -> int:
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
-    # The certificate says which aircraft it is about; the output is not signed with that of the options.
+    of_certificate = (*options.OF_THE_TRIM, "parameters", "rate", "resume", "basis", "model")
+    options.refuse(
+        arguments, of_certificate, "does not go with --check: the certificate says which aircraft it is about"
+    )
+    # The output is not signed with the aircraft of the options.
     del arguments.parameters
-    found = checked_report(check_certificate(arguments.check, ProgressLine("check")))
-    show(found, arguments, target=arguments.output)
-    return 0 if found.data["proved"] else 1
+    found = check_certificate(arguments.check, ProgressLine("check"))
+    _require_same(found, arguments)
+    report = checked_report(found)
+    show(report, arguments, target=arguments.output)
+    return 0 if report.data["proved"] else 1
+
+
+def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
+    """Bind the certificate to the user's own data: --dihedral, --table, --delta, --Q, --R must be what it states."""
+    from controller.game.array_file import UNNAMED, PlantNames
+    from controller.game.basis import basis
+    from controller.game.critic_file import load_critic
+    from verification.proof.checked_report import require_same
+
+    if arguments.dihedral is not None:
+        ends = arguments.dihedral * (2 // len(arguments.dihedral))
+        require_same(found.statement, {"dihedral_deg": ends}, "--dihedral")
+    for name, value in weights_of(arguments).items():
+        require_same(found.statement.get("game", {}), {name: value}, f"--{name}")
+    if arguments.table is None:
+        return
+    claim, own = found.statement, dict[str, Any]()
+    if found.kind == "game":
+        plant = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS) if "imposed" in claim else UNNAMED
+        stored = load_critic(arguments.table, plant, basis("quadratic", len(claim["game"]["Q"])))
+        own = {key: value for key, value in stored._asdict().items() if value is not None}
+        own |= {"W": own["W"][:, None]} if "W" in own else {}
+    else:
+        table = _given_table(arguments, claim["imposed"]["speed"])
+        own = {key: getattr(table, key) for key in ("dihedral_deg", *"KMNX"[: 4 if found.kind == "schedule" else 1])}
+    require_same(claim["table"], own, f"--table {arguments.table}")
 
 
 def _certificate(arguments: argparse.Namespace) -> Path | None:
@@ -184,17 +218,22 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
     return named, family, degrees
 
 
-def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
-    from verification.flights.scheduling import certified_schedule
+def _given_table(arguments: argparse.Namespace, speed: float) -> GainTable:
+    """The gains of --table; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
     from verification.proof.servo_table import servo_table
 
     if arguments.design is not None:
-        if arguments.table is None:
-            raise BadInputError("--design goes with a controller; name its file by --table FILE.npz")
-        speed = family.condition(low).imposed["speed"]
         return servo_table(load_controller(arguments.table), arguments.design.actuators, speed)
+    return load_gains(arguments.table)
+
+
+def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
+    from verification.flights.scheduling import certified_schedule
+
+    if arguments.design is not None and arguments.table is None:
+        raise BadInputError("--design goes with a controller; name its file by --table FILE.npz")
     if arguments.table is not None:
-        return load_gains(arguments.table)
+        return _given_table(arguments, family.condition(low).imposed["speed"])
     angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
     made = certified_schedule(
         family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))

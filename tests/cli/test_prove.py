@@ -71,6 +71,33 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
     assert origin["parameter_hash"] == data["parameter_hash"]
 
 
+def test_a_certificate_is_bound_to_ones_own_data(certificates: dict[str, Path], tmp_path: Path) -> None:
+    """The same gains, weights and angles pass; others are exit 1, and what it does not state is exit 2."""
+    critic, schedule = str(certificates["critic"]), str(certificates["schedule"])
+    solved, table = str(certificates["critic"].parent / "solved.json"), tmp_path / "table.npz"
+    gains = {
+        name: np.array(json.loads(Path(schedule).read_text())["statement"]["table"][name])
+        for name in ("dihedral_deg", "K")
+    }
+    np.savez(table, **gains)
+    same = hfa("prove", "--check", critic, "--table", solved, "--delta", "200", "--dihedral", "15", "--json")
+    data = json.loads(same.out)
+    assert (same.code, data["game"]["delta"], len(data["table_sha256"])) == (0, 200.0, 64)
+    assert data["limits"]["throttle"] == [0.0, 200.0]
+    assert hfa("prove", "--check", schedule, "--table", str(table)).code == 0
+    gains["K"][0, 0, 0] = np.nextafter(gains["K"][0, 0, 0], 1.0)
+    np.savez(table, **gains)
+    for words, code in (
+        ((schedule, "--table", str(table)), 1),
+        ((schedule, "--dihedral", "14:15"), 1),
+        ((critic, "--delta", "201"), 1),
+        ((critic, "--Q", "1,2,3,4,5,6"), 1),
+        ((schedule, "--delta", "200"), 2),
+        ((schedule, "--speed", "70"), 2),
+    ):
+        assert_refused(hfa("prove", "--check", *words), code, "certificate")
+
+
 def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
     certificate = str(tmp_path / "newton.json")
     of_certificate = ("--dynamics", "newton", "--parameters", "gibson-2011-simulation", "--speed", "70")

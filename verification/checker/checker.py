@@ -22,23 +22,17 @@ from hfa_model.aircraft import compiled_dynamics
 from hfa_model.parameters import Parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, STATES
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.progress import Progress
 from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.balls import matrix, norm, pivots
 from verification.arithmetic.taylor_model import TaylorModel
+from verification.checker.structure import Content, check_structure
 
 SCHEMA = "hfa.certificate/5"
-Content = dict[str, Any]
 _LINEAR = [STATES.index(name) for name in LINEAR_STATES]
 _BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
-#: Kind of statement -> its lists of boxes; those of the second entry only where the statement has the key of the first.
-_LISTS = {
-    "schedule": ("dihedral_rate", ("loop", "modes", "least", "most"), ("motion",)),
-    "game": ("delta_min", ("solution", "loop"), ("modes", "value", "refused")),
-    "lpv": ("", ("cells",), ()),
-}
 
 
 class Rejected(NoSolutionError):
@@ -68,33 +62,33 @@ def sealed(head: str, origin: str) -> str:
 
 
 def check_certificate(path: Path, progress: Progress | None = None) -> Verified:
-    """BadInputError when the file is none or was edited; Rejected names the first box that fails."""
+    """BadInputError when the file is none or was edited; Rejected names what is not understood or not proved."""
     ctx.prec, where, covers, done = 256, "the statement", {}, 0
     try:
         content, text = read_json(path), path.read_text(encoding="utf-8")
-        origin, head = content["provenance"], text.rpartition(', "digest"')[0]
+        origin, closing = content["provenance"], ("digest", "provenance", "checksum")
+        head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
         edited = content["schema"] != SCHEMA or text != sealed(head, json.dumps(origin))
-        written = {key: origin[key] for key in ("version", "command", "date")}
+        written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error
     if edited:
         raise BadInputError(f"{path}: refused, the certificate was edited: its digest is that of other content")
     try:
+        check_structure(content)
         kind, claim, boxes = content["kind"], content["statement"], content["boxes"]
-        key, always, also = _LISTS[kind]
-        names = always + (also if key in claim else ())
         low, high = claim["dihedral_deg"]
-        for name in names:
-            covers[name] = [(*box["dihedral_deg"], box["unstable"]) for box in boxes[name]]
+        for name, own in boxes.items():
+            covers[name] = [(*box["dihedral_deg"], box["unstable"]) for box in own]
             runs = sorted([*(list(run[:2]) for run in covers[name]), *content.get("open", {}).get(name, ())])
             ends = [low, *chain(*runs), high]
             if ends != sorted(ends) or not (name in ("least", "most") or (runs and ends[::2] == ends[1::2])):
                 raise Rejected("the boxes and what is open do not cover the interval once")
-            for box in boxes[name]:
+            for box in own:
                 where, done = f"{name} from {box['dihedral_deg'][0]} to {box['dihedral_deg'][1]} deg", done + 1
                 _check_box(claim, name, box)
                 if progress is not None:
-                    progress(done, sum(len(boxes[each]) for each in names))
+                    progress(done, sum(map(len, boxes.values())))
         rate = min((box["rate"] for box in boxes.get("loop", ()) if not box["unstable"]), default=0.0)
     except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise Rejected(f"{path}: {where} is not proved: {error or type(error).__name__}") from error
@@ -135,8 +129,6 @@ def model_on(claim: Content, box: Content) -> dict[str, TaylorModel]:
     for name, x in (claim["imposed"] | {name: claim["parameters"][name] for name in Parameters._fields}).items():
         errors = [arb(width * (name == other)) for other, width in claim["spread"].items()]
         at[name] = TaylorModel(arb(x, abs(x) * reading), arb(0), arb(0), arb(0), *errors)
-    if at.keys() & {"dihedral", *free} or not claim["spread"].keys() <= at.keys():
-        raise Rejected("an unknown of the trim is imposed, or what has an error is none of the parameters")
     at["dihedral"] = TaylorModel((low + high) / 2 * degree, (high - low) / 2 * degree)
     for size in (0, 1):  # along the polynomials, and all about them
         for name, (c0, c1, c2, radius, *z) in box["trim"].items():
@@ -281,7 +273,10 @@ def _solution(game: Content, known: dict[str, TaylorModel], box: Content, sign: 
 
 def _weights(game: Content, B: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
     """S = B R⁻¹ B' - E E' / delta² of the Riccati equation A'P + P A + Q - P S P = 0, and R⁻¹ B'; K = R⁻¹ B' P."""
-    E, gain = matrix(game["E"]), matrix(game["R"]).inv() * B.transpose()
+    E, R = matrix(game["E"]), matrix(game["R"])
+    if -1 in _signs(R):
+        raise Rejected("R is not positive definite")
+    gain = R.inv() * B.transpose()
     return B * gain - E * E.transpose() * (1 / arb(game["delta"]) ** 2), gain
 
 

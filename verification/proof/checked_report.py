@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from hfa_model.parameters import NAMED, Parameters, named_parameters
 from hfa_model.provenance import parameter_hash
 from hfa_model.vectors import LINEAR_STATES
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from trim.point.condition import describe
@@ -35,6 +41,8 @@ def checked_report(found: Verified) -> Report:
     if "A" not in claim:
         about, of_aircraft = _aircraft(claim)
         parts, data = [about, *parts], data | of_aircraft
+    lines, stated = _stated(claim)
+    parts, data = [*parts, lines], data | stated
     parts = [*parts, "written by hfa {version} on {date}: {command}".format(**found.written)]
     return Report(title=f"{verdict}: {title}, {boxes} boxes", parts=parts, data=data)
 
@@ -47,6 +55,50 @@ def _aircraft(claim: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     flight = ", ".join(f"{held} {describe(held, value)}" for held, value in claim["imposed"].items())
     about = f"{claim['dynamics']} dynamics, parameters {name} ({digits})\ntrims at {flight}"
     return about, {"dynamics": claim["dynamics"], "parameters": name, "parameter_hash": digits}
+
+
+def _stated(claim: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """What the theorem is about beside the aircraft: hash of the gains or of the critic, limits, errors, the game."""
+    digest = _digest(claim["table"])
+    data: dict[str, Any] = {"table_sha256": digest}
+    lines = [f"table of {', '.join(key for key in claim['table'] if key not in 'MNX')}: SHA-256 {digest[:16]}"]
+    for key, what in (("limits", "limits of the trims"), ("spread", "half widths of the parameters")):
+        if claim.get(key):
+            data[key] = claim[key]
+            lines.append(f"{what}: " + ", ".join(f"{name} {_said(name, value)}" for name, value in claim[key].items()))
+    if "game" in claim:
+        data |= {"game": claim["game"]}
+        lines += [f"{key} = {_matrix_said(value)}" for key, value in claim["game"].items()]
+    return "\n".join(lines), data
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
+
+
+def _said(name: str, value: float | list[float]) -> str:
+    return " to ".join(describe(name, end) for end in value) if isinstance(value, list) else f"{value:.4g}"
+
+
+def _matrix_said(value: Any) -> str:
+    """A number; I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
+    if not isinstance(value, list):
+        return str(value)
+    matrix = np.array(value)
+    diagonal = np.diag(matrix)
+    if matrix.shape[0] == matrix.shape[1] and np.array_equal(matrix, np.diag(diagonal)):
+        return "I" if np.all(diagonal == 1.0) else f"diag({', '.join(f'{each:.10g}' for each in diagonal)})"
+    return f"matrix {matrix.shape[0]} x {matrix.shape[1]}, SHA-256 {_digest(value)[:16]}"
+
+
+def require_same(claim: dict[str, Any], own: Mapping[str, Any], what: str) -> None:
+    """NoSolutionError unless the user's own data, by name, is exactly that of the certificate's part."""
+    for name, value in own.items():
+        if name not in claim:
+            raise BadInputError(f"{what} gives {name}, which this certificate does not state; leave it out")
+        stated = np.inf if claim[name] == "inf" else claim[name]
+        if not np.array_equal(np.asarray(stated, dtype=float), np.asarray(value, dtype=float)):
+            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")
 
 
 def _schedule(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:

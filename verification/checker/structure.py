@@ -1,0 +1,228 @@
+"""What a certificate may hold: every key, shape, order, unit and number of it, required before any arithmetic.
+
+Whatever is not understood is refused, so that the checker computes with what it was written for and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hfa_model.parameters import Parameters
+from hfa_model.variants import VARIANTS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, UNITS
+from hfa_support.errors import NoSolutionError, shown
+
+Content = dict[str, Any]
+_VARIABLES = {*STATES, *INPUTS, "gamma"} - {"pitch"}
+_EQUATIONS, _X, _U = 4, len(LINEAR_STATES), len(INPUTS)
+_DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
+_FLIGHT = ("dynamics", "state_units", "input_units", "parameters", "spread", "imposed", "limits", "dihedral_deg")
+_BOX, _MODES, _ROOT = ("dihedral_deg", "unstable", "rate"), ("H", "turn"), ("units", "P", "reach", "H", "turn")
+#: Rounding that may make the lowest eigenvalue of a semidefinite Q negative, relative.
+_ROUNDING = 1e-12
+#: Kind -> the lists of boxes that it always has, and those that it may have.
+LISTS = {
+    "schedule": (("loop", "modes", "least", "most"), ("motion",)),
+    "game": (("solution", "loop"), ("modes", "value", "refused")),
+    "lpv": (("cells",), ()),
+}
+
+
+class Malformed(NoSolutionError):
+    """A certificate holds what is not understood."""
+
+
+def check_structure(content: Content) -> None:
+    """Malformed names the first part that is missing, unknown, of another shape, out of order or no finite number."""
+    kind = str(content.get("kind"))
+    _require(content.get("kind") in tuple(LISTS), "kind", kind)
+    closing = ("schema", "kind", "toolchain", "statement", "boxes", "digest", "provenance", "checksum")
+    _keys("the certificate", content, closing + ("open",) * (kind == "schedule"))
+    claim, boxes = content["statement"], content["boxes"]
+    also = {"schedule": "dihedral_rate", "game": "delta_min", "lpv": ""}[kind]
+    more = isinstance(claim, dict) and also in claim
+    extra = {"schedule": ("dihedral_rate", "lyapunov"), "game": ("delta_min",), "lpv": ()}[kind] if more else ()
+    own = ("table",) if kind == "schedule" else ("table", "game", "distances")
+    plant = kind == "game" and isinstance(claim, dict) and "A" in claim
+    _keys("the statement", claim, (("A", "B", "dihedral_deg") if plant else _FLIGHT) + own + extra)
+    low, high = _numbers("dihedral_deg", claim["dihedral_deg"], (2,)).tolist()
+    _require(low == high if kind == "game" else low < high, "dihedral_deg", [low, high])
+    n, m, free = _X, _U, set[str]()
+    if plant:
+        n = len(claim["A"]) if isinstance(claim["A"], list) else 0
+        m = _numbers("B", claim["B"], (n, None)).shape[1]
+        _numbers("A", claim["A"], (n, n))
+        _require(low == 0.0, "dihedral_deg", low)
+    else:
+        free = _flight(claim, spread=kind == "schedule")
+    if kind == "schedule":
+        size = _schedule(claim)
+        intervals = _keys("open", content["open"], LISTS[kind][0][:2], LISTS[kind][1] if more else ())
+        for name, gaps in intervals.items():
+            _numbers(f"open {name}", gaps, (None, 2), empty=True)
+    else:
+        size = n
+        _game(kind, claim, n, m)
+    _keys("boxes", boxes, LISTS[kind][0] + LISTS[kind][1] * more)
+    for name, each in boxes.items():
+        count = len(each) if isinstance(each, list) else -1
+        _require(count == 1 if kind == "game" else count >= (kind == "lpv"), name)
+        for place, box in enumerate(each):
+            _box(f"{name} {place}", kind, name, box, claim, free, (n if name in ("modes", "least", "most") else size))
+
+
+def _flight(claim: Content, *, spread: bool) -> set[str]:
+    """The unknowns of the trims of a flight; everything else of them is imposed, once."""
+    dynamics = claim["dynamics"]
+    _require(isinstance(dynamics, str) and dynamics in VARIANTS, "dynamics", dynamics)
+    for key, names in (("state_units", LINEAR_STATES), ("input_units", INPUTS)):
+        _require(claim[key] == [UNITS[name] for name in names], key, claim[key])
+    _table("parameters", claim["parameters"], set(Parameters._fields))
+    widths = claim["spread"]
+    known = isinstance(widths, dict) and widths.keys() <= set(Parameters._fields) and (spread or not widths)
+    _require(known and min(_table("spread", widths, set(widths)), default=1.0) > 0.0, "spread", widths)
+    imposed = claim["imposed"]
+    _require(isinstance(imposed, dict) and imposed.keys() < _VARIABLES - {"dihedral"}, "imposed", imposed)
+    _table("imposed", imposed, set(imposed))
+    free = _VARIABLES - {"dihedral"} - set(imposed)
+    still = [imposed.get(name) for name in ("pitch_rate", "dihedral_rate")] == [0.0, 0.0]
+    _require(len(free) == _EQUATIONS and still, "imposed", imposed)
+    limits = _keys("limits", claim["limits"], tuple({*INPUTS, *free}))
+    for name, ends in limits.items():
+        _require(bool(np.all(np.diff(_numbers(f"limits of {name}", ends, (2,))) > 0.0)), f"limits of {name}", ends)
+    return free
+
+
+def _schedule(claim: Content) -> int:
+    """The table of gains over increasing angles, and of a rate the table of P; returns the size of the loop."""
+    table = _keys("table", claim["table"], ("dihedral_deg", *"KMNX"))
+    angles = _angles("table", table["dihedral_deg"])
+    n = _numbers("K", table["K"], (angles, _U, None)).shape[2]
+    _require(n >= _X, "K", f"{n} columns")
+    for key, shape in {"M": (n, n), "N": (n, _X), "X": (_X, n)}.items():
+        _numbers(key, table[key], (angles, *shape))
+    if "dihedral_rate" in claim:
+        rate = float(_numbers("dihedral_rate", claim["dihedral_rate"], ()))
+        lyapunov = _keys("lyapunov", claim["lyapunov"], ("dihedral_deg", "P"))
+        _numbers("P", lyapunov["P"], (_angles("lyapunov", lyapunov["dihedral_deg"]), n, n))
+        _require(rate > 0.0, "dihedral_rate", rate)
+    return n
+
+
+def _game(kind: str, claim: Content, n: int, m: int) -> None:
+    """The game, what is compared with its solution, and the distances that are claimed."""
+    game = _keys("game", claim["game"], ("Q", "R", "E", "delta"))
+    Q, R = _numbers("Q", game["Q"], (n, n)), _numbers("R", game["R"], (m, m))
+    _numbers("E", game["E"], (n, None))
+    _require(bool(np.all(Q == Q.T)) and np.linalg.eigvalsh(Q)[0] >= -_ROUNDING * np.abs(Q).max(), "Q")
+    _require(bool(np.all(R == R.T)), "R")
+    _require(game["delta"] == "inf" or float(_numbers("delta", game["delta"], ())) > 0.0, "delta", game["delta"])
+    if "delta_min" in claim:
+        bracket = _numbers("delta_min", claim["delta_min"], (2,))
+        _require(0.0 < bracket[0] < bracket[1], "delta_min", claim["delta_min"])
+    shapes: dict[str, tuple[int | None, ...]] = {"W": (None, 1), "P": (n, n), "K": (m, n)}
+    if kind == "lpv":
+        shapes = {"A": (n, n), "B": (n, m), "inputs": (m, 1), "K": (m, n)}
+        table = _keys("table", claim["table"], ("dihedral_deg", *shapes))
+        angles = _angles("table", table["dihedral_deg"])
+        shapes = {key: (angles, *shape) for key, shape in shapes.items()}
+        compared = _keys("distances", claim["distances"], tuple(shapes))
+    else:
+        table = _keys("table", claim["table"], tuple("KMNX"), ("W", "P"))
+        compared = _keys("distances", claim["distances"], (), tuple(shapes.keys() & table.keys()))
+        for key in "MNX":  # the loop of a game is A - B K
+            _require(not _numbers(key, table[key], (n, n)).any(), key)
+    for key in shapes.keys() & table.keys():
+        values = _numbers(key, table[key], shapes[key])
+        _require(key != "W" or len(values) >= n * (n + 1) // 2, "W", f"{len(values)} weights")
+    for key, ends in compared.items():
+        least, most = _numbers(f"distances of {key}", ends, (2,)).tolist()
+        _require(0.0 <= least <= most, f"distances of {key}", ends)
+    _require(bool(compared), "distances", compared)
+
+
+def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[str], n: int) -> None:
+    """One box: its angles, what is unstable, its trims, the entries of A and B, and what proves it."""
+    keys = _BOX + (("decimals", "trim") if free else ()) + (("A", "B") if kind != "game" else ())
+    if name == "refused" and isinstance(box, dict) and "axis" in box:
+        keys += ("axis",)
+        _numbers(f"{where}: axis", box["axis"], (None,))
+    elif name in ("solution", "value", "refused", "cells"):
+        keys += _ROOT
+    else:
+        keys += ("turn",) if name == "motion" else _MODES
+    _keys(where, box, keys)
+    low, high = _numbers(f"{where}: dihedral_deg", box["dihedral_deg"], (2,)).tolist()
+    _require(low <= high if kind == "game" else low < high, f"{where}: dihedral_deg", [low, high])
+    counted = type(box["unstable"]) is int and 0 <= box["unstable"] <= n
+    _require(counted and (name in ("loop", "modes", "least", "most") or box["unstable"] == 0), f"{where}: unstable")
+    rate = float(_numbers(f"{where}: rate", box["rate"], ()))
+    _require(rate == 0.0 or (kind == "schedule" and name != "motion"), f"{where}: rate", rate)
+    if free:
+        _require(type(box["decimals"]) is bool, f"{where}: decimals", box["decimals"])
+        for unknown, parts in _keys(f"{where}: trim", box["trim"], tuple(free)).items():
+            found = _numbers(f"{where}: {unknown}", parts, (4 + len(claim["spread"]),), decimals=kind == "game")
+            _require(found[3] > 0.0, f"{where}: radius of {unknown}", parts[3])
+    for key, columns in (("A", _X), ("B", _U)) if kind != "game" else ():
+        _numbers(f"{where}: {key}", box[key], (_X, columns, 2))
+    for key in ("H", "turn"):
+        if key in keys:
+            _numbers(f"{where}: {key}", box[key], (n, n))
+    if "reach" in keys:
+        parts = _numbers(f"{where}: P", box["P"], (None, n, n), decimals=True)
+        _require(len(parts) == 1 if kind == "game" else len(parts) == 3, f"{where}: P", f"{len(parts)} parts")
+        sizes = [*_numbers(f"{where}: units", box["units"], (n,)), float(_numbers(f"{where}: reach", box["reach"], ()))]
+        _require(min(sizes) > 0.0, f"{where}: units or reach")
+
+
+def _angles(where: str, angles: Any) -> int:
+    """The number of angles, two at least, that increase."""
+    found = _numbers(f"{where}: dihedral_deg", angles, (None,)).tolist()
+    _require(len(found) >= 2 and all(a < b for a, b in pairwise(found)), f"{where}: dihedral_deg", found)
+    return len(found)
+
+
+def _keys(where: str, table: Any, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> Content:
+    """A table with these entries and no others."""
+    _require(isinstance(table, dict), where, table)
+    odd = sorted(({*names} - table.keys()) | (table.keys() - {*names, *optional}))
+    _require(not odd, f"{where}: missing or unknown entry", odd[:1])
+    return dict(table)
+
+
+def _table(where: str, table: Any, names: set[str]) -> list[float]:
+    """The numbers of a table of names."""
+    return [float(_numbers(f"{where}: {name}", x, ())) for name, x in _keys(where, table, tuple(names)).items()]
+
+
+def _numbers(
+    where: str, value: Any, shape: tuple[int | None, ...], *, decimals: bool = False, empty: bool = False
+) -> np.ndarray:
+    """A nested list of finite numbers with this shape, None: any length but 0; of decimals in quotes where allowed."""
+
+    def walk(part: Any, left: tuple[int | None, ...]) -> Any:
+        if left:
+            fits = isinstance(part, list) and (len(part) == left[0] if left[0] is not None else len(part) or empty)
+            _require(bool(fits), where, part)
+            return [walk(each, left[1:]) for each in part]
+        if decimals and isinstance(part, str) and _DECIMAL.fullmatch(part):
+            part = float(part)
+        _require(type(part) in (int, float) and abs(part) <= 1e300 and math.isfinite(part), where, part)
+        _require(type(part) is float or abs(part) <= 2**53, where, part)
+        return float(part)
+
+    try:
+        return np.array(walk(value, shape))
+    except ValueError as error:  # a dimension without a fixed length whose rows differ
+        raise Malformed(f"{where} has rows that differ in length") from error
+
+
+def _require(holds: bool, where: str, value: Any = None) -> None:
+    if not holds:
+        said = "" if value is None else f" ({shown(value)})"
+        raise Malformed(f"{where} is not what a certificate holds{said}")
