@@ -20,8 +20,7 @@ from .flight.scenario import Scenario as Scenario
 from .flight.simulate import fly as fly
 from .flight.uncertain import Uncertainty as Uncertainty
 from .game.basis import Basis as Basis, basis as basis
-from .game.critic_file import load_critic as load_critic, load_history as load_history
-from .game.history import History as History
+from .game.critic_file import History as History, load_critic as load_critic, load_history as load_history
 from .game.learning_result import LearningResult as LearningResult
 from .game.model_file import load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game

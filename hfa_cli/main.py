@@ -134,7 +134,7 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)
     others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)
     said = [f"while computing: {text}; check the result" for text in others][:_MOST_NOTES]
-    say_notes(on_one_line(text) for text in (*own, *said))
+    say_notes((*own, *said))
 
 
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:

@@ -6,13 +6,14 @@ import sys
 import time
 from collections.abc import Iterable
 
+from hfa_support.errors import on_one_line
 from hfa_support.streams import say_aside
 
 
 def say_notes(warnings: Iterable[str]) -> None:
     """What a user should know before trusting a result, on standard error, a line each."""
     for warning in warnings:
-        say_aside(f"hfa: note: {warning}")
+        say_aside(f"hfa: note: {on_one_line(warning)}")
 
 
 #: Seconds: of work from which its length is estimated, and from which it is announced.

@@ -1,9 +1,15 @@
-"""Arrays by name in .json, .npz, .mat and .csv files, whatever is in them: arrays, or one line that says why not.
+"""Arrays by name in .json, .npz, .npy, .mat and .csv files: one reader a format, one mapping name -> value.
 
-A file may say its units: what was written in m is used in ft on a plant that is in ft."""
+Whatever a file holds, the answer is that mapping or one line that says what is wrong with the file.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import re
+import subprocess
 import sys
 import warnings
 import zipfile
@@ -13,69 +19,242 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.basis import Basis
-from controller.game.csv_file import read_csv
-from controller.game.mat_file import read_mat
-from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import LARGEST, read_json, regular_file
+from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, regular_file
 from hfa_support.reporting.unit_system import si_factor, si_unit
+
+#: Of a plant, in files beside A.csv, and of a critic: what a .csv or .npy file without names in it holds by its own.
+PLANT, CRITIC = ("A", "B", "E", "Q", "R", "delta"), ("W", "P", "K", "weights")
+#: Entries whose words are printed: names of states and inputs, and their units.
+_PRINTED = ("states", "inputs", "state_labels", "input_labels", "state_units", "input_units")
+#: Header of a .csv with several matrices.
+_LONG = ("matrix", "row", "column", "value")
+#: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
+_STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
+#: s; a .mat file of 1 GiB takes a few.
+_LONGEST = 60.0
+_CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Name -> value, of JSON as Python has it, else an array. Raises BadInputError, one line that names the file."""
+    """Name -> array, of JSON as Python has it, of a structure a mapping. BadInputError, one line that names the file.
+
+    .npy and plain .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on beside it.
+    .csv: a first row and a first column of words are names, with units as in "speed [ft/s]"; columns matrix, row,
+    column, value hold several matrices; any other table is `time` and columns W1 ..., K11 ..., P11 ..., else `columns`.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:
         raise BadInputError(f"{path}: the suffix {Path(path).suffix!r} is not known; use {', '.join(_READERS)}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # NumPy on headers that it would have written otherwise
-            return _READERS[suffix](path)
+            found = _READERS[suffix](Path(path))
+            for key in _PRINTED:
+                for word in words(found, key):
+                    if not word.isprintable():
+                        raise ValueError(f"{key} has the name {shortened(ascii(word))}, which cannot be printed")
+            return found
     except (FileNotFoundError, IsADirectoryError) as error:
         raise BadInputError(f"{path}: there is no such file") from error
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror})") from error
-    except NotImplementedError as error:
-        raise BadInputError(f"{path}: MATLAB 7.3 files cannot be read; save with the option -v7") from error
     except BadInputError:
         raise
     except Exception as error:  # a damaged file makes the readers raise nearly anything
-        raise BadInputError(f"{path}: cannot be read as {suffix} ({_first_line(error)})") from error
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise BadInputError(f"{path}: cannot be read as {suffix} ({shortened(said, 200)})") from error
 
 
-def _json(path: str | Path) -> dict[str, Any]:
+def _json(path: Path) -> dict[str, Any]:
     content = read_json(path)
     if not isinstance(content, dict):
         raise ValueError("it must be an object with keys such as A and B")
     return content
 
 
-def _npz(path: str | Path) -> dict[str, Any]:
+def _npz(path: Path) -> dict[str, Any]:
     with regular_file(path).open("rb") as file, zipfile.ZipFile(file) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
             raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
             found = {key: arrays[key] for key in arrays.files}
-    for key, array in found.items():
-        if array.dtype.kind == "U" and array.nbytes:
-            letters = np.ascontiguousarray(array).view(f"{array.dtype.str[0]}u4")
-            if letters.max() > sys.maxunicode:  # printed, they end in an error of the interpreter
-                raise ValueError(f"{shortened(key)} holds letters that are none")
+    for array in found.values():
+        if array.dtype.kind == "U":
+            array.tolist()  # ValueError for letters beyond Unicode
     return found
 
 
-_READERS: dict[str, Callable[[str | Path], dict[str, Any]]] = {
+def _npy(path: Path) -> dict[str, Any]:
+    return {name: np.load(regular_file(each), allow_pickle=False) for name, each in _beside(path).items()}
+
+
+def _mat(path: Path) -> dict[str, Any]:
+    """As SciPy reads it in a process of its own, which a damaged file may crash or hang."""
+    words_of_child = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
+    try:
+        done = subprocess.run(words_of_child, capture_output=True, timeout=_LONGEST)
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"reading it takes longer than {_LONGEST:g} s") from error
+    if done.returncode:
+        said = done.stderr.decode("utf-8", "replace").strip() if done.returncode == 1 else ""
+        raise ValueError(said or "it is damaged: SciPy crashes on it")
+    found: dict[str, Any] = {}
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
+        for place, (*above, name) in enumerate(json.loads(str(arrays["paths"]))):
+            inside = found
+            for each in above:
+                inside = inside.setdefault(each, {})
+            inside[name] = arrays[str(place)]
+    return found
+
+
+def _beside(path: Path) -> dict[str, Path]:
+    """Name -> file of the matrices that a file without names in it stands for."""
+    if path.stem not in (*PLANT[:1], *CRITIC):
+        raise ValueError("it holds the matrix that its name says: A with B beside it, or K, P, W; rename it")
+    others = [path.with_name(name + path.suffix) for name in PLANT] if path.stem == "A" else []
+    return {path.stem: path, **{each.stem: each for each in others if each.is_file() and each != path}}
+
+
+def _csv(path: Path) -> dict[str, Any]:
+    rows = _cells(path)
+    first = rows[0] if rows else [""]
+    if set(_LONG) <= set(first):
+        return _entry_by_entry(rows)
+    if path.stem not in (*PLANT[:1], *CRITIC) or first[0].strip().lower().startswith("t"):
+        return _over_time(rows)
+    sides, matrices = {}, {}
+    for name, each in _beside(path).items():
+        matrices[name], *sides[name] = _plain(name, rows if each == path else _cells(each))
+    return _named(sides) | matrices
+
+
+def _cells(path: Path) -> list[list[str]]:
+    with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
+        return [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+
+
+def _entry_by_entry(rows: list[list[str]]) -> dict[str, Any]:
+    """Matrices from rows (matrix, row, column, value), in the order in which names of rows and columns come.
+
+    A column "unit" says the units of the states, by the columns of A, P and K: the last brackets of (rad)/(ft/s).
+    """
+    places = [rows[0].index(name) for name in _LONG]
+    unit = rows[0].index("unit") if "unit" in rows[0] else None
+    entries: dict[str, dict[tuple[str, str], str]] = {}
+    units: dict[str, str] = {}
+    for line in rows[1:]:
+        if len(line) != len(rows[0]):
+            raise ValueError(f"a row has {len(line)} cells and the header {len(rows[0])}")
+        name, row, column, value = (line[place] for place in places)
+        if (row, column) in entries.setdefault(name, {}):
+            raise ValueError(f"{name}({row}, {column}) comes twice")
+        entries[name][row, column] = value
+        if unit is not None and name in ("A", "P", "K") and (match := re.search(r"\(([^()]*)\)+$", line[unit])):
+            units[column] = match[1]
+    sides, matrices = {}, {}
+    for name, cells in entries.items():
+        if name in (*PLANT, *CRITIC):  # and not offsets and outputs
+            rows_of, columns = (list(dict.fromkeys(side)) for side in zip(*cells, strict=True))
+            if len(cells) != len(rows_of) * len(columns):
+                raise ValueError(f"{name} has {len(cells)} entries for {len(rows_of)} rows and {len(columns)} columns")
+            table = [[cells[row, column] for column in columns] for row in rows_of]
+            matrices[name] = _numbers(name, table, len(columns))
+            sides[name] = [rows_of, columns]
+    return {"state_units": list(units.values())} | _named(sides) | matrices
+
+
+def _plain(name: str, rows: list[list[str]]) -> tuple[np.ndarray, list[str], list[str]]:
+    """The matrix, and the names of its rows and columns, [] where it has none."""
+    columns: list[str] = []
+    if rows and not any(map(_is_number, rows[0])):
+        columns, rows = rows[0], rows[1:]
+    beside = [row[0] for row in rows] if rows and len(rows[0]) > 1 else []
+    if any(map(_is_number, beside)):
+        beside = []
+    if beside:
+        rows, columns = [row[1:] for row in rows], columns[1:]
+    return _numbers(name, rows, len(columns or next(iter(rows), []))), beside, columns
+
+
+def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
+    """Names and units of states, from A, and inputs, from B. ValueError where the states are in another order."""
+    parts = {
+        name: [[re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side] for side in both]
+        for name, both in sides.items()
+    }
+    A, B = parts.get("A", [[], []]), parts.get("B", [[], []])
+    found = {}
+    for kind, pairs in (("state", A[0] or A[1]), ("input", B[1])):
+        if pairs:
+            found[f"{kind}s"] = [name for name, _ in pairs]
+        if pairs and all(unit for _, unit in pairs):
+            found[f"{kind}_units"] = [unit for _, unit in pairs]
+    known = found.get("states", [])
+    for matrix, both in parts.items():
+        for side in _STATES.get(matrix, ()):
+            here = [name for name, _ in both[side]]
+            if here != known and sorted(here) == sorted(known):
+                where = f"the {('rows', 'columns')[side]} of {matrix}"
+                raise ValueError(f"{where} are {', '.join(here)} and A has {', '.join(known)}; give one order")
+    return found
+
+
+def _over_time(rows: list[list[str]]) -> dict[str, Any]:
+    """`time`, from the first column, and the columns named W1 ..., K11 ... or P11 ... by letter, else all others."""
+    alone = "a matrix without times goes into a file called A.csv, P.csv or K.csv, weights into W.csv"
+    names: list[str] = []
+    if rows and not _is_number(rows[0][0]):
+        names, rows = [cell.strip() for cell in rows[0]], rows[1:]
+        if not names[0].lower().startswith("t"):
+            raise ValueError(f"the first column is {shortened(names[0])!r}; it must be the time; {alone}")
+    used = [place for place, name in enumerate(names) if re.match(r"[WPK][\d_( ]", name)]
+    width = len(names or next(iter(rows), []))
+    table = _numbers("the table", rows, width, [0, *(used or range(1, width))])
+    if not used:
+        return {"time": table[:, 0], "columns": table[:, 1:]}
+    found: dict[str, Any] = {"time": table[:, 0]}
+    for letter in dict.fromkeys(names[place][0] for place in used):
+        columns = [column for column, place in enumerate(used, start=1) if names[place][0] == letter]
+        found[letter] = table[:, columns]
+        found[f"units of {letter}"] = [names[used[each - 1]].partition("[")[2].removesuffix("]") for each in columns]
+    return found
+
+
+def _numbers(name: str, rows: list[list[str]], width: int, used: list[int] | None = None) -> np.ndarray:
+    """The numbers in these columns, by default in all, of rows of `width` cells."""
+    if not rows:
+        raise ValueError(f"{name} has no numbers")
+    places = range(width) if used is None else used
+    for line, row in enumerate(rows, start=1):
+        if len(row) != width:
+            raise ValueError(f"{name} has {len(row)} cells in row {line} of numbers and {width} before")
+        for place in places:
+            if not _is_number(row[place]):
+                cell = f"{shortened(row[place])!r} in row {line} of numbers, column {place + 1}"
+                raise ValueError(f"{name} has {cell}; give numbers, with commas between them")
+    return np.array([[float(row[place]) for place in places] for row in rows])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
     ".json": _json,
     ".npz": _npz,
-    ".mat": lambda path: read_mat(regular_file(path).read_bytes()),
-    ".csv": read_csv,
+    ".npy": _npy,
+    ".mat": _mat,
+    ".csv": _csv,
 }
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).splitlines()
-    return shortened(lines[0], 200) if lines else type(error).__name__
+#: Suffixes of the files that `read_arrays` reads.
+MATRIX_FILES = tuple(_READERS)
 
 
 def real_array(name: str, value: Any) -> np.ndarray:
@@ -89,9 +268,30 @@ def real_array(name: str, value: Any) -> np.ndarray:
     return array.astype(float)
 
 
-def found_in(stored: dict[str, Any]) -> str:
+def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.ndarray:
+    """The value as a read-only array of floats. BadInputError where it is none, or a number not finite or too large."""
+    array = real_array(name, value)
+    if array.ndim != ndim:
+        raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        place = "".join(f"[{index}]" for index in bad[0])
+        raise BadInputError(f"{name}{place} is {array[tuple(bad[0])]}; every entry must be finite")
+    if (found := np.abs(array).max(initial=0.0)) > largest:
+        raise BadInputError(f"{name} has an entry of {found:g}; entries must not exceed {largest:g}")
+    array.setflags(write=False)
+    return array
+
+
+def found_in(stored: Mapping[str, Any]) -> str:
     """For a message: the names in a file."""
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"
+
+
+def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """The texts of an entry; () where it holds anything else."""
+    said = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()  # of JSON: rows may differ in length
+    return tuple(said) if all(isinstance(word, str) for word in said) else ()
 
 
 class PlantNames(NamedTuple):
@@ -118,51 +318,17 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
                 f"its {key} are in the order {shortened(', '.join(said), 200)}; those of the plant are "
                 f"{shortened(', '.join(own), 200)}: reorder the matrices, or leave {key} out of the file"
             )
-    scales = np.ones(len(plant.state_units))
-    units = words(stored, "state_units")
-    if len(units) != len(plant.state_units):
+    scales, units = np.ones(len(plant.state_units)), words(stored, "state_units")
+    if len(units) != len(scales):
         return scales
     for place, (unit, own) in enumerate(zip(units, plant.state_units, strict=True)):
-        if "" in (unit, own) or unit == own:
-            continue
-        if si_unit(own) == unit:
+        if si_unit(own) == unit != own:
             scales[place] = si_factor(own)
-        elif si_unit(unit) == own:
+        elif si_unit(unit) == own != unit:
             scales[place] = 1.0 / si_factor(unit)
-        else:
+        elif "" not in (unit, own) and unit != own:
             raise BadInputError(
                 f"state {place + 1} is in {shortened(unit)} and that of the plant in {own}; convert it, or leave "
                 "state_units out of the file"
             )
     return scales
-
-
-def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else."""
-    said = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()  # of JSON: rows may differ in length
-    return tuple(said) if all(isinstance(word, str) for word in said) else ()
-
-
-def aircraft_scales(names: Mapping[str, tuple[str, ...]], size: int) -> np.ndarray:
-    """s with x_file = s x, (size,), x in the units of the paper: of a plant with the aircraft's states; else 1."""
-    if names.get("states") != LINEAR_STATES:
-        return np.ones(size)
-    try:
-        return file_scales(names, PlantNames(state_units=LINEAR_UNITS))
-    except BadInputError:
-        return np.ones(size)
-
-
-def in_scales(critic: Mapping[str, np.ndarray], scales: np.ndarray, functions: Basis | None) -> dict[str, np.ndarray]:
-    """W ψ(s x), (s x)' P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m, n) by name.
-
-    functions: of W; what has not the shape of the plant stays as it is, and is refused where it is used.
-    """
-    found, n = dict(critic), len(scales)
-    if "K" in found and found["K"].shape[-1] == n:
-        found["K"] = found["K"] * scales
-    if "P" in found and found["P"].shape[-2:] == (n, n):
-        found["P"] = found["P"] * np.outer(scales, scales)
-    if "W" in found and functions is not None and found["W"].shape[-1] == functions.size:
-        found["W"] = found["W"] * functions.scaling(scales)
-    return found

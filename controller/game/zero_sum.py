@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.array_file import real_array
+from controller.game.array_file import checked_matrix, real_array
 from hfa_model.printed_matrices import published_data
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown, shown
@@ -40,7 +40,7 @@ class Game(ByValue, Shown):
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
         for name in ("A", "B", "E", "Q", "R"):
-            matrix = matrix_of(name, getattr(self, name))
+            matrix = checked_matrix(name, getattr(self, name), LARGEST)
             object.__setattr__(self, name, matrix)
         n, m = self.A.shape[0], self.B.shape[1]
         if n == 0 or m == 0:
@@ -124,7 +124,7 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
     for name in changes:
         refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
     settings = published_data()["game"]
-    A = matrix_of("A", A)
+    A = checked_matrix("A", A, LARGEST)
     defaults = {
         "E": np.eye(len(A)),
         "Q": np.diag(settings["Q_diag"]).astype(float),
@@ -132,26 +132,6 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
         "delta": settings["delta"],
     }
     return Game(A=A, B=B, **(defaults | changes))
-
-
-def matrix_of(name: str, value: Any) -> np.ndarray:
-    """The value as a read-only matrix of floats. BadInputError where it is something else, or a number too large."""
-    try:
-        matrix = np.array(value)
-    except ValueError as error:
-        raise BadInputError(f"{name} is not a matrix of real numbers: its rows differ in length") from error
-    if matrix.dtype.kind not in "iuf":  # NumPy would turn text into numbers and drop imaginary parts
-        raise BadInputError(f"{name} is not a matrix of real numbers")
-    matrix = matrix.astype(float, copy=False)
-    if matrix.ndim != 2:
-        raise BadInputError(f"{name} has {matrix.ndim} dimension(s); it must be a matrix")
-    if not (largest := np.abs(matrix).max(initial=0.0)) <= LARGEST:
-        if not np.isfinite(largest):
-            row, column = np.argwhere(~np.isfinite(matrix))[0]
-            raise BadInputError(f"{name}[{row}][{column}] is {matrix[row, column]}; every entry must be finite")
-        raise BadInputError(f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g}")
-    matrix.setflags(write=False)
-    return matrix
 
 
 def _delta_of(delta: float) -> float:

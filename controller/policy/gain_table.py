@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.design.dihedral_table import shares
-from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array
+from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array, words
 from controller.game.critic_file import load_critic
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
@@ -82,7 +82,7 @@ class GainTable(Shown):
 def load_gains(path: Path) -> GainTable:
     """K (5, 6), or dihedral_deg (G,) and K (G, 5, n), also as MATLAB stacks them, (5, n, G); of a memory M, N and X.
 
-    A file whose `state_units` are SI is converted. BadInputError, one line that names the file.
+    BadInputError, one line that names the file, also for a table whose `state_units` are not ft/s and rad.
     """
     stored = read_arrays(path)
     with said_of(path):
@@ -100,16 +100,7 @@ def load_gains(path: Path) -> GainTable:
         first, second, last = parts["K"].shape
         if (first, last) == (len(INPUTS), degrees.size) and (first, second) != (degrees.size, len(INPUTS)):
             parts = {name: np.moveaxis(each, -1, 0) for name, each in parts.items()}
-        return _in_feet(GainTable(degrees, **parts), stored.get("state_units", ()))
-
-
-def _in_feet(table: GainTable, units: object) -> GainTable:
-    """x_file = s x: K s, s⁻¹ M s, s⁻¹ N s and s⁻¹ X s. The memory has no units; those of x may stand alone."""
-    n, said = table.K.shape[-1], np.ravel(np.asarray(units)).tolist()
-    if len(said) not in (0, _STATES, n):
-        raise BadInputError(f"state_units has {len(said)} entries; with this K it must have {_STATES} or {n}")
-    x = file_scales({"state_units": said[:_STATES]}, _PLANT)
-    s = np.concatenate([x, np.ones(n - _STATES)])
-    return GainTable(
-        table.dihedral_deg, table.K * s, table.M * s / s[:, None], table.N * x / s[:, None], table.X * s / x[:, None]
-    )
+        units = words(stored, "state_units")[:_STATES]
+        if np.any(file_scales({"state_units": units}, _PLANT) != 1.0):
+            raise BadInputError(f"its states are in {', '.join(units)}; give them in {', '.join(LINEAR_UNITS)}")
+        return GainTable(degrees, **parts)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.game.zero_sum import Game, matrix_of
+from controller.game.array_file import checked_matrix
+from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import normal_form, spectrum
 from controller.riccati.frequency_response import gain_is_below, square_root
 from controller.riccati.gare import GameSolution, solve_game
@@ -41,7 +42,7 @@ class OutputGame(Shown):
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
         for name in ("C", "D", "V"):
-            object.__setattr__(self, name, matrix_of(name, getattr(self, name)))
+            object.__setattr__(self, name, checked_matrix(name, getattr(self, name), LARGEST))
         n, m = self.game.B.shape
         p = len(self.C)
         for name, shape in (("C", (p, n)), ("D", (p, m)), ("V", (p, p))):

@@ -10,8 +10,7 @@ import math
 from typing import Any
 
 from controller.game.basis import basis
-from controller.game.critic_file import critic_in
-from controller.game.history import History
+from controller.game.critic_file import History, critic_in
 from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, positive

@@ -11,7 +11,7 @@ from typing import Any
 
 from controller.design.design_file import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
-from controller.game.array_file import PlantNames
+from controller.game.array_file import MATRIX_FILES, PlantNames
 from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
@@ -20,9 +20,6 @@ from hfa_cli.options.parser import add_value
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import linearize
-
-#: Formats of files with matrices.
-MATRIX_FILES = (".json", ".npz", ".mat", ".csv")
 
 
 @dataclass(frozen=True, eq=False)

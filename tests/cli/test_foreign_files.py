@@ -86,8 +86,8 @@ def test_our_own_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
     [
         ("plant.csv", "0,1\n1,0\n", "A.csv with B.csv beside it"),
         ("A.csv", "0,1\n1,0\n", "there is no B"),
-        ("A.csv", "", "A has no entries"),
-        ("A.csv", "a,b\n1,c\n", "A has an entry 'c'"),
+        ("A.csv", "", "A has no numbers"),
+        ("A.csv", "a,b\n1,c\n", "A has 'c' in row 1"),
     ],
 )
 def test_refusals_are_one_line(name: str, text: str, said: str, tmp_path: Path) -> None:

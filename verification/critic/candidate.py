@@ -9,7 +9,7 @@ import numpy as np
 from controller.analysis.cost import is_moderate
 from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError

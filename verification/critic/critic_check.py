@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
 from controller.game.basis import basis
-from controller.game.history import History
+from controller.game.critic_file import History
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import basis
-from controller.game.history import History
+from controller.game.critic_file import History
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.certificate import relative_residual

@@ -9,7 +9,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 from controller.game.basis import Basis
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta

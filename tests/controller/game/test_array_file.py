@@ -1,17 +1,190 @@
-"""The units of a critic's file and of the plant: V and u are the same functions."""
+"""Files of matrices: the same mapping from each format, one line for what is none, and units as the plant has them."""
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
+from damage import damaged
+from scipy.sparse import csc_array, issparse
 
 from controller import basis
-from controller.game.array_file import PlantNames, file_scales, in_scales, read_arrays
+from controller.game import array_file
+from controller.game.array_file import PlantNames, file_scales, read_arrays
+from controller.game.critic_file import in_scales
 from hfa_support import BadInputError
 
 FOOT = 0.3048
+pytestmark = pytest.mark.usefixtures("folder")
+
+# .mat ------------------------------------------------------------------------------------------------------------
+
+NUMBERS = 10 * np.random.default_rng(0).normal(size=(4, 4))
+PLAIN = {"full": NUMBERS, "complex": NUMBERS + 1j, "text": "wing"}
+#: What `hfa linearize -o` writes beside its matrices, and what is left out.
+TREES = {
+    "sparse": csc_array(NUMBERS * (NUMBERS > 0)),
+    "short": NUMBERS.astype("i2"),
+    "names": np.array(["speed", "", "pitch rate"], dtype=object),
+    "deep": {"block": {"text": "x", "names": np.array(["a"], dtype=object)}, "count": 3.0},
+    "mixed": np.array(["a", 3.0], dtype=object),
+    "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
+}
+#: Files that MATLAB 4 to 7.4 wrote on several machines, where this SciPy brings them along.
+FILES = sorted((Path(scipy.io.__file__).parent / "matlab" / "tests" / "data").glob("test*_7.4_GLNX86.mat"))[:6]
+
+
+def mat(form: str = "5", **content: Any) -> bytes:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, content, format=form, do_compression=form == "5" and "text" in content)
+    return stream.getvalue()
+
+
+def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
+    Path(name).write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_arrays(name)
+
+
+@pytest.mark.parametrize("content", [mat("4", **PLAIN), mat(**PLAIN, **TREES), *(path.read_bytes() for path in FILES)])
+def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
+    found = read(content)
+    for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
+        expected = value.toarray() if issparse(value) else value
+        if not name.startswith("__") and expected.dtype.kind in "iufcU":
+            np.testing.assert_array_equal(found[name], expected)
+
+
+def test_cells_of_text_and_structures() -> None:
+    found = read(mat(**TREES))
+    assert found["names"].tolist() == ["speed", "", "pitch rate"]
+    assert (found["deep"]["block"]["text"].tolist(), found["deep"]["count"]) == (["x"], [[3.0]])
+    assert not {"mixed", "many"} & set(found)
+
+
+def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, lines = mat(**{**TREES, "full": NUMBERS}), []
+    for seed in range(12):
+        try:
+            read(damaged(whole, np.random.default_rng(seed)))
+        except BadInputError as error:
+            lines.append(str(error))
+    assert len(lines) > 4
+    assert all(line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines)
+    for code, said in (("import os; os.abort()", "SciPy crashes on it"), ("while True: pass", "longer than 1 s")):
+        Path("child.py").write_text(code, encoding="utf-8")
+        monkeypatch.setattr(array_file, "_CHILD", Path("child.py"))
+        monkeypatch.setattr(array_file, "_LONGEST", 1.0)
+        with pytest.raises(BadInputError, match=f"^a.mat: cannot be read as .mat .*{said}"):
+            read(whole)
+
+
+def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
+    monkeypatch.setattr(array_file, "LARGEST", 1 << 23)
+    sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
+    for content in (header + struct.pack("<II", 15, len(bomb)) + bomb, sparse):
+        with pytest.raises(BadInputError, match=r"cannot be read as .mat"):
+            read(content)
+
+
+# .npz, .npy, names -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_letters_that_are_none_are_refused(order: str) -> None:
+    codes = np.array([[115, 112], [0x110000, 100]], dtype=f"{order}u4")
+    np.savez("names.npz", states=codes.view(f"{order}U2"))
+    with pytest.raises(BadInputError, match=r"names.npz: cannot be read as .npz"):
+        read_arrays("names.npz")
+
+
+@pytest.mark.parametrize("name", ["speed\x1b[31m", "a\nb", "\u202ealpha"])
+@pytest.mark.parametrize("key", ["states", "input_labels", "state_units"])
+def test_names_that_a_terminal_would_obey_are_refused(name: str, key: str) -> None:
+    np.savez("plant.npz", A=np.eye(1), **{key: [name]})
+    with pytest.raises(BadInputError, match=f"plant.npz: .*{key} has the name .* which cannot be printed"):
+        read_arrays("plant.npz")
+
+
+def test_matrices_without_names_bear_those_of_their_files() -> None:
+    for name, value in (("A", -np.eye(2)), ("B", np.ones((2, 1))), ("weights", np.ones(3)), ("other", np.ones(3))):
+        np.save(f"{name}.npy", value)
+    assert {name: value.shape for name, value in read_arrays("A.npy").items()} == {"A": (2, 2), "B": (2, 1)}
+    assert list(read_arrays("weights.npy")) == ["weights"]
+    with pytest.raises(BadInputError, match=r"other.npy: .* the matrix that its name says"):
+        read_arrays("other.npy")
+
+
+# .csv ------------------------------------------------------------------------------------------------------------
+
+A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.5], [1.0]])
+BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
+NAMED = ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n", ",push\nspeed,0.5\nalpha,1\n"
+HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
+LONG = (
+    "matrix,row,column,value,unit\nA,x,x,0,(ft/s^2)/(ft/s)\nA,x,y,1,(ft/s^2)/(rad)\nA,y,x,-2,(rad/s)/(ft/s)\n"
+    "A,y,y,-3,(rad/s)/(rad)\nB,x,u,0.5,(ft/s^2)/(lbf)\nB,y,u,1,(rad/s)/(lbf)\nX0,x,,68,ft\n"
+)
+NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
+
+
+def of(**texts: str) -> dict[str, Any]:
+    for name, text in texts.items():
+        Path(f"{name}.csv").write_text(text, encoding="utf-8")
+    return read_arrays(f"{next(iter(texts))}.csv")
+
+
+@pytest.mark.parametrize(
+    ("texts", "names"),
+    [
+        ({"A": BARE[0], "B": BARE[1]}, {}),
+        ({"A": "\ufeff" + BARE[0], "B": BARE[1]}, {}),
+        ({"A": NAMED[0], "B": NAMED[1]}, {**NAMES, "state_units": ["ft/s", "rad"]}),
+        ({"A": HEADED[0], "B": HEADED[1]}, NAMES),
+        ({"plant": LONG}, {"states": ["x", "y"], "inputs": ["u"], "state_units": ["ft/s", "rad"]}),
+    ],
+)
+def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, list[str]]) -> None:
+    found = of(**texts)
+    np.testing.assert_array_equal(found.pop("A"), A)
+    np.testing.assert_array_equal(found.pop("B"), B)
+    assert {key: value for key, value in found.items() if value} == names
+
+
+def test_a_critic_alone() -> None:
+    found = of(K="speed,alpha\n1,2\n", A=BARE[0])
+    assert list(found) == ["K"]
+    np.testing.assert_array_equal(found["K"], [[1.0, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        ({"A": "0,1\n-2\n"}, "A has 1 cells in row 2 of numbers and 2 before"),
+        ({"A": "x,y,z\n0,1\n-2,-3\n"}, "A has 2 cells in row 1 of numbers and 3 before"),
+        ({"A": "0,1\n-2,x\n"}, "A has 'x' in row 2 of numbers, column 2"),
+        ({"A": "0;1\n-2;-3\n"}, "A has '-2;-3' in row 1 of numbers, column 1; give numbers, with commas between them"),
+        ({"A": ",x,y\ny,-2,-3\nx,0,1\n"}, "the columns of A are x, y and A has y, x; give one order"),
+        ({"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"}, "the rows of B are alpha, speed and A has speed, alpha"),
+        ({"plant": LONG.replace("A,x,y,1,(ft/s^2)/(rad)\n", "")}, "A has 3 entries for 2 rows and 2 columns"),
+        ({"plant": LONG + "A,x,x,9,\n"}, r"A\(x, x\) comes twice"),
+        ({"plant": LONG + "A,x\n"}, "a row has 2 cells"),
+        ({"A": ""}, "A has no numbers"),
+    ],
+)
+def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        of(**texts)
+
+
+# Units -----------------------------------------------------------------------------------------------------------
 
 
 def test_value_and_gain_are_the_same_functions() -> None:
@@ -32,28 +205,15 @@ def test_what_is_not_said_is_not_converted(said: object) -> None:
     assert np.array_equal(file_scales({}, PlantNames(state_units=("", ""))), [1.0, 1.0])
 
 
-def test_other_units_are_refused() -> None:
-    with pytest.raises(BadInputError, match="state 2 is in deg and that of the plant in rad; convert it, or leave"):
-        file_scales({"state_units": ["ft/s", "deg"]}, PlantNames(state_units=("ft/s", "rad")))
-
-
-@pytest.mark.parametrize("key", ["states", "inputs"])
-def test_the_plant_s_names_in_another_order_are_refused(key: str) -> None:
+@pytest.mark.parametrize(
+    ("stored", "said"),
+    [
+        ({"state_units": ["ft/s", "deg"]}, "state 2 is in deg and that of the plant in rad; convert it, or leave"),
+        ({"states": ["alpha", "speed"]}, "its states are in the order alpha, speed; .* are speed, alpha: reorder"),
+        ({"inputs": ["alpha", "speed"]}, "its inputs are in the order alpha, speed; .* are speed, alpha: reorder"),
+    ],
+)
+def test_other_units_and_another_order_are_refused(stored: dict[str, list[str]], said: str) -> None:
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
-    with pytest.raises(BadInputError, match=f"its {key} are in the order alpha, speed; .* are speed, alpha: reorder"):
-        file_scales({key: ["alpha", "speed"]}, plant)
-    for others in (["speed", "alpha"], ["x", "y"], ["alpha"], [1.0, 2.0], []):
-        assert np.array_equal(file_scales({key: others}, plant), [1.0, 1.0])
-
-
-@pytest.mark.parametrize("order", "<>")
-def test_letters_that_are_none_are_refused(tmp_path: Path, order: str) -> None:
-    codes = np.array([[115, 112], [0x110000, 100]], dtype=f"{order}u4")
-    for last, right in ((0x110000, False), (0x10FFFF, True)):
-        codes[1, 0] = last
-        np.savez(tmp_path / "names.npz", states=codes.view(f"{order}U2"), empty=np.array([], dtype="U1"))
-        if right:
-            assert read_arrays(tmp_path / "names.npz")["states"].shape == (2, 1)
-        else:
-            with pytest.raises(BadInputError, match="states holds letters that are none"):
-                read_arrays(tmp_path / "names.npz")
+    with pytest.raises(BadInputError, match=said):
+        file_scales(stored, plant)

@@ -12,8 +12,7 @@ from game_files import stored
 from controller import Game, History, load_history
 from controller.game import critic_file
 from controller.game.array_file import read_arrays
-from controller.game.critic_file import critic_in
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic, critic_in
 from hfa_support import BadInputError
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
@@ -89,17 +88,21 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     [
         (lines(W).replace("0.1", "-0.1"), "h.csv: time goes from 0 to -0.1 s at row 2"),
         (lines(W).replace("4.0", "nan"), r"h.csv: W is not finite at row 2 \(t = 0.1 s\)"),
-        (lines(W).replace("4.0", "four"), "h.csv: line 2, column 3 is 'four'; give a number"),
-        (lines(W).replace("4.0,", ""), "h.csv: line 2 has 3 columns, the first one has 4"),
-        (lines(W[:, :1]), "h.csv: there are 1 columns beside the time; K is 1 x 2; P is 2 x 2; basis 'quadratic'"),
-        (lines(K, "time,W1,W2\n"), "h.csv: there are 2 columns beside the time; basis 'quadratic' on 2 states has 3"),
-        (lines(W, "W1,W2,W3,W4\n"), "h.csv: the first column is 'W1'; it must be the time"),
-        (",x1,x2\nx1,1,2\n", "h.csv: the first column is ''; .* a matrix without times goes into a file called P.csv"),
-        ("1,2\n3,4\n5,6\n", "h.csv: there are 1 columns .* a matrix without times goes into a file called P.csv"),
-        (lines(W).replace(",", ";"), "h.csv: the first column is '0.0;0.0;1.0;2.0'; it must be the time, with commas"),
-        (lines(W, "t,W1,W2,K3\n"), "h.csv: the columns are of K and W; give one of them"),
-        ("time,W1,W2,W3\n", "h.csv: there are no rows of numbers"),
-        ("", "h.csv: there are no rows of numbers"),
+        (lines(W).replace("4.0", "four"), "h.csv: .*the table has 'four' in row 2 of numbers, column 3; give numbers"),
+        (lines(W).replace("4.0,", ""), "h.csv: .*the table has 3 cells in row 2 of numbers and 4 before"),
+        (
+            lines(W[:, :1]),
+            "h.csv: the 1 columns beside the time are none of: basis 'quadratic' on 2 states has 3",
+        ),
+        (lines(K, "time,W1,W2\n"), "h.csv: W is 3 x 2; basis 'quadratic' on 2 states has 3"),
+        (lines(W, "W1,W2,W3,W4\n"), "h.csv: .*the first column is 'W1'; it must be the time"),
+        (
+            ",x1,x2\nx1,1,2\n",
+            "h.csv: .*the first column is ''; .* a matrix without times goes into a file called A.csv",
+        ),
+        (lines(W).replace(",", ";"), "h.csv: .*the first column is '0.0;0.0;1.0;2.0'; it must be the time"),
+        ("time,W1,W2,W3\n", "h.csv: .*the table has no numbers"),
+        ("", "h.csv: .*the table has no numbers"),
     ],
 )
 def test_what_is_no_history_is_refused_with_its_place(text: str, said: str) -> None:
@@ -109,9 +112,9 @@ def test_what_is_no_history_is_refused_with_its_place(text: str, said: str) -> N
 
 def test_columns_that_fit_two_kinds_are_to_be_named() -> None:
     one = Game(-np.eye(1), np.eye(1), np.eye(1), np.eye(1), np.eye(1), 10.0)
-    with pytest.raises(BadInputError, match="1 columns may be K or P or W; name them"):
+    with pytest.raises(BadInputError, match="the 1 columns beside the time may be W or P or K; name them"):
         load_history(written(lines(W[:, :1])), one)
-    assert load_history(written(lines(W[:, :1], "t,k\n")), one).K.shape == (3, 1, 1)
+    assert load_history(written(lines(W[:, :1], "t,K1\n")), one).K.shape == (3, 1, 1)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "none.npz", "."])
@@ -142,3 +145,46 @@ def test_times_and_a_basis_that_are_none_are_refused(content: dict[str, Any], sa
         load_history(stored("h.json", **content), GAME)
     if "basis" in content:
         assert load_history("h.json", GAME, "quadratic") is not None
+
+
+# Histories made in Python ------------------------------------------------------------------------------------------
+
+EVEN = np.array([0.0, 0.5, 1.0])
+ROWS = np.arange(9.0).reshape(3, 3)
+
+
+def changed(place: tuple[int, int], value: float) -> np.ndarray:
+    rows = ROWS.copy()
+    rows[place] = value
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"times": [0.0, 1.0, 0.5], "W": ROWS}, "time goes from 1 to 0.5 s at row 3; it must increase"),
+        ({"times": [-1.0, 0.0, 1.0], "W": ROWS}, "time is negative, and a predefined time counts from 0, at row 1"),
+        ({"times": [0.0, 0.0, 0.5], "W": ROWS}, "from 0 to 0 s at row 2"),
+        ({"times": [0.0, np.nan, 0.5], "W": ROWS}, "time is not finite at row 2"),
+        ({"times": EVEN, "W": changed((1, 2), np.nan)}, r"W is not finite at row 2 \(t = 0.5 s\)"),
+        ({"times": EVEN, "W": changed((2, 0), np.inf)}, "W is not finite at row 3"),
+        ({"times": EVEN, "W": changed((2, 0), 1e60)}, r"W has an entry beyond 1e\+50 at row 3"),
+        ({"times": EVEN[:2], "W": ROWS}, "W has 3 rows and there are 2 times"),
+        ({"times": ROWS, "W": ROWS}, "time has shape"),
+        ({"times": [], "W": ROWS}, "time has shape"),
+        ({"times": EVEN, "W": [[1.0], [1.0, 2.0]]}, "W does not consist of rows of real numbers"),
+        ({"times": EVEN, "W": ROWS * 1j}, "W does not consist of rows of real numbers"),
+        ({"times": EVEN, "K": np.eye(3)}, "a history needs W"),
+    ],
+)
+def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        History(**content)
+
+
+def test_a_single_matrix_belongs_to_the_last_row() -> None:
+    history = History(EVEN, W=ROWS, K=np.eye(3))
+    assert (history.row(-1).K, history.last.P) == (None, None)
+    np.testing.assert_array_equal(history.last.K, np.eye(3))
+    np.testing.assert_array_equal(history.row(1).W, ROWS[1])
+    np.testing.assert_array_equal(history.last.W, ROWS[2])

@@ -13,7 +13,7 @@ from known_models import game_at
 from proof_cases import ORIGIN, family, forge, scalar_game
 
 from controller import Game, basis
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic
 from hfa_support import NoSolutionError
 from verification import check_certificate, prove_critic, prove_solution, solve_game
 from verification.checker.checker import Rejected

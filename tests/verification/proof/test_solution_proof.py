@@ -9,7 +9,7 @@ from proof_cases import family, scalar_game
 from reference_riccati import reference_solution
 
 from controller import Game, basis
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, prove_critic, prove_solution, solve_game

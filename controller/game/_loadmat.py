@@ -1,0 +1,72 @@
+"""Child process of `array_file`: writes what SciPy reads in a .mat file to standard output, as .npz.
+
+A damaged file can crash or hang the process that reads it. Arguments: the file, and the bytes that it may unpack to.
+The array "paths" is JSON: the names on the way to the arrays "0", "1" and so on.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.io.matlab import loadmat
+from scipy.sparse import issparse
+
+
+def leaves(value: Any, path: tuple[str, ...], largest: int) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
+    """Arrays of numbers and of text with their names, of single structures field by field; what is neither is left
+    out. ValueError for a sparse matrix that is too large as a full one."""
+    if isinstance(value, dict):
+        for name, each in value.items():
+            yield from leaves(each, (*path, name), largest)
+    elif issparse(value):
+        if 8 * value.shape[0] * value.shape[1] > largest:
+            raise ValueError(f"a sparse matrix has {value.shape[0]} x {value.shape[1]} entries")
+        yield path, value.toarray()
+    elif isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+        yield from leaves({name: value[name].item() for name in value.dtype.names}, path, largest)
+    elif isinstance(value, np.ndarray) and value.dtype.kind == "O":
+        texts = ["".join(each.ravel()) if _is_text(each) else None for each in value.ravel()]
+        if texts and None not in texts:
+            yield path, np.array(texts)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "iufcbU":
+        yield path, value
+
+
+def _is_text(cell: Any) -> bool:
+    return isinstance(cell, np.ndarray) and (cell.dtype.kind == "U" or cell.size == 0)
+
+
+def main(path: str, largest: int) -> None:
+    """Read, then write all at once."""
+    warnings.simplefilter("ignore")
+    try:
+        import resource  # a small file can ask for any amount of memory
+
+        resource.setrlimit(resource.RLIMIT_AS, (6 * largest, 6 * largest))
+    except (ImportError, ValueError, OSError):  # no such limit on this system, or a lower one
+        pass
+    content = {name: value for name, value in loadmat(path, appendmat=False).items() if not name.startswith("__")}
+    found = list(leaves(content, (), largest))
+    if sum(array.nbytes for _, array in found) > largest:
+        raise ValueError(f"it unpacks to more than {largest >> 20} MiB")
+    stream = io.BytesIO()
+    arrays: Any = {str(place): array for place, (_, array) in enumerate(found)}
+    np.savez(stream, allow_pickle=False, paths=json.dumps([names for names, _ in found]), **arrays)
+    sys.stdout.buffer.write(stream.getbuffer())
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1], int(sys.argv[2]))
+    except NotImplementedError:
+        sys.exit("MATLAB 7.3 files cannot be read; save with the option -v7")
+    except MemoryError:
+        sys.exit("it asks for too much memory")
+    except Exception as error:  # a damaged file makes SciPy raise nearly anything
+        sys.exit(f"{error}" or type(error).__name__)
