@@ -14,7 +14,7 @@ import pytest
 from proof_cases import ORIGIN, exact_table, family, forge, scalar_game
 
 from controller import GainTable, Game, basis
-from controller.game.history import StoredCritic
+from controller.game.critic_file import StoredCritic
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, default_parameters
