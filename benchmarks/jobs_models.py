@@ -18,7 +18,7 @@ from hfa_model.variants import variant_named
 from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
 from trim.linear.modes import track_modes
-from trim.sweeps.level_flights import level_conditions, solve_level_flights
+from trim.sweeps.points import TRIMMED, trim_points
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
@@ -53,8 +53,7 @@ def _games(count: int) -> Row:
     """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver without one."""
     from scipy.linalg import block_diag, solve_continuous_are
 
-    conditions = level_conditions(("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None])
-    flights = solve_level_flights(variant_named("published"), default_parameters().values, conditions)
+    flights = trim_points(Aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None])
     index = [STATES.index(name) for name in LINEAR_STATES]
     A, B = flights.A[:, index][:, :, index], flights.B[:, index]
     game = published_game(A[count // 2], B[count // 2])
@@ -99,20 +98,17 @@ def peer_point(system, dihedral: float):
 
 
 def _one_point() -> Row:
-    parameters, variant = default_parameters().values, variant_named("published")
-    condition = level_conditions(("dihedral",), np.array([[np.radians(10.0)]]))
-    system = peer_system()
+    aircraft, system = Aircraft(), peer_system()
 
     def ours():
         for _ in range(100):
-            solve_level_flights(variant, parameters, condition)
+            trim_points(aircraft, ("dihedral",), np.array([[np.radians(10.0)]]))
 
     def peer():
         for _ in range(20):
             peer_point(system, np.radians(10.0))
 
     timing = in_turn(ours, peer, units=100, peer_units=20)
-    aircraft = Aircraft(parameters)
     exact = level_model(aircraft, np.radians(10.0))
     _, model = peer_point(system, np.radians(10.0))
     error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
@@ -120,24 +116,22 @@ def _one_point() -> Row:
         "one trim and its exact A, B, from Python",
         "python-control find_operating_point (lm) + linearize",
         timing,
-        10.0,
+        2.0,
         f"largest error of the peer's entries {error:.1e}, of ours rounding",
     )
 
 
 def _many_points(count: int, peer_count: int) -> list[Row]:
-    parameters, variant = default_parameters().values, variant_named("published")
+    aircraft, system = Aircraft(), peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
-    conditions = level_conditions(("dihedral",), angles[:, None])
-    system = peer_system()
 
     def peer():
         for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
     def full():
-        flights = solve_level_flights(variant, parameters, conditions, compile_code=True)
-        assert flights.trimmed.all()
+        flights = trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True)
+        assert (flights.status == TRIMMED).all()
         rows = [STATES.index(name) for name in LINEAR_STATES]
         track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES)
 
@@ -147,17 +141,17 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
             f"{count} dihedral angles, no compiler",
             peer_name,
             in_turn(
-                lambda: solve_level_flights(variant, parameters, conditions, compile_code=False),
+                lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=False),
                 peer,
                 units=count,
                 peer_units=peer_count,
             ),
-            50.0,
+            10.0,
         )
     ]
     if c_compiler() is not None:
         timing = in_turn(
-            lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
+            lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True),
             peer,
             units=count,
             peer_units=peer_count,
@@ -189,7 +183,7 @@ def _optimizer(count: int, peer_count: int) -> Row:
     opti.minimize(0)
     opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
     angles = np.radians(np.linspace(0.0, 20.0, count))
-    conditions = level_conditions(("dihedral",), angles[:, None])
+    aircraft = Aircraft(parameters)
 
     def peer():
         for angle in angles[:: count // peer_count]:
@@ -201,7 +195,7 @@ def _optimizer(count: int, peer_count: int) -> Row:
         f"{count} dihedral angles, trim alone for the peer",
         "CasADi Opti + IPOPT, point by point",
         in_turn(
-            lambda: solve_level_flights(variant, parameters, conditions, compile_code=True),
+            lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True),
             peer,
             units=count,
             peer_units=peer_count,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
     from hfa_support.reporting.report import Report
-    from trim.point.named_condition import NamedCondition
+    from trim.point.condition import TrimCondition
 
 _RUN: ContextVar[tuple[str, argparse.Namespace] | None] = ContextVar("run", default=None)
 
@@ -49,7 +49,7 @@ def provenance() -> Provenance:
         parameter_hash=parameter_hash(chosen.values),
         changed=changed_parameters(chosen),
         condition=_condition(arguments, flight),
-        flight="" if flight is None else _in_words(flight),
+        flight="" if flight is None else flight.in_words(),
     )
 
 
@@ -66,7 +66,7 @@ def signed(report: Report) -> Report:
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
 
-def _flight(arguments: argparse.Namespace) -> NamedCondition | None:
+def _flight(arguments: argparse.Namespace) -> TrimCondition | None:
     """What all trims of the run have in common, as changes of the paper's level flight; None of a run without one."""
     from hfa_cli.options.shared_options import flight_of, swept_condition_of
 
@@ -76,7 +76,7 @@ def _flight(arguments: argparse.Namespace) -> NamedCondition | None:
     return flight_of(arguments) if hasattr(arguments, "start") and (alone or hasattr(arguments, "sweep")) else None
 
 
-def _condition(arguments: argparse.Namespace, flight: NamedCondition | None) -> dict[str, object]:
+def _condition(arguments: argparse.Namespace, flight: TrimCondition | None) -> dict[str, object]:
     """What the trim of the run imposes (rad, ft/s, ft), frees and limits; of many trims what they change."""
     if flight is None:
         return {}
@@ -85,18 +85,3 @@ def _condition(arguments: argparse.Namespace, flight: NamedCondition | None) -> 
     condition = flight.at(arguments.dihedral)
     limits = {name: list(condition.limits_of(name)) for name in condition.free}
     return {"imposed": dict(condition.imposed), "free": list(condition.free), "limits": limits}
-
-
-def _in_words(flight: NamedCondition) -> str:
-    """speed 60 ft/s, alpha free, throttle within 0 and 50."""
-    from trim.point.condition import describe
-
-    said = [
-        f"{name} {describe(name, values[0]) if len(values) == 1 else 'over the dihedral'}"
-        for name, (_, values) in flight.imposed.items()
-    ]
-    said += [f"{name} free" for name in flight.free]
-    said += [
-        f"{name} within {describe(name, low)} and {describe(name, high)}" for name, (low, high) in flight.limits.items()
-    ]
-    return ", ".join(said)

@@ -18,7 +18,7 @@ from hfa_model.dynamics import by_name, state_rates, symbols
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, STATES, State
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class Aircraft:
         return control.nlsys(update, None, name=name, states=STATES, inputs=INPUTS, outputs=STATES, params=values)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        state, control = _numbers("state", x), _numbers("input", u)
+        state, control = numbers_in("state", x), numbers_in("input", u)
         for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
             if vector.shape != (len(names),):
                 raise BadInputError(f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}")
@@ -147,13 +147,6 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
     return parameters
-
-
-def _numbers(kind: str, values: ArrayLike) -> np.ndarray:
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInputError(f"{kind} is {shown(values)}; give numbers") from error
 
 
 def check_in_range(x: State) -> None:

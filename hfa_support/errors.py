@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 _LONGEST = 60
 _LONGEST_LINE = 1000
 
@@ -63,6 +65,16 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     except (TypeError, ValueError) as error:
         raise BadInputError(f"{what} is {shown(ends)}; give two numbers, (lowest, highest)") from error
     return lowest, highest
+
+
+def numbers_in(what: str, values: Any) -> np.ndarray:
+    """Values as an array of floats; BadInputError when they are no numbers, or some of them are masked."""
+    try:
+        if not np.ma.is_masked(values):
+            return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise BadInputError(f"{what} is {shown(values)}; give numbers") from error
+    raise BadInputError(f"{what} has masked entries; fill them or leave them out")
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

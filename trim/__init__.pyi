@@ -15,12 +15,13 @@ from .linear.linear_model import (
 from .linear.modes import Mode as Mode, modes_of as modes_of, track_modes as track_modes
 from .point.condition import (
     CONTROL_LIMITS as CONTROL_LIMITS,
+    LEVEL_FLIGHT as LEVEL_FLIGHT,
     STATE_LIMITS as STATE_LIMITS,
     TrimCondition as TrimCondition,
     level_flight as level_flight,
     release as release,
 )
-from .point.named_condition import NamedCondition as NamedCondition, load_condition as load_condition
+from .point.named_condition import load_condition as load_condition
 from .point.operating_point import (
     OperatingPoint as OperatingPoint,
     Status as Status,
@@ -31,7 +32,7 @@ from .point.performance import Performance as Performance, performance as perfor
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
 from .point.trim_figure import trim_figure as trim_figure
 from .point.trim_report import trim_report as trim_report
-from .sweeps.level_flights import level_conditions as level_conditions, solve_level_flights as solve_level_flights
+from .sweeps.points import Points as Points, trim_points as trim_points
 from .sweeps.stored_sweep import stream_sweep as stream_sweep
 from .sweeps.sweep import sweep as sweep
 from .sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan

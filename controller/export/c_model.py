@@ -14,13 +14,15 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, RATE_SCALES, STATE_UNITS, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_UNITS, STATES
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
-from trim.point.condition import BALANCED, LIMITS
+from trim.point.condition import LEVEL_FLIGHT, LIMITS
 from trim.point.operating_point import BALANCE
-from trim.sweeps.level_flights import START, newton_functions
+from trim.sweeps.points import first_guess, newton_functions
 
+#: What a level flight is given by, in order.
+_GIVEN = ("dihedral", "speed", "altitude", "alpha", "gamma")
 HEADER, SOURCE, EXAMPLE = "hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"
 
 
@@ -52,7 +54,6 @@ class CModel:
         variant = self.aircraft.variant
         parameters = zip(self.aircraft.parameters, Parameters._fields, FIELDS, strict=True)
         limits = [[LIMITS[name][side] for name in (*STATES, *INPUTS)] for side in (0, 1)]
-        scales = [getattr(RATE_SCALES, name) if name in BALANCED else np.inf for name in STATES]
         gain = np.zeros((len(INPUTS), len(LINEAR_STATES))) if self.gain is None else self.gain
         tables = [
             c_table("const double hfa_x0", self.model.point.states),
@@ -61,8 +62,7 @@ class CModel:
             c_table("const double hfa_B", self.model.B),
             c_table("const double hfa_K", gain),
             c_table("const int hfa_linear_state", LINEAR_ROWS),
-            c_table("static const double start", START),
-            c_table("static const double scale", scales),
+            c_table("static const double start", first_guess(LEVEL_FLIGHT.free, {})),
             c_table("static const double lowest", limits[0]),
             c_table("static const double highest", limits[1]),
         ]
@@ -102,11 +102,13 @@ def _functions(variant: Variant) -> list[str]:
     f = state_rates(x, u, p, variant, w)
     still = state_rates(x, u, p, variant)
     by_rows = [ca.vec(ca.densify(ca.jacobian(still, by)).T) for by in (x, u)]
-    newton, at = newton_functions(variant)
+    functions = newton_functions(variant, _GIVEN, LEVEL_FLIGHT.free, tuple(LEVEL_FLIGHT.rates.items()))
+    assert functions is not None
+    newton, at = functions
     return [
         c_function(ca.Function("rates", [x, u, w, p], [ca.densify(f)]), "rates", ("x", "u", "updraft", "p"), ("dx",)),
         c_function(ca.Function("jacobians", [x, u, p], by_rows), "jacobians", ("x", "u", "p"), ("A", "B")),
-        c_function(newton, "newton", ("condition", "v", "p"), ("after",)),
+        c_function(newton, "newton", ("condition", "v", "p"), ("after", "residual")),
         c_function(at, "level_flight", ("condition", "v", "p"), ("x", "u", "A", "B", "dx")),
     ]
 

@@ -27,7 +27,7 @@ from hfa_support.jsonable import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
 from hfa_support.streams import say
-from trim.point.named_condition import NamedCondition
+from trim.point.condition import TrimCondition
 from verification.page.claims_section import load_claims
 from verification.page.job_report import main_report
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if job.ok else 1
 
 
-def _flight_of(arguments: argparse.Namespace) -> NamedCondition:
+def _flight_of(arguments: argparse.Namespace) -> TrimCondition:
     """What is trimmed at every angle of the page; the angle itself is the page's."""
     if "dihedral" in (*(arguments.free or ()), *(arguments.hold or {})):
         raise BadInputError("the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral")

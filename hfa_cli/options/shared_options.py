@@ -30,8 +30,8 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.unit_system import SYSTEMS, shown_in
-from trim.point.condition import TrimCondition, describe, release
-from trim.point.named_condition import LEVEL_FLIGHT, NAMED as NAMED_CONDITIONS, NamedCondition, load_condition
+from trim.point.condition import LEVEL_FLIGHT, TrimCondition, describe, release
+from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
 
@@ -168,7 +168,7 @@ def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     return flight_of(arguments).at(arguments.dihedral)
 
 
-def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> NamedCondition:
+def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> TrimCondition:
     """The flights that the options name but for the dihedral."""
     values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
     return changed_condition(arguments, values | (arguments.hold or {}), dihedral_is_free=dihedral_is_free)
@@ -176,7 +176,7 @@ def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -
 
 def changed_condition(
     arguments: argparse.Namespace, hold: Mapping[str, float], *, dihedral_is_free: bool = True
-) -> NamedCondition:
+) -> TrimCondition:
     """The condition that --condition names, with --free and --limit, and what is held.
 
     dihedral_is_free: --dihedral does not hold the angle against --free, because it is always given.
@@ -190,11 +190,10 @@ def changed_condition(
             raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
         if given(arguments, name) and name in free and not (name == "dihedral" and dihedral_is_free):
             raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")
-    named: NamedCondition = arguments.condition or LEVEL_FLIGHT
-    return named.changed(free=free, hold=hold, limits=arguments.limit)
+    return release(arguments.condition or LEVEL_FLIGHT, free=free, hold=hold, limits=arguments.limit)
 
 
-def swept_condition_of(arguments: argparse.Namespace) -> NamedCondition:
+def swept_condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """What every point of a sweep has in common: what --hold has one value for, and the other changes."""
     held = {name: values[0] for name, values in (arguments.hold or {}).items() if is_constant(values)}
     return changed_condition(arguments, held, dihedral_is_free=False)

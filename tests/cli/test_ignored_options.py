@@ -94,5 +94,5 @@ def test_a_flight_takes_no_disturbance_as_the_solution_does() -> None:
 
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trim.sweeps.chunk.solve_level_flights", lambda *_, **__: np.empty(10**15))
+    monkeypatch.setattr("trim.sweeps.points._newton", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

@@ -10,7 +10,7 @@ import pytest
 from hfa_model import (
     LINEAR_STATES,
     STATES,
-    VARIANTS,
+    Aircraft,
     Parameters,
     ParameterSet,
     load_parameters,
@@ -23,10 +23,9 @@ from trim import (
     LinearModel,
     entry_bands,
     find_operating_point,
-    level_conditions,
     level_flight,
     linearize,
-    solve_level_flights,
+    trim_points,
 )
 
 COUNT = 6000
@@ -44,9 +43,9 @@ def at_angle(request: pytest.FixtureRequest, published_aircraft, parameter_set) 
 def coverage(samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]) -> tuple[np.ndarray, np.ndarray]:
     """Of each entry that a parameter moves: samples within 1.96 standard errors, and deviation in standard errors."""
     angle, model, bands = at_angle
-    conditions = level_conditions(("dihedral",), np.full((len(samples), 1), angle))
-    flights = solve_level_flights(VARIANTS["published"], samples, conditions)
-    assert flights.trimmed.all()
+    values = np.hstack([np.full((len(samples), 1), angle), samples])
+    flights = trim_points(Aircraft(), ("dihedral", *Parameters._fields), values)
+    assert (flights.status == 0).all()
     entries = np.concatenate([flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2)
     center = np.hstack([model.A, model.B])
     errors = np.hstack([bands.A_rounding, bands.B_rounding])

@@ -133,13 +133,15 @@ def _time_to(mode: Mode) -> str:
     return f"{time:.3f} ({word})" if math.isfinite(time) else "-"
 
 
-def track_modes(A: np.ndarray, states: tuple[str, ...]) -> np.ndarray:
-    """Eigenvalues (N, n) of A (N, n, n), neighbours along the path paired so that a column follows one mode.
+def track_modes(A: np.ndarray, states: tuple[str, ...], neighbours: np.ndarray | None = None) -> np.ndarray:
+    """Eigenvalues (N, n) of N system matrices (N, n, n) paired so that a column follows one mode.
 
-    Two neighbours are paired by the permutation that maximizes
+    neighbours: (M, 2) pairs of points that lie next to each other; None for points along a path. Two neighbours are
+    paired by the permutation that maximizes
     Σ |v_i^H w_i|² - |λ_i - μ_i| / (|λ_i| + |μ_i|): the first term (modal assurance criterion, on states in
     units of `STATE_SCALES`) holds on to the shape of a mode where eigenvalues cross, the second tells the two
-    members of a pair apart. The first point is ordered fastest first, positive imaginary part first.
+    members of a pair apart. From the first point on, the pairings are followed along the tree of neighbours that are
+    most alike. The first point is ordered fastest first, positive imaginary part first.
     """
     for name in states:
         refuse_unknown("unknown state", name, STATES)
@@ -147,28 +149,62 @@ def track_modes(A: np.ndarray, states: tuple[str, ...]) -> np.ndarray:
     scales = np.array([getattr(STATE_SCALES, name) for name in states])
     shapes = vectors / scales[:, None]
     shapes = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
-    first = np.lexsort((-values[0].imag, -np.round(np.abs(values[0]), 9)))
-    steps = _pairings(values, shapes)
     order = np.empty(values.shape, dtype=int)
-    order[0] = first
-    for i, step in enumerate(steps):
-        order[i + 1] = step[order[i]]
+    order[0] = np.lexsort((-values[0].imag, -np.round(np.abs(values[0]), 9)))
+    for point, before, pairing in _tree(values, shapes, neighbours):
+        order[point] = pairing[order[before]]
     return np.take_along_axis(values.astype(complex), order, axis=1)
 
 
-def _pairings(values: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """(N - 1, n): which eigenvalue of the next point belongs to each eigenvalue of this one."""
-    before, after = values[:-1], values[1:]
-    likeness = np.abs(np.einsum("nki,nkj->nij", shapes[:-1].conj(), shapes[1:])) ** 2
-    distance = np.abs(before[:, :, None] - after[:, None, :])
-    size = np.abs(before)[:, :, None] + np.abs(after)[:, None, :]
-    gain = likeness - distance / np.maximum(size, 1e-12)
-    best = gain.argmax(axis=2)
-    # Where every row's favourite is another column the favourites are the optimal permutation already.
-    contested = np.flatnonzero((np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1))
-    if contested.size:
-        from scipy.optimize import linear_sum_assignment
+def _tree(
+    values: np.ndarray, shapes: np.ndarray, neighbours: np.ndarray | None
+) -> Iterable[tuple[int, int, np.ndarray]]:
+    """Every point but the first, a neighbour that comes before it, and which eigenvalue belongs to each of that one."""
+    points = np.arange(len(values))
+    path = np.stack([points[:-1], points[1:]], axis=-1)
+    if neighbours is None or np.array_equal(neighbours, path):
+        yield from zip(range(1, len(points)), range(len(points) - 1), _pairings(values, shapes, path)[0], strict=True)
+        return
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-        for i in contested:
-            best[i] = linear_sum_assignment(gain[i], maximize=True)[1]
-    return best
+    # The path joins what the neighbours leave apart, where nothing better does.
+    pairs = np.concatenate([neighbours, path])
+    pairings, gain = _pairings(values, shapes, pairs)
+    cost = 2.0 * values.shape[1] - gain
+    cost[len(neighbours) :] += 1e6
+    cheapest = np.lexsort((cost, pairs[:, 1], pairs[:, 0]))
+    chosen = cheapest[np.r_[True, (np.diff(pairs[cheapest], axis=0) != 0).any(axis=1)]]
+    shape = (len(points), len(points))
+    graph = csr_array((cost[chosen], tuple(pairs[chosen].T)), shape)
+    order, before = breadth_first_order(minimum_spanning_tree(graph), 0, directed=False)
+    number = csr_array((chosen + 1, tuple(pairs[chosen].T)), shape)
+    for point in order[1:].tolist():
+        forward = int(number[before[point], point])
+        found = pairings[(forward or int(number[point, before[point]])) - 1]
+        yield point, int(before[point]), found if forward else np.argsort(found)
+
+
+def _pairings(values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(M, n): which eigenvalue of the second point of a pair belongs to each of the first; and the sum that it
+    maximizes, (M,)."""
+    found, sums = np.empty((len(pairs), values.shape[1]), dtype=int), np.empty(len(pairs))
+    for begin in range(0, len(pairs), 10_000):
+        rows = slice(begin, begin + 10_000)
+        before, after = values[pairs[rows, 0]], values[pairs[rows, 1]]
+        one, other = shapes[pairs[rows, 0]], shapes[pairs[rows, 1]]
+        likeness = np.abs(np.einsum("nki,nkj->nij", one.conj(), other)) ** 2
+        distance = np.abs(before[:, :, None] - after[:, None, :])
+        size = np.abs(before)[:, :, None] + np.abs(after)[:, None, :]
+        gain = likeness - distance / np.maximum(size, 1e-12)
+        best = gain.argmax(axis=2)
+        # Where every row's favourite is another column the favourites are the optimal permutation already.
+        contested = np.flatnonzero((np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1))
+        if contested.size:
+            from scipy.optimize import linear_sum_assignment
+
+            for i in contested:
+                best[i] = linear_sum_assignment(gain[i], maximize=True)[1]
+        found[rows] = best
+        sums[rows] = np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
+    return found, sums

@@ -47,6 +47,7 @@ def find_operating_point(
     """
     if not condition.free:
         raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
+    condition = condition.at() if condition.tables else condition
     condition.check_pitch()
     problem = TrimProblem(aircraft, condition)
     try:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.parameters import Parameters
+from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUT_UNITS, INPUTS, NAMES_AND_UNITS, RATE_UNITS, STATE_UNITS, STATES
 from hfa_support.jobs.layout import Array, Layout, described
 from hfa_support.jobs.store import Store
@@ -18,10 +18,9 @@ from hfa_support.jobs.stream import stream
 from hfa_support.jobs.workers import Task
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.chunk import STATUS, run_chunk
-from trim.sweeps.level_flights import COMPILE_FROM, are_level_flights
+from trim.sweeps.points import COMPILE_FROM, STATUS, is_square, trim_points
 from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
 
 SCHEMA = "hfa.sweep-store/1"
@@ -43,7 +42,7 @@ class SweepJob:
 
     @cached_property
     def layout(self) -> Layout:
-        """One row a point: its values of what varies, the arrays of its `Chunk`, its eigenvalues."""
+        """One row a point: its values of what varies, the arrays of its `Points`, its eigenvalues."""
         plan = self.plan
         varied = zip(plan.variables, plan.units, strict=True)
         arrays = {name: _numbers((), described("what is varied", unit)) for name, unit in varied} | {
@@ -76,7 +75,7 @@ class SweepJob:
             "limiting": list(STATES + INPUTS),
             "warnings": plan_warnings(plan),
         }
-        chunk = CHUNK if are_level_flights(plan.variables, plan.condition) else SLOW_CHUNK
+        chunk = CHUNK if is_square(plan.aircraft.variant, plan.variables, plan.condition) else SLOW_CHUNK
         identity = plan.to_dict(), plan.identity
         return Layout(SCHEMA, "sweep", plan.count, "point", chunk, *identity, arrays, labels, attributes)
 
@@ -90,22 +89,21 @@ class SweepJob:
         plan = self.plan
         compiled = plan.count >= COMPILE_FROM
         values = plan.values(start, stop)
-        return plan.variables, values, plan.parameters, plan.dynamics, compiled, plan.condition, plan.start
+        return plan.aircraft, plan.variables, values, plan.condition, plan.start, compiled
 
 
 def run_points(
+    aircraft: Aircraft,
     variables: tuple[str, ...],
     values: np.ndarray,
-    parameters: Parameters,
-    dynamics: str,
+    condition: TrimCondition,
+    start: OperatingPoint | None,
     compile_code: bool,
-    condition: NamedCondition = LEVEL_FLIGHT,
-    start: OperatingPoint | None = None,
 ) -> Mapping[str, np.ndarray]:
-    """The points of a task, by name of the array in the store: a `Chunk`, the values that it was given, and the
+    """The points of a task, by name of the array in the store: its `Points`, the values that it was given, and the
     eigenvalues of A (N, 7), fastest first, 1/s. What a worker runs."""
-    chunk = run_chunk(variables, values, parameters, dynamics, compile_code, condition, start)
-    rows = chunk._asdict() | {"values": values, "eigenvalues": _eigenvalues(chunk.A)}
+    points = trim_points(aircraft, variables, values, condition, start=start, compile_code=compile_code)
+    rows = points._asdict() | {"values": values, "eigenvalues": _eigenvalues(points.A)}
     rows |= {name: values[:, column] for column, name in enumerate(variables)}
     del rows["failures"]  # words have no place in an array
     return rows
@@ -147,13 +145,13 @@ def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
     """Points by status, and where they are."""
     counts, notes = status_counts(store, plan.count), plan_warnings(plan)
     return Report(
-        title=f"Sweep over {', '.join(plan.variables)}, {plan.dynamics} dynamics, in {path}",
+        title=f"Sweep over {', '.join(plan.variables)}, {plan.dynamics_name} dynamics, in {path}",
         parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
         notes=notes,
         data={
             "schema": SUMMARY_SCHEMA,
             "store": str(path),
-            "dynamics": plan.dynamics,
+            "dynamics": plan.dynamics_name,
             **plan.varied,
             "points": plan.count,
             "counts": counts,

@@ -1,4 +1,4 @@
-"""What a large sweep visits: which variables take which values, any part of it on demand, and what lies beyond the
+"""What a sweep visits: which variables take which values, any part of it on demand, and what lies beyond the
 paper's range of dihedral."""
 
 from __future__ import annotations
@@ -13,18 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.variants import variant_named
+from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import UNITS
-from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.text import angle_text
-from trim.point.condition import PAPER_LIMIT, PAPER_RANGE, VARIABLES
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.condition import LEVEL_FLIGHT, PAPER_LIMIT, PAPER_RANGE, TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.chunk import condition_at
+from trim.sweeps.points import PLANNED, condition_at
 
-#: What a plan can vary: what a trim imposes, and any parameter of the aircraft.
-PLANNED = VARIABLES + Parameters._fields
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
 #: Of a Latin hypercube, which is: 10 bytes and more a sample and variable.
@@ -51,15 +49,16 @@ class SweepPlan:
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
     fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
     hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the
-    aircraft where it is not varied. condition, start: as in `sweep`. BadInputError when a name or a range is wrong.
+    aircraft where it is not varied; dynamics by name or a `Variant`. condition: what the other variables do. start:
+    where the search begins at each point. BadInputError when a name or a range is wrong.
     """
 
     axes: Mapping[str, tuple[float, ...] | Steps]
     parameters: Parameters
-    dynamics: str
+    dynamics: str | Variant
     samples: int = 0
     seed: int = 0
-    condition: NamedCondition = LEVEL_FLIGHT
+    condition: TrimCondition = LEVEL_FLIGHT
     start: OperatingPoint | None = None
 
     def __post_init__(self) -> None:
@@ -69,12 +68,11 @@ class SweepPlan:
         ends_of = {}
         for name, values in self.axes.items():
             refuse_unknown("cannot sweep", name, PLANNED)
-            if not isinstance(values, (tuple, list, np.ndarray, Steps)):
-                raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers, or Steps")
-            ends = ends_of[name] = (
-                values.at(np.array([0, values.count - 1])).tolist() if isinstance(values, Steps) else values
-            )
-            if name in FIELDS._fields and getattr(FIELDS, name).positive and min(ends) <= 0:
+            ends = values.at(np.array([0, values.count - 1])) if isinstance(values, Steps) else numbers_in(name, values)
+            if ends.ndim != 1 or not ends.size:
+                raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
+            ends_of[name] = ends
+            if name in FIELDS._fields and getattr(FIELDS, name).positive and not min(ends) > 0:
                 raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
@@ -84,9 +82,20 @@ class SweepPlan:
             raise BadInputError(
                 f"the sweep has {self.count:,.15g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
             )
-        variant_named(self.dynamics)
+        if isinstance(self.dynamics, str):
+            variant_named(self.dynamics)
         for corner in (np.argmin, np.argmax):
             condition_at(self.condition, self.variables, np.array([ends[corner(ends)] for ends in ends_of.values()]))
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """What is not varied of the aircraft."""
+        return Aircraft(self.parameters, self.dynamics)
+
+    @property
+    def dynamics_name(self) -> str:
+        """Name of the dynamics."""
+        return self.dynamics if isinstance(self.dynamics, str) else self.dynamics.name
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -108,7 +117,7 @@ class SweepPlan:
             elif self.samples:
                 found[name] = {"lowest": values[0], "highest": values[1], "unit": unit}
             else:
-                found[name] = {"values": list(values), "unit": unit}
+                found[name] = {"values": numbers_in(name, values).tolist(), "unit": unit}
         return found
 
     @property
@@ -124,13 +133,13 @@ class SweepPlan:
     @cached_property
     def count(self) -> int:
         """Number of points."""
-        return self.samples or math.prod(self._sizes)
+        return self.samples or math.prod(self.sizes)
 
     def values(self, start: int, stop: int) -> np.ndarray:
         """Rows start .. stop - 1 of the (N, variables) table of values."""
         if self.samples:
             return self._hypercube[start:stop]
-        indices = np.unravel_index(np.arange(start, stop), self._sizes)
+        indices = np.unravel_index(np.arange(start, stop), self.sizes)
         columns = [
             values.at(index) if isinstance(values, Steps) else np.asarray(values)[index]
             for values, index in zip(self.axes.values(), indices, strict=True)
@@ -138,18 +147,19 @@ class SweepPlan:
         return np.stack(columns, axis=-1)
 
     @property
-    def _sizes(self) -> list[int]:
+    def sizes(self) -> list[int]:
+        """Number of values of each variable of a grid, in order."""
         return [values.count if isinstance(values, Steps) else len(values) for values in self.axes.values()]
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON data; two plans with the same data visit the same points."""
         return {
             "axes": {
-                name: asdict(values) if isinstance(values, Steps) else list(values)
+                name: asdict(values) if isinstance(values, Steps) else numbers_in(name, values).tolist()
                 for name, values in self.axes.items()
             },
             "parameters": self.parameters._asdict(),
-            "dynamics": self.dynamics,
+            "dynamics": self.dynamics_name,
             "samples": self.samples,
             "seed": self.seed,
             "condition": self.condition.to_dict(),
@@ -170,33 +180,22 @@ class SweepPlan:
         return np.asarray(bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0]))
 
 
-def range_warnings(dihedral: np.ndarray) -> list[str]:
-    """What a user should know before trusting results at these angles, rad."""
-    return _warnings(_beyond(dihedral), len(dihedral))
-
-
 def plan_warnings(plan: SweepPlan) -> list[str]:
-    """The same of a sweep of any size before it runs; a grid is counted without making its points."""
+    """What a user should know before trusting a sweep of any size; a grid is counted without making its points."""
     if "dihedral" not in plan.axes:
         return []
     dihedral = plan.axes["dihedral"]
-    if plan.samples:
-        return range_warnings(plan.values(0, plan.count)[:, plan.variables.index("dihedral")])
-    if not isinstance(dihedral, Steps):
-        return _warnings(_beyond(np.array(dihedral)) * (plan.count // len(dihedral)), plan.count)
-    # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
-    first = max(math.ceil((-PAPER_LIMIT - dihedral.start) / dihedral.step), 0)
-    last = min(math.floor((PAPER_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
-    beyond = dihedral.count - max(last - first + 1, 0)
-    return _warnings(beyond * (plan.count // dihedral.count), plan.count)
-
-
-def _beyond(dihedral: np.ndarray) -> int:
-    return int(np.count_nonzero(np.abs(dihedral) > PAPER_LIMIT))
-
-
-def _warnings(beyond: int, count: int) -> list[str]:
+    if isinstance(dihedral, Steps):
+        # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
+        first = max(math.ceil((-PAPER_LIMIT - dihedral.start) / dihedral.step), 0)
+        last = min(math.floor((PAPER_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
+        beyond, each = dihedral.count - max(last - first + 1, 0), plan.count // dihedral.count
+    else:
+        place = plan.variables.index("dihedral")
+        angles = plan.values(0, plan.count)[:, place] if plan.samples else np.asarray(dihedral)
+        beyond, each = int(np.count_nonzero(np.abs(angles) > PAPER_LIMIT)), plan.count // len(angles)
     if not beyond:
         return []
-    points = f"{beyond} of {count} points {'lies' if beyond == 1 else 'lie'}" if count > 1 else "the point lies"
-    return [f"{points} beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"]
+    lie = f"{beyond * each} of {plan.count} points {'lies' if beyond * each == 1 else 'lie'}"
+    where = f"beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"
+    return [f"{lie if plan.count > 1 else 'the point lies'} {where}"]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, UNITS, entry_unit
+from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_unit
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Block, Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
 from trim.point.operating_point import Status
-from trim.sweeps.sweep_plan import range_warnings
+from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,11 +26,12 @@ SCHEMA = "hfa.sweep/1"
 
 
 class RootLocus(NamedTuple):
-    """N points along one variable. values: (N,), unit as in `vectors.py`. eigenvalues: (N, n), 1/s, a column a mode;
+    """N points along one variable. values: (N,), in `unit`. eigenvalues: (N, n), 1/s, a column a mode;
     nan where there is no trim. mode_names: of the columns, empty where nothing is trimmed.
     """
 
     variable: str
+    unit: str
     values: np.ndarray
     eigenvalues: np.ndarray
     mode_names: tuple[str, ...]
@@ -65,7 +64,7 @@ class RootLocus(NamedTuple):
 
     def _draw(self, axes: Axes, shown: np.ndarray) -> None:
         """The columns that are shown, a line a mode, and both ends of the line."""
-        values, unit = shown_values(self.values, UNITS[self.variable]), shown_unit(UNITS[self.variable])
+        values, unit = shown_values(self.values, self.unit), shown_unit(self.unit)
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(shown).tolist():
             name = self.mode_names[column]
@@ -88,14 +87,13 @@ class RootLocus(NamedTuple):
 class Sweep(ByValue, Reported):
     """N points in the order of the grid, the last variable running fastest.
 
-    axes: variable -> its values. values: (N, variables), all combinations of them. reasons: "" where trimmed, else
+    plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
     why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
-    mode through the sweep; nan where the trim failed. mode_names: name of each column where the sweep begins.
-    condition: what the trims impose beside the values.
+    mode through the sweep; nan where the trim failed. mode_names: name of each column at the first trimmed point.
     Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
     """
 
-    axes: Mapping[str, tuple[float, ...]]
+    plan: SweepPlan
     values: np.ndarray
     reasons: tuple[str, ...]
     states: np.ndarray
@@ -105,18 +103,21 @@ class Sweep(ByValue, Reported):
     eigenvalues: np.ndarray
     model_states: tuple[str, ...]
     mode_names: tuple[str, ...]
-    dynamics: str
-    condition: NamedCondition = LEVEL_FLIGHT
+
+    @property
+    def dynamics(self) -> str:
+        """Name of the dynamics."""
+        return self.plan.dynamics_name
 
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of what varies, in order."""
-        return tuple(self.axes)
+        return self.plan.variables
 
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each variable, in order."""
-        return tuple(UNITS[name] for name in self.axes)
+        return self.plan.units
 
     @property
     def trimmed(self) -> np.ndarray:
@@ -126,19 +127,14 @@ class Sweep(ByValue, Reported):
     @property
     def root_locus(self) -> RootLocus:
         """The eigenvalues over the last variable."""
-        return RootLocus(self.variables[-1], self.values[:, -1], self.eigenvalues, self.mode_names, self.dynamics)
-
-    @property
-    def warnings(self) -> list[str]:
-        """What a user should know before trusting the sweep."""
-        if "dihedral" not in self.variables:
-            return []
-        return range_warnings(self.values[:, self.variables.index("dihedral")])
+        variable, unit = self.variables[-1], self.units[-1]
+        return RootLocus(variable, unit, self.values[:, -1], self.eigenvalues, self.mode_names, self.dynamics)
 
     def report(self) -> Report:
         """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
 
-        A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it.
+        A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it. Where the modes of
+        two columns meet in a conjugate pair, each column has one of its members.
         """
         modes = tuple(dict.fromkeys(self.mode_names))
         members = [[i for i, each in enumerate(self.mode_names) if each == name] for name in modes]
@@ -151,7 +147,7 @@ class Sweep(ByValue, Reported):
                 return *varied(i), *("-" for _ in modes)
             return *varied(i), *(_mode_text(self.eigenvalues[i, columns]) for columns in members)
 
-        count, warnings = len(self.reasons), self.warnings
+        count, warnings = len(self.reasons), plan_warnings(self.plan)
         header = (
             *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.units, strict=True)),
             *(f"{name} 1/s" for name in modes),
@@ -178,10 +174,7 @@ class Sweep(ByValue, Reported):
         return {
             "schema": SCHEMA,
             "dynamics": self.dynamics,
-            "variables": list(self.variables),
-            "variable_units": list(self.units),
-            "grid": {name: {"values": list(axis), "unit": UNITS[name]} for name, axis in self.axes.items()},
-            "condition": self.condition.to_dict(),
+            **self.plan.varied,
             "values": self.values,
             "reasons": list(self.reasons),
             "states": list(self.model_states),
@@ -231,7 +224,10 @@ def _records(result: Sweep) -> Table:
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    first = eigenvalues[0]
-    # A pair says both its members at once.
-    others = [value for value in eigenvalues[1:] if not (value.imag and value == first.conjugate())]
-    return ", ".join(eigenvalue_text(value) for value in (first, *others))
+    """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own sign."""
+    pairs = {value for value in eigenvalues if value.imag > 0 and value.conjugate() in eigenvalues}
+    shown = (each for each in eigenvalues if each.conjugate() not in pairs)
+    return ", ".join(
+        f"{each.real:.4f} {each.imag:+.4f}i" if each.imag and each not in pairs else eigenvalue_text(each)
+        for each in shown
+    )

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError
-from trim.point.condition import BALANCED, TrimCondition
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.condition import BALANCED, LEVEL_FLIGHT, TrimCondition
 
 #: At such a flight θ' = q and η' = η' are 0 already; what the unknowns of the trim move is left.
 EQUATIONS = tuple(STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate"))
@@ -25,7 +24,7 @@ class Family:
     """
 
     aircraft: Aircraft
-    flights: NamedCondition = LEVEL_FLIGHT
+    flights: TrimCondition = LEVEL_FLIGHT
     spread: tuple[float, ...] | None = None
     decimals: bool = True
 
@@ -45,6 +44,5 @@ class Family:
                 f"a proof takes trims at a given dihedral, all rates 0, with {len(EQUATIONS)} unknowns; "
                 f"here free are {', '.join(first.free)}: change --hold and --free"
             )
-        for name, (angles, _) in self.flights.imposed.items():
-            if len(angles) > 1:
-                raise BadInputError(f"{name} changes with the dihedral in this condition; --hold it at one value")
+        for name in self.flights.tables:
+            raise BadInputError(f"{name} changes with the dihedral in this condition; --hold it at one value")

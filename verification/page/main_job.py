@@ -20,8 +20,7 @@ from hfa_support.progress import SaidProgress
 from hfa_support.reporting.text import angle_text, in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import TrimCondition
-from trim.point.named_condition import LEVEL_FLIGHT, NamedCondition
+from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import sweep
@@ -75,7 +74,7 @@ def trimmed_angle(
     aircraft: Aircraft,
     dihedral: float,
     outputs: tuple[str, ...] | None = None,
-    flight: NamedCondition = LEVEL_FLIGHT,
+    flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
 ) -> TrimmedAngle:
     """Trim and linearize a flight at a dihedral angle; an angle without a trim keeps the reason."""
@@ -91,7 +90,7 @@ def angle_result(
     aircraft: Aircraft,
     dihedral: float,
     outputs: tuple[str, ...] | None = None,
-    flight: NamedCondition = LEVEL_FLIGHT,
+    flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
 ) -> AngleResult:
     """The same with the game solved, and a critic learned and compared with the solution."""
@@ -149,7 +148,7 @@ def main_job(
     swept: np.ndarray = SWEEP,
     outputs: tuple[str, ...] | None = None,
     claims: StoredClaims | None = None,
-    flight: NamedCondition = LEVEL_FLIGHT,
+    flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
     progress: SaidProgress = lambda fraction, what: None,
 ) -> MainJob:

@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 
 from controller import Game, published_game
-from hfa_model import LINEAR_STATES, STATES, VARIANTS, default_parameters
+from hfa_model import LINEAR_STATES, STATES, VARIANTS, Aircraft
 from hfa_support import BadInputError, NoSolutionError
-from trim import level_conditions, solve_level_flights
+from trim import trim_points
 from verification import solve_game, solve_games
 
 
 def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     angles = np.radians(np.linspace(0, 20, count))[:, None]
-    conditions = level_conditions(("dihedral",), angles)
-    flights = solve_level_flights(VARIANTS[dynamics], default_parameters().values, conditions)
+    flights = trim_points(Aircraft(dynamics=dynamics), ("dihedral",), angles)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     return flights.A[:, rows][:, :, rows], flights.B[:, rows]
 

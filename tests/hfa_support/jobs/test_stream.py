@@ -16,7 +16,7 @@ from hfa_support.jobs.store import create_store, open_store
 from hfa_support.jobs.stream import run_and_write
 from trim import SweepPlan, stream_sweep
 from trim.sweeps import stored_sweep
-from trim.sweeps.chunk import run_chunk
+from trim.sweeps.points import trim_points
 from trim.sweeps.stored_sweep import SweepJob, status_counts
 
 PARAMETERS = default_parameters().values
@@ -62,7 +62,7 @@ def test_a_resumed_sweep_computes_only_what_is_missing(tmp_path, small_chunks, w
     left = open_store(tmp_path / "part.zarr").missing()
     assert len(left) == 3
     ran, seen = [], []
-    monkeypatch.setattr(stored_sweep, "run_chunk", lambda *task: ran.append(1) or run_chunk(*task))
+    monkeypatch.setattr(stored_sweep, "trim_points", lambda *task, **more: ran.append(1) or trim_points(*task, **more))
     resumed = stream_sweep(_plan(), tmp_path / "part.zarr", resume=True, progress=lambda *now: seen.append(now))
     assert seen == [(done, 6) for done in (3, 4, 5, 6)]  # the first before anything is computed
     assert len(ran) == len(left)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
 from controller.monte_carlo.stored_members import fly_members
-from hfa_model import State, default_parameters
+from hfa_model import Aircraft, State, default_parameters
 from hfa_support.native.bound import cached_per_thread
+from trim import LEVEL_FLIGHT
 from trim.sweeps.stored_sweep import run_points
 
 PARAMETERS = default_parameters().values
@@ -35,7 +36,7 @@ def test_a_sweep(compile_code: bool) -> None:
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)
         values = np.column_stack([np.radians(rng.uniform(0.0, 20.0, 400)), rng.uniform(25.0, 75.0, 400)])
-        return run_points(("dihedral", "speed"), values, PARAMETERS, "published", compile_code)
+        return run_points(Aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code)
 
     assert differing(chunk, range(6)) == []
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from hfa_model import Aircraft
 from hfa_model.vectors import STATE_SCALES
 from trim import sweep, track_modes
-from trim.sweeps import sweep as sweeps
 
 STATES = ("alpha", "pitch_rate", "speed")
 #: Three shapes, far from parallel in units of `STATE_SCALES`.
@@ -62,22 +59,24 @@ def test_the_first_point_is_ordered_fastest_first() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
-def test_a_grid_is_walked_from_neighbour_to_neighbour(
-    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, sizes: tuple[int, ...]
-) -> None:
-    """Modes are followed along a path that visits every point once, each step one step along one axis."""
-    walked: list[np.ndarray] = []
-
-    def recorded(A: np.ndarray, states: Any) -> np.ndarray:
-        walked.append(A)
-        return track_modes(A, states)
-
-    monkeypatch.setattr(sweeps, "track_modes", recorded)
+def test_a_grid_is_followed_from_neighbour_to_neighbour(published_aircraft: Aircraft, sizes: tuple[int, ...]) -> None:
+    """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
     ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
     grid = {name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)}
     result = sweep(published_aircraft, grid)
     assert result.trimmed.all()
-    indices = [int(np.flatnonzero((result.A == A).all(axis=(1, 2)))[0]) for A in walked[0]]
-    assert sorted(indices) == list(range(int(np.prod(sizes))))
-    steps = np.abs(np.diff(np.array(np.unravel_index(indices, sizes)), axis=1))
-    assert (steps.sum(axis=0) == 1).all()
+    index = np.arange(len(result.A)).reshape(sizes)
+    for axis in range(len(sizes)):
+        along = np.moveaxis(index, axis, 0)
+        for one, other in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
+            step = track_modes(result.A[[one, other]], result.model_states)
+            assert set(zip(*step.round(9).tolist(), strict=True)) == set(
+                zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
+            )
+
+
+def test_points_that_are_no_neighbours_are_joined_all_the_same() -> None:
+    """Two pairs of neighbours and nothing between them: the order of the points joins them."""
+    values = np.array([[-3.0, -1.0, -0.1], [-3.1, -1.1, -0.2], [-3.2, -1.2, -0.3], [-3.3, -1.3, -0.4]])
+    tracked = track_modes(models_with(values), STATES, np.array([[0, 2], [1, 3]]))
+    np.testing.assert_allclose(tracked, values, atol=1e-9)

@@ -8,7 +8,7 @@ import pytest
 from hfa_model import STATES, Aircraft
 from hfa_support import BadInputError
 from trim import STATE_LIMITS, TrimError, find_operating_point, level_flight, release
-from trim.sweeps.chunk import BEYOND_LIMITS, TRIMMED, run_chunk
+from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 #: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.
 ANGLES = [(57.1, 2.8), (57.3, 2.8), (59.0, 2.8), (59.0, 0.9), (60.5, 2.0), (61.0, 0.5), (60.2, -0.3)]
@@ -25,7 +25,7 @@ def strong(published_aircraft: Aircraft) -> Aircraft:
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
 def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) -> None:
     values = np.radians([[gamma, alpha]])
-    chunk = run_chunk(("gamma", "alpha"), values, strong.parameters, "published")
+    chunk = trim_points(strong, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
     if gamma + alpha <= 60:
         assert find_operating_point(strong, condition).status == "trimmed"

@@ -1,16 +1,22 @@
-"""A sweep in a store: what its columns are called."""
+"""A sweep in a store: what it visits, what its columns are called, under which condition it is continued."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import xarray
 import zarr
 
-from hfa_model import INPUTS, STATE_UNITS, STATES, Parameters
-from trim import SweepPlan, stream_sweep
+from hfa_model import DEGREE, INPUTS, STATE_UNITS, STATES, Aircraft, Parameters
+from hfa_support import BadInputError
+from trim import LEVEL_FLIGHT, Steps, SweepPlan, find_operating_point, level_flight, release, stream_sweep, sweep
 from trim.sweeps.stored_sweep import status_counts
+
+ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
+LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
 
 
 def test_a_store_names_its_columns(tmp_path: Path, parameters: Parameters) -> None:
@@ -45,3 +51,77 @@ def test_xarray_reads_names_and_units(tmp_path: Path, parameters: Parameters) ->
     assert read.states.attrs == {"long_name": "X0", "units_of": "state_unit"}
     assert read.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
     assert {read[name].dims[0] for name in read.attrs["arrays"]} == {"point"}
+
+
+def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
+    dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
+    axes = {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)}
+    plan = SweepPlan(axes, parameters, "published")
+    whole = plan.values(0, plan.count)
+    assert plan.count == 28
+    assert np.array_equal(whole[10:13], plan.values(10, 13))
+    assert np.array_equal(whole[:4, 1], [25.0, 60.0, 68.0, 75.0])
+    samples = SweepPlan({"dihedral": (0.0, 0.3), "panel_mass": (8.0, 10.0)}, parameters, "newton", samples=64, seed=5)
+    table = samples.values(0, 64)
+    # A Latin hypercube has exactly one point in each of its 64 strata of each variable.
+    for column, (low, high) in enumerate(samples.axes.values()):
+        strata = np.floor((table[:, column] - low) / (high - low) * 64).astype(int)
+        assert sorted(strata) == list(range(64))
+    assert samples.identity != SweepPlan(samples.axes, parameters, "newton", samples=64, seed=6).identity
+
+
+@pytest.mark.parametrize(
+    ("axes", "samples", "complaint"),
+    [
+        ({}, 0, "nothing to sweep"),
+        ({"wind": (1.0,)}, 0, "cannot sweep 'wind'"),
+        ({"panel_mass": (-1.0, 2.0)}, 0, "must be positive"),
+        ({"dihedral": (0.2, 0.1)}, 5, "lowest:highest"),
+        ({"dihedral": (0.1, 0.2)}, 20_000_000, "samples is 20000000; it must lie between 0 and 10,000,000"),
+        (
+            {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
+            0,
+            "has 1,234,570,000 points, at most 1,000,000,000",
+        ),
+    ],
+)
+def test_a_wrong_plan_says_what_is_wrong(parameters: Parameters, axes: dict, samples: int, complaint: str) -> None:
+    with pytest.raises(BadInputError, match=complaint):
+        SweepPlan(axes, parameters, "published", samples=samples)
+    with pytest.raises(BadInputError, match="aristotle"):
+        SweepPlan({"dihedral": (0.1, 0.2)}, parameters, "aristotle")
+
+
+def test_steps_that_end_outside_the_limits_are_refused(parameters: Parameters) -> None:
+    with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
+        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, parameters, "published")
+
+
+def _plan(aircraft: Aircraft, **more: Any) -> SweepPlan:
+    axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
+    return SweepPlan(axes, aircraft.parameters, "published", **more)
+
+
+def test_a_store_has_the_points_of_a_sweep_in_memory(published_aircraft: Aircraft, tmp_path: Path) -> None:
+    plan = _plan(published_aircraft, condition=ALPHA_FREE)
+    store = stream_sweep(plan, tmp_path / "a.zarr")
+    expected = sweep(published_aircraft, plan.axes, condition=ALPHA_FREE, full=True)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(store.read("A"), expected.A)
+    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
+    assert attributes["grid"]["speed"] == {"values": [64.0, 68.0], "unit": "ft/s"}
+    assert attributes["condition"] == ALPHA_FREE.to_dict()
+
+
+@pytest.mark.parametrize("change", ["condition", "start", "limits"])
+def test_a_store_is_not_continued_under_another_condition(
+    published_aircraft: Aircraft, tmp_path: Path, change: str
+) -> None:
+    point = find_operating_point(published_aircraft, level_flight(0.1))
+    other: dict[str, dict[str, Any]] = {
+        "condition": {"condition": release(LEVEL_FLIGHT, hold={"gamma": 0.01})},
+        "start": {"condition": ALPHA_FREE, "start": point},
+        "limits": {"condition": LIMITED},
+    }
+    stream_sweep(_plan(published_aircraft), tmp_path / "a.zarr")
+    with pytest.raises(BadInputError, match="another sweep"):
+        stream_sweep(_plan(published_aircraft, **other[change]), tmp_path / "a.zarr", resume=True)

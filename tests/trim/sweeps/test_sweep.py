@@ -1,22 +1,87 @@
-"""A sweep in memory: what it says of a point without a trim, and what it refuses."""
+"""A sweep in memory: the points of single trims under any condition, its modes, what it says and refuses."""
 
 from __future__ import annotations
+
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft
+from hfa_model import DEGREE, STATES, Aircraft
 from hfa_support import BadInputError
-from trim import SweepPlan, TrimError, find_operating_point, level_flight, sweep
-from trim.sweeps.chunk import run_chunk
+from hfa_support.linear_table import LinearTable
+from trim import (
+    LEVEL_FLIGHT,
+    Sweep,
+    SweepPlan,
+    TrimCondition,
+    TrimError,
+    find_operating_point,
+    level_flight,
+    linearize,
+    load_condition,
+    modes_of,
+    release,
+    sweep,
+    trim_points,
+)
+from trim.point.condition import BALANCED
+from trim.sweeps.points import condition_at, is_square
+
+ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
+LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
+TABLE = release(LEVEL_FLIGHT, hold={"alpha": LinearTable([0.1, 0.3], [0.04, 0.06])})
+#: Grid, condition, whether there are as many equations as unknowns.
+CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
+    "climb": ({"gamma": [-0.02, 0.02], "dihedral": [0.1, 0.2]}, LEVEL_FLIGHT, True),
+    "limits": ({"dihedral": [0.05, 0.2]}, LIMITED, True),
+    "table": ({"dihedral": [0.1, 0.3]}, TABLE, True),
+    "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64"), False),
+    "dihedral held": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, hold={"dihedral": 0.2}), True),
+    "alpha free": ({"dihedral": [0.1, 0.2]}, ALPHA_FREE, True),
+    "alpha free, limited": ({"speed": [40.0, 68.0]}, release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}), True),
+    "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",)), False),
+    "glide": ({"throttle": [0.0, 20.0]}, release(LEVEL_FLIGHT, free=("gamma",)), True),
+    "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT, True),
+    "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT, True),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_point_is_that_of_a_single_trim(published_aircraft: Aircraft, name: str) -> None:
+    grid, condition, square = CASES[name]
+    assert is_square(published_aircraft.variant, tuple(grid), condition) == square
+    result = sweep(published_aircraft, grid, condition=condition)
+    for i, row in enumerate(result.values):
+        single, aircraft = condition_at(condition, result.variables, row), published_aircraft
+        if name == "mass":
+            aircraft = Aircraft(aircraft.parameters._replace(panel_mass=float(row[0])))
+        if result.reasons[i]:
+            with pytest.raises(TrimError) as caught:
+                find_operating_point(aircraft, single)
+            assert result.reasons[i] == str(caught.value)
+            continue
+        point = find_operating_point(aircraft, single)
+        np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(result.A[i], linearize(aircraft, point).A, rtol=1e-9, atol=1e-9)
+    assert result.trimmed.any()
+
+
+def test_a_rate_that_is_not_zero_is_imposed_at_every_point(published_aircraft: Aircraft) -> None:
+    rates = dict.fromkeys(BALANCED, 0.0) | {"speed": 1.0}
+    faster = sweep(published_aircraft, {"dihedral": [0.1]}, condition=replace(level_flight(0.0), rates=rates))
+    rate = published_aircraft.rates(faster.states[0], faster.inputs[0])
+    assert rate[STATES.index("speed")] == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
     """Which rates do not balance within the limits, which limits bind, and what balance would take beyond them."""
     result = sweep(aircraft, {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5_000.0, 40_000.0]})
     assert 4 < np.count_nonzero(~result.trimmed) < 12
-    for reason, values in zip(result.reasons, result.values.tolist(), strict=True):
-        condition = level_flight(**dict(zip(result.variables, values, strict=True)))
+    for reason, values in zip(result.reasons, result.values, strict=True):
+        condition = condition_at(LEVEL_FLIGHT, result.variables, values)
         if not reason:
             assert find_operating_point(aircraft, condition).status == "trimmed"
             continue
@@ -29,10 +94,9 @@ def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
 def test_what_balance_would_take_is_named(published_aircraft: Aircraft) -> None:
     """The numbers are those of the point that balances, checked in the aircraft's own equations."""
     (reason,) = sweep(published_aircraft, {"speed": [30.0], "dihedral": [0.1]}).reasons
-    chunk = run_chunk(("speed", "dihedral"), np.array([[30.0, 0.1]]), published_aircraft.parameters, "published")
-    rates = published_aircraft.rates(chunk.states[0], chunk.inputs[0])
-    assert np.abs(rates).max() < 1e-9
-    throttle, *deflections = chunk.inputs[0].tolist()
+    found = trim_points(published_aircraft, ("speed", "dihedral"), np.array([[30.0, 0.1]]))
+    assert np.abs(published_aircraft.rates(found.states[0], found.inputs[0])).max() < 1e-9
+    throttle, *deflections = found.inputs[0].tolist()
     outer, center, tips = np.degrees(deflections[1:])
     assert 0.0 < throttle < 200.0
     assert reason.startswith("no trim: these rates do not balance: pitch_rate by ")
@@ -44,18 +108,113 @@ def test_what_balance_would_take_is_named(published_aircraft: Aircraft) -> None:
 
 
 @pytest.mark.parametrize(
-    ("axes", "words"),
+    ("grid", "condition", "words"),
     [
-        ({"dihedral": [5.0, 15.0]}, "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg"),
-        ({"dihedral": [0.1], "speed": [68.0, -5.0]}, "speed is -5 ft/s; it must lie between 1 ft/s and 500 ft/s"),
-        ({"altitude": [4e4, float("nan")]}, "altitude is nan; give a finite number"),
+        ({"throttle": [0.0, 50.0]}, LIMITED, "throttle is 50; it must lie between 0 and 40"),
+        ({"dihedral": [0.1, 0.5]}, load_condition("simvfa-64"), "alpha is given from 0 to 20 deg of dihedral"),
+        ({"flaps": [0.1]}, LEVEL_FLIGHT, "cannot sweep 'flaps'; choose from speed, alpha"),
+        ({"dihedral": [5.0, 15.0]}, LEVEL_FLIGHT, "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg"),
+        ({"dihedral": [0.1], "speed": [68.0, -5.0]}, LEVEL_FLIGHT, "speed is -5 ft/s; it must lie between 1 ft/s and"),
+        ({"altitude": [4e4, float("nan")]}, LEVEL_FLIGHT, "altitude is nan; give a finite number"),
+        ({"speed": np.ma.masked_less([60.0, 68.0], 65.0)}, LEVEL_FLIGHT, "speed has masked entries"),
+        ({"panel_mass": [-1.0]}, LEVEL_FLIGHT, "panel_mass is -1 in the sweep; it must be positive"),
+        ({}, LEVEL_FLIGHT, "nothing to sweep"),
+        ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),
     ],
 )
-def test_values_outside_their_limits_are_refused(
-    published_aircraft: Aircraft, axes: dict[str, list[float]], words: str
-) -> None:
-    """Degrees where radians are meant, mostly. A single trim refuses them in the same words."""
+def test_what_no_trim_takes_no_sweep_takes(published_aircraft: Aircraft, grid, condition, words: str) -> None:
     with pytest.raises(BadInputError, match=words):
-        sweep(published_aircraft, axes)
+        sweep(published_aircraft, grid, condition=condition)
     with pytest.raises(BadInputError, match=words):
-        SweepPlan({name: tuple(values) for name, values in axes.items()}, published_aircraft.parameters, "published")
+        SweepPlan(grid, published_aircraft.parameters, "published", condition=condition)
+
+
+NUMBER = re.compile(r"(-?\d+\.\d{4})(?: (±|[+-])(?: )?(\d+\.\d{4})i)?")
+
+
+def eigenvalues_in(line: str) -> list[complex]:
+    """The eigenvalues of a line of the table, a pair as two."""
+    found = []
+    for real, sign, imaginary in NUMBER.findall(line):
+        value = complex(float(real), float(imaginary or 0) * (-1 if sign == "-" else 1))
+        found += [value, value.conjugate()] if sign == "±" else [value]
+    return found
+
+
+@pytest.fixture(scope="module")
+def result(published_aircraft: Aircraft) -> Sweep:
+    return sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
+
+
+@pytest.fixture(scope="module")
+def over_two(published_aircraft: Aircraft) -> Sweep:
+    """Fast modes meet in conjugate pairs at one altitude and not at another."""
+    grid = {"dihedral": [20 * DEGREE], "speed": np.arange(60.0, 81.0, 5.0), "altitude": [0.0, 20_000.0, 40_000.0]}
+    return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
+
+
+@pytest.mark.parametrize("which", ["result", "over_two"])
+def test_every_eigenvalue_of_every_point_is_shown_once(which: str, request: pytest.FixtureRequest) -> None:
+    """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet in a pair."""
+    shown: Sweep = request.getfixturevalue(which)
+    lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
+    assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
+    for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
+        if trimmed:
+            found = np.sort_complex(eigenvalues_in(line))
+            np.testing.assert_allclose(found, np.sort_complex(expected.round(4)), atol=1.1e-4)
+
+
+def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> None:
+    """Along each line of speeds the columns move smoothly; walked in one line over both variables they jumped."""
+    fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
+    assert over_two.mode_names[0] == "short period (fast)"
+    np.testing.assert_allclose(fast[:, 0], [-26.9628, -29.2923, -31.6144, -33.9310, -36.2431], atol=1e-3)
+    assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
+
+
+def test_two_real_eigenvalues_share_the_column_of_their_pair(result: Sweep) -> None:
+    lines = result.report().text().splitlines()
+    assert re.split(r" {2,}", lines[2])[1] == "short period 1/s"
+    cell = {line.split()[0]: re.split(r" {2,}", line)[1] for line in lines[3:] if re.match(r"\d+  ", line)}
+    assert (cell["30"], cell["15"]) == ("-4.5424, -2.9511", "-4.4603 ± 6.0160i")
+
+
+def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
+    lines = replace(result, reasons=("no trim: why", *result.reasons[1:])).report().text().splitlines()
+    assert re.split(r" {2,}", lines[3]) == ["0", "-", "-", "-", "-"]
+    assert "0: no trim: why" in lines
+
+
+@pytest.mark.parametrize(
+    ("grid", "expected"),
+    [
+        ({"speed": [66.0, 70.0]}, []),
+        ({"dihedral": [-15.0, 15.0]}, []),
+        ({"dihedral": [16.0]}, ["the point lies beyond the paper's range of dihedral, which ends at 15 deg"]),
+        ({"dihedral": [15.0, 16.0]}, ["1 of 2 points lies beyond the paper's range of dihedral, which ends at 15 deg"]),
+        ({"dihedral": [-16, 15, 16]}, ["2 of 3 points lie beyond the paper's range of dihedral, which ends at 15 deg"]),
+    ],
+)
+def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft, grid, expected: list[str]) -> None:
+    radians = {name: np.radians(each) if name == "dihedral" else each for name, each in grid.items()}
+    assert list(sweep(published_aircraft, radians).report().notes) == expected
+
+
+def test_the_slow_modes_have_their_own_panel_and_no_legend_covers_a_curve(published_aircraft: Aircraft) -> None:
+    result = sweep(published_aircraft, {"dihedral": np.radians([5.0, 15.0, 59.0])})
+    slow = {name for name, is_slow in zip(result.mode_names, result.root_locus.slow, strict=True) if is_slow}
+    assert slow == {"phugoid", "dihedral (slow)"}
+    figure = result.root_locus.figure()
+    assert [len(axes.lines) for axes in figure.axes] == [9, 6]  # modes, both ends, the axis
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels[-2:] == ["dihedral 5 deg", "dihedral 15 deg"]  # the last point that is trimmed
+    with pytest.raises(BadInputError, match="no point of the sweep has a trim"):
+        sweep(published_aircraft, {"dihedral": np.radians([59.0])}).root_locus.figure()
+
+
+def test_columns_have_the_names_of_the_first_trimmed_point(published_aircraft: Aircraft) -> None:
+    result = sweep(published_aircraft, {"speed": [30.0, 68.0], "dihedral": [0.1, 0.2]})
+    assert not result.trimmed[:2].any()
+    assert set(result.mode_names) == {mode.name for mode in modes_of(result.A[2], result.model_states)}

@@ -14,7 +14,7 @@ from proof_cases import ORIGIN, exact_table, family, forge
 
 from hfa_model import INPUTS, STATES, Aircraft
 from hfa_support import BadInputError
-from trim.point.named_condition import LEVEL_FLIGHT
+from trim import LEVEL_FLIGHT, release
 from verification import Family, check_certificate, prove_rate, prove_schedule
 from verification.arithmetic import PRECISION
 from verification.checker import checker
@@ -249,7 +249,7 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
 ) -> None:
     """Of the trim's equations along each unknown, against central differences; pitch = alpha + gamma."""
     path = tmp_path / "certificate.json"
-    flights = Family(Aircraft(), LEVEL_FLIGHT.changed(free=("alpha",), hold={"elevator_outer": 0.0}))
+    flights = Family(Aircraft(), release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0}))
     table = exact_table(14.0, 14.125)
     ScheduleCertificate(flights, table, 14.0, 14.125, path, ORIGIN).finish(prove_schedule(flights, table, 14.0, 14.125))
     content = json.loads(path.read_text(encoding="utf-8"))

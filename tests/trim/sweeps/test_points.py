@@ -1,0 +1,169 @@
+"""Many points at once against the robust solver, point by point; what it leaves open; the status of each point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, Parameters, ParameterSet, save_parameters
+from hfa_support import BadInputError
+from trim import LEVEL_FLIGHT, TrimError, find_operating_point, level_flight, linearize, release, sweep, trim_points
+from trim.point.condition import LIMITS
+from trim.sweeps import points as many
+from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED
+from trim.sweeps.stored_sweep import run_points
+
+LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
+LOWEST, HIGHEST = [0.0, 60.0, 20_000.0, 0.035, -0.05], [0.35, 75.0, 45_000.0, 0.07, 0.05]
+GLIDE = release(LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0})
+ANGLES = np.radians([[5.0], [15.0]])
+WORDS = "the equations overflow or divide by zero at this condition with these parameters"
+#: The parameter and a value at which the first guess, the rates or their Jacobian overflow.
+EXTREMES = [("lift_slope", 1e200), ("inertia_pitch", 1e-300), ("panel_mass", 1e300), ("chord", 1e-300)]
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+@pytest.mark.parametrize("compile_code", [False, True])
+@pytest.mark.parametrize(
+    ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
+)
+def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
+    aircraft, k = Aircraft(dynamics=dynamics), len(variables)
+    values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
+    found = trim_points(aircraft, variables, values, condition, compile_code=compile_code)
+    trimmed = np.flatnonzero(found.status == TRIMMED)
+    assert trimmed.size >= 15
+    for i in trimmed:
+        single = many.condition_at(condition, variables, values[i])
+        model = linearize(aircraft, find_operating_point(aircraft, single), full=True)
+        np.testing.assert_allclose(found.states[i], model.point.states, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(found.inputs[i], model.point.inputs, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(found.A[i], model.A, rtol=1e-9, atol=1e-8)
+        np.testing.assert_allclose(found.B[i], model.B, rtol=1e-9, atol=1e-8)
+
+
+def test_no_row_depends_on_its_neighbours(aircraft: Aircraft) -> None:
+    """Bit for bit: alone, with few and with many others; parameters may vary from point to point."""
+    random = np.random.default_rng(1)
+    variables = ("dihedral", "speed", "panel_mass")
+    values = random.uniform([0.0, 55.0, 9.5], [0.35, 75.0, 11.5], (600, 3))
+    whole = trim_points(aircraft, variables, values)
+    for rows in (slice(7, 8), slice(30, 60), slice(200, 480)):
+        part = trim_points(aircraft, variables, values[rows])
+        np.testing.assert_array_equal(part.A, whole.A[rows])
+        np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
+    heavy = Aircraft(aircraft.parameters._replace(panel_mass=values[7, 2]), aircraft.variant)
+    np.testing.assert_array_equal(trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8])
+
+
+def test_each_point_carries_its_status_and_what_is_farthest_beyond_its_limits(aircraft: Aircraft) -> None:
+    """Speed ft/s, gamma and alpha rad -> the variable farthest beyond its limits, in widths of them."""
+    farthest = {
+        (68.0, 0.35, 0.0489): "throttle",
+        (68.0, -0.35, 0.0489): "throttle",
+        (30.0, 0.0, 0.0489): "elevator_center",
+        (68.0, 0.0, 0.36): "elevator_center",  # the throttle by more, but by less of its width
+        (68.0, 0.0, 0.0489): "",
+        (-5.0, 0.0, 0.0489): "none",
+    }
+    values = np.array(list(farthest))
+    found = trim_points(aircraft, ("speed", "gamma", "alpha"), values)
+    names = STATES + INPUTS
+    finite = {name: limits for name, limits in LIMITS.items() if np.isfinite(limits).all()}
+    for i, expected in enumerate(farthest.values()):
+        assert found.status[i] == {"": TRIMMED, "none": NO_TRIM}.get(expected, BEYOND_LIMITS)
+        assert found.limiting[i] == (names.index(expected) if expected in names else -1)
+        assert np.isfinite(found.A[i]).all() == (expected == "")
+        if expected != "none":
+            at = dict(zip(names, [*found.states[i], *found.inputs[i]], strict=True))
+            excess = {n: max(low - at[n], at[n] - high) / (high - low) for n, (low, high) in finite.items()}
+            assert max(excess.values()) == excess[expected] > 0 if expected else max(excess.values()) <= 0
+    # The store has the eigenvalues of A beside it, fastest first.
+    rows = run_points(aircraft, ("speed", "gamma", "alpha"), values, LEVEL_FLIGHT, None, False)
+    assert np.all(np.diff(np.abs(rows["eigenvalues"][4])) <= 1e-9)
+    assert np.prod(rows["eigenvalues"][4]) == pytest.approx(np.linalg.det(found.A[4]), abs=1e-9)
+    assert np.isnan(rows["eigenvalues"][:4]).all()
+
+
+@pytest.fixture
+def idle(monkeypatch: pytest.MonkeyPatch, published_aircraft: Aircraft) -> Aircraft:
+    """An aircraft for which Newton's method on many points balances nothing."""
+    monkeypatch.setattr(many, "_functions", lambda *_: None)
+    return published_aircraft
+
+
+def test_what_newton_leaves_open_the_robust_solver_settles(idle: Aircraft) -> None:
+    found, result = trim_points(idle, ("dihedral",), ANGLES), sweep(idle, {"dihedral": ANGLES[:, 0]}, full=True)
+    for i, angle in enumerate(ANGLES[:, 0]):
+        model = linearize(idle, find_operating_point(idle, level_flight(float(angle))), full=True)
+        for points in (found, result):
+            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (
+                list(model.point.states),
+                list(model.point.inputs),
+            )
+            np.testing.assert_array_equal(points.A[i], model.A)
+            np.testing.assert_array_equal(points.B[i], model.B)
+    masses = idle.parameters.panel_mass * np.array([[1.0], [1.1]])
+    heavier = Aircraft(idle.parameters._replace(panel_mass=float(masses[1, 0])))
+    inputs = trim_points(idle, ("panel_mass",), masses).inputs
+    assert inputs[1].tolist() == list(find_operating_point(heavier, level_flight(0.0)).inputs) != inputs[0].tolist()
+
+
+def test_what_the_robust_solver_cannot_trim_either_keeps_its_reason(idle: Aircraft) -> None:
+    with pytest.raises(TrimError) as caught:
+        find_operating_point(idle, level_flight(0.0, speed=30.0))
+    assert sweep(idle, {"speed": [68.0, 30.0]}).reasons == ("", str(caught.value))
+    found = trim_points(idle, ("speed",), np.array([[68.0], [30.0], [-5.0]]))
+    assert found.status.tolist() == [TRIMMED, NO_TRIM, NO_TRIM]
+    assert found.failures == {1: str(caught.value), 2: "speed is -5 ft/s; it must lie between 1 ft/s and 500 ft/s"}
+    assert np.isnan(found.states[1:]).all()
+
+
+@pytest.mark.parametrize(("name", "value"), EXTREMES)
+@pytest.mark.parametrize("free", [(), ("aileron_center",)])
+def test_an_extreme_parameter_is_refused(
+    parameters: Parameters, name: str, value: float, free: tuple[str, ...]
+) -> None:
+    with pytest.raises(BadInputError, match=f"{WORDS}; take values"):
+        find_operating_point(Aircraft(parameters._replace(**{name: value})), release(level_flight(0.0), free=free))
+    # In a sweep it is a row.
+    reasons = sweep(Aircraft(parameters._replace(**{name: value})), {"dihedral": [0.0, 0.2]}).reasons
+    assert WORDS in reasons[0]
+    found = trim_points(Aircraft(parameters), (name,), np.array([[value], [getattr(parameters, name)]]))
+    assert found.status.tolist() == [NO_TRIM, TRIMMED]
+    assert np.isfinite(found.A[1]).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "value"), [("panel_mass", 1e-100), ("panel_span", 1e30)])
+def test_an_overflow_inside_the_search_is_refused_without_a_warning(
+    parameters: Parameters, name: str, value: float
+) -> None:
+    with pytest.raises(BadInputError, match=WORDS):
+        find_operating_point(Aircraft(parameters._replace(**{name: value})), level_flight(0.0))
+
+
+def test_commands_refuse_what_overflows(parameter_set: ParameterSet, tmp_path: Path) -> None:
+    path = tmp_path / "extreme.toml"
+    save_parameters(replace(parameter_set, values=parameter_set.values._replace(panel_mass=1e300)), path, "")
+    for command in ("trim", "linearize"):
+        assert_refused(hfa(command, "--dihedral", "0", "--parameters", str(path)), 2, WORDS)
+    words = ("trim", "--dihedral", "15", "--limit", "speed=0:1", "--speed", "1e-200")
+    assert_refused(hfa(*words), 2, WORDS)
+
+
+@pytest.mark.parametrize(
+    ("variables", "values", "words"),
+    [
+        (("flaps",), [[1.0]], "cannot sweep 'flaps'"),
+        (("speed",), [1.0, 2.0], r"values are \(2,\); they must be \(N, 1\)"),
+        (("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]), "values has masked entries"),
+    ],
+)
+def test_wrong_tables_are_refused(aircraft: Aircraft, variables, values, words: str) -> None:
+    with pytest.raises(BadInputError, match=words):
+        trim_points(aircraft, variables, values)
