@@ -143,8 +143,8 @@ def is_square(variant: Variant, variables: tuple[str, ...], condition: TrimCondi
 def newton_functions(
     variant: Variant, given: tuple[str, ...], free: tuple[str, ...], rates: tuple[tuple[str, float], ...]
 ) -> tuple[ca.Function, ca.Function] | None:
-    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, A, B (row by row),
-    dX/dt at v. None unless as many equations as unknowns feel them, each unknown in one.
+    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, A, B
+    (row by row), dX/dt at v. None unless as many equations as unknowns feel them, each unknown in one.
 
     given: what is imposed; a variable that is neither given nor free is 0. v: the values of `free`.
     """
