@@ -95,27 +95,6 @@ def in_metres(P: np.ndarray) -> np.ndarray:
     return P / np.outer(METRE, METRE)
 
 
-def sampled(game: Game) -> np.ndarray:
-    """The LQR gain of the plant held for 0.01 s at a time."""
-    from scipy.linalg import expm, solve_discrete_are
-
-    n, m = game.B.shape
-    held = expm(0.01 * np.block([[game.A, game.B], [np.zeros((m, n + m))]]))[:n]
-    A, B = held[:, :n], held[:, n:]
-    P = solve_discrete_are(A, B, 0.01 * game.Q, 0.01 * game.R)
-    return np.linalg.solve(0.01 * game.R + B.T @ P @ B, B.T @ P @ A)
-
-
-def with_lags(game: Game) -> tuple[np.ndarray, np.ndarray]:
-    """The part of P and K that belongs to the plant, of a design with first-order actuators of 0.05 s."""
-    n, m = game.B.shape
-    A = np.block([[game.A, game.B], [np.zeros((m, n)), -20.0 * np.eye(m)]])
-    Q = np.diag([*np.diag(game.Q), *[1e-6] * m])
-    B, E = np.vstack([np.zeros((n, m)), 20.0 * np.eye(m)]), np.vstack([game.E, np.zeros((m, n))])
-    found = solve_game(Game(A, B, E, Q, game.R, game.delta))
-    return found.P[:n, :n], found.K[:, :n]
-
-
 METRE = np.array([0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
 ANGLES = np.array([False, True, True, True, True, True])
 FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
@@ -126,24 +105,19 @@ HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
 NAMED: dict[str, tuple[str, Plant, str]] = {
     "LQR value": ("P", lqr, "this is the LQR solution (delta = inf), not the game's at delta = 200"),
     "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
-    "discrete-time gain": (
-        "K",
-        sampled,
-        "the discrete-time LQR (dlqr of the plant with a zero-order hold) at dt = 0.01",
-    ),
     "another root": ("P", other_root, "this is another root of the Riccati equation"),
     "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
     "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
     "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
     "sign of K": ("K", lambda game: -gain(game), "the gain has the wrong sign: the policy is u = -K z"),
     "swapped weights": ("W", swapped, "weights 4 and 8 are interchanged"),
-    "no factor 2": ("W", without_the_factor, "the weights of products z_i z_j lack their factor 2"),
+    "no factor 2": ("W", without_the_factor, "the weights lack the factor 2 of products z_i z_j"),
     "half cost, P": ("P", lambda game: value(game) / 2, "the value is half the exact one"),
     "half cost, W": ("W", lambda game: weights_of(value(game)) / 2, "the value is half the exact one"),
     "twice, W": ("W", lambda game: weights_of(value(game)) * 2, "the value is twice the exact one"),
     "half cost, K": ("K", lambda game: gain(game) / 2, "the gain is half the exact one"),
     "twice, K": ("K", lambda game: gain(game) * 2, "the gain is twice the exact one"),
-    "thousandfold": ("P", lambda game: 1000.0 * value(game), "every entry is 1000 times the exact one"),
+    "thousandfold": ("P", lambda game: 1000.0 * value(game), "every entry of P is 1000 times the exact one"),
     "weights as P": (
         "P",
         lambda game: value(game) * (2.0 - np.eye(len(game.A))),
@@ -178,6 +152,8 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         "states 5 and 6 are of",
     ),
     "sign of a state, K": ("K", lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1), "state 3 has the wrong"),
+    "signs of states, K": ("K", lambda game: gain(game) * FLIPPED, "states 5 and 6 have the wrong sign"),
+    "column by column, K": ("K", lambda game: gain(game).T.reshape(5, 6), "its entries stand column by column"),
     "sign of an input, K": ("K", lambda game: (gain(game).T * [1, 1, 1, -1, 1]).T, "input 4 has the wrong sign"),
     "sign of an entry, P": ("P", lambda game: changed(value(game), -1, (1, 4), (4, 1)), "P(2, 5) has the wrong sign"),
     "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0)), "K(4, 1) has the wrong sign"),
@@ -185,7 +161,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "decimal slip, K": ("K", lambda game: changed(gain(game), 0.01, (4, 4)), "K(5, 5) is 0.01 times"),
     "another unit, P": ("P", lambda game: in_metres(value(game)), "row and column 1 of P are 3.281 times the exact"),
     "another unit, K": ("K", lambda game: gain(game) / METRE, "column 1 of K is 3.281 times the exact"),
-    "normalised, K": ("K", lambda game: gain(game) / 11.0, "every entry is 0.0909091 times the exact one"),
+    "normalised, K": ("K", lambda game: gain(game) / 11.0, "every entry of K is 0.0909091 times the exact one"),
     "rows normalised": ("K", lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None], "rows 1, 2, 3, 4"),
     "no inverse of R": ("K", lambda game: game.B.T @ value(game), "R⁻¹ is missing: this is B'P"),
     "column order, no factor 2": (
@@ -200,12 +176,6 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     ),
     "delta² as delta, P": ("P", lambda game: value(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
     "delta² as delta, K": ("K", lambda game: gain(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
-    "gain without its actuators": (
-        "K",
-        lambda game: with_lags(game)[1],
-        "actuators of first order, bandwidth 20 rad",
-    ),
-    "value without its actuators": ("P", lambda game: with_lags(game)[0], "actuators of first order, bandwidth 20 rad"),
     "weak E": (
         "P",
         lambda game: value(replace(game, E=game.E[:, 1:2])),

@@ -30,7 +30,7 @@ ASKED = [(said, delta) for said in OTHERS for delta in (200.0, np.inf) if delta 
 @pytest.mark.parametrize(("said", "delta"), ASKED)
 def test_the_game_of_a_value_is_found(game: Game, said: str, delta: float) -> None:
     wanted = OTHERS[said](game.with_delta(delta))
-    found = {each.difference: each.game for each in games_of_value(game.with_delta(delta), solve_game(wanted).P)}
+    found = dict(games_of_value(game.with_delta(delta), solve_game(wanted).P))
     (name,) = [each for each in found if each.startswith(said)]
     for matrix in ("Q", "R"):
         np.testing.assert_allclose(getattr(found[name], matrix), getattr(wanted, matrix), rtol=1e-6, atol=1e-8)
