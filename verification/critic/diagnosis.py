@@ -85,7 +85,8 @@ def repaired_weights(weights: np.ndarray, exact: np.ndarray, functions: Basis) -
         "stand column by column": np.lexsort((row, column)),
         "stand with the squares first": np.argsort(row != column, kind="stable"),
     }
-    lacking = {"": 1.0, "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0)}
+    twice = np.where(row == column, 1.0, 2.0)
+    lacking = {"": np.ones(len(given)), "lack the factor 2 of products z_i z_j": twice}
     costs = {"": 1.0, "are of half the cost": 2.0, "are of twice the cost": 0.5}
     # One mistake before two, two before three; half the cost alone is said of the value.
     ways = sorted(itertools.product(orders, lacking, costs), key=lambda way: sum(map(bool, way)))
@@ -108,7 +109,7 @@ def repaired_value(P: np.ndarray, exact: np.ndarray, units: np.ndarray) -> Itera
     yield "the value has the wrong sign", -P
     yield "the value is half the exact one: V here is z'Pz of the cost without a factor 1/2", 2.0 * P
     yield "the value is twice the exact one: V here is z'Pz of the cost without a factor 2", P / 2.0
-    yield from _one_factor("P", P, exact, np.count_nonzero(np.triu(exact)))
+    yield from _one_factor("P", P, exact, int(np.count_nonzero(np.triu(exact))))
     off = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
     yield "P has entries beside the diagonal of twice their size: they are W / 2", P * off
     order = _order(np.diag(P), np.diag(exact))
@@ -134,7 +135,7 @@ def repaired_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Repa
     if m == n:
         yield "K is transposed", K.T
     yield "R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K)
-    yield from _one_factor("K", K, exact, np.count_nonzero(exact))
+    yield from _one_factor("K", K, exact, int(np.count_nonzero(exact)))
     yield "K was read row by row, its entries stand column by column", K.reshape(n, m).T
     for kind, axis in (("input", 1), ("state", 0)):
         order = _order(np.linalg.norm(K, axis=axis), np.linalg.norm(exact, axis=axis))
