@@ -34,7 +34,7 @@ from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
-from hfa_support.jobs.layout import Layout
+from hfa_support.jobs.store import Layout
 from hfa_support.jobs.stream import stream
 from hfa_support.jobs.workers import workers as crew
 from trim.linear.linear_model import level_model
@@ -187,8 +187,8 @@ def _flown(plan: MonteCarlo, workers: int, **where: Any) -> tuple[float, float]:
 
 def _hand_out(chunks: int, **where: Any) -> None:
     """Hand out empty chunks and hear that they are done."""
-    with crew(**where) as hands:
-        assert len(list(hands.run(abs, ((number, (-number,)) for number in range(chunks))))) == chunks
+    with crew(**where) as run_on:
+        assert len(list(run_on(abs, ((number, (-number,)) for number in range(chunks))))) == chunks
 
 
 def growth(name: str, sizes: list[Size]) -> list[Row]:

@@ -9,19 +9,22 @@ import io
 import os
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from hfa_cli.entry import INTERRUPTED
 from hfa_cli.options.parser import Parser, unknown
 from hfa_cli.origin import run_of
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
-from hfa_support.jobs.interrupts import Terminated, ended_by_signals
 from hfa_support.streams import drop, say_aside
 from hfa_support.version import toolchain_version
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
-#: Bytes of address space: with less, libraries that compute end or hang while they load, each in its own words.
-_LEAST_MEMORY = 2**30
+DONE, FAILED, BAD_INPUT = 0, 1, 2
+#: Exceptions that are the user's to answer, each in one line; any other is a bug.
+FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
+#: Options whose values are files that a command writes.
+_WRITTEN = ("output", "picture", "fmu", "matlab", "formats")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
@@ -62,34 +65,44 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
-    try:
-        with ended_by_signals():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)  # the project's own are notes, whatever PYTHONWARNINGS says
+        try:
             code = _run(words)
-        if sys.stdout is not None:
-            sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
-        return code
-    except BadInputError as error:
-        return _complain(str(error), BAD_INPUT)
-    except NoSolutionError as error:
-        return _complain(str(error), FAILED)
-    except Terminated:
-        return _complain("terminated", TERMINATED)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:  # of --help, or of what was left to flush
-        drop(sys.stdout)
-        return code
-    except OverflowError:
-        return _complain("a number is too large or too small to compute with; check the options", BAD_INPUT)
-    except UnicodeEncodeError:
-        return _complain("a name holds half a character, which no file can have; choose another", BAD_INPUT)
-    except MemoryError:
-        return _complain("not enough memory; ask for fewer points or a shorter flight", BAD_INPUT)
-    except OSError as error:
-        drop(sys.stdout)
-        if error.filename is None:
-            return _complain(f"cannot write the output: {error.strerror}", BAD_INPUT)
-        return _complain(f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT)
+            if sys.stdout is not None:
+                sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
+        except BrokenPipeError:  # of --help, or of what was left to flush
+            drop(sys.stdout)
+            return code
+        except (*FAILURES, KeyboardInterrupt) as error:
+            message, code = _failure(error)
+            if isinstance(error, OSError):
+                drop(sys.stdout)
+            say_aside("hfa: " + on_one_line(message))
+            return code
+    if not {"-q", "--quiet"} & set(words):
+        _say_warnings(caught)
+    return code
+
+
+def _failure(error: BaseException) -> tuple[str, int]:
+    """What one of `FAILURES`, or Ctrl-C, is to the user of the command, and its exit code."""
+    match error:
+        case NoSolutionError():
+            return str(error), FAILED
+        case KeyboardInterrupt():
+            return "interrupted", INTERRUPTED
+        case OverflowError():
+            return "a number is too large or too small to compute with; check the options", BAD_INPUT
+        case UnicodeError():
+            return "a name holds half a character, which no file can have; choose another", BAD_INPUT
+        case MemoryError():
+            return "not enough memory; ask for fewer points or a shorter flight", BAD_INPUT
+        case OSError(filename=None):
+            return f"cannot write the output: {error.strerror or error}", BAD_INPUT
+        case OSError():
+            return f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT
+    return str(error), BAD_INPUT
 
 
 def _run(words: list[str]) -> int:
@@ -98,7 +111,7 @@ def _run(words: list[str]) -> int:
         module, arguments = _parsed(words)
     except SystemExit:
         return DONE  # how argparse leaves after --help and --version
-    _check_memory()
+    _refuse_same_file(words, arguments)
     from hfa_cli.options.shared_options import units_of
 
     with contextlib.ExitStack() as around:
@@ -106,25 +119,17 @@ def _run(words: list[str]) -> int:
         around.enter_context(units_of(arguments))
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", UserWarning)  # the project's own are notes, whatever PYTHONWARNINGS says
-            code = int(module.run(arguments))
-        _say_warnings(caught)
-    return code
+        return int(module.run(arguments))
 
 
-def _check_memory() -> None:
-    """BadInputError where a limit on this process leaves no room for the libraries."""
-    try:
-        import resource
-    except ImportError:  # no such limits on this system
-        return
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit != resource.RLIM_INFINITY and limit < _LEAST_MEMORY:
-        raise BadInputError(
-            f"the memory of a process is limited to {limit >> 20} MiB; at least {_LEAST_MEMORY >> 20} MiB are needed "
-            "(ulimit -v)"
-        )
+def _refuse_same_file(words: Sequence[str], arguments: argparse.Namespace) -> None:
+    """BadInputError when a file that the command writes is also an input of it, or another of its outputs."""
+    values = [part for word in words for part in (word, word.partition("=")[2], word[2:] if word[:2] == "-o" else "")]
+    named = Counter(os.path.abspath(value) for value in values if value)
+    for name in _WRITTEN:
+        path = getattr(arguments, name, None)
+        if path is not None and named[os.path.abspath(path)] > 1:
+            raise BadInputError(f"--{name} {path} is named twice; give each file that is written a name of its own")
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
@@ -175,8 +180,3 @@ def overview(with_command: bool = True) -> Parser:
         parser.add_argument("command", nargs="?", help="one of the commands below")
     parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     return parser
-
-
-def _complain(message: str, code: int) -> int:
-    say_aside("hfa: " + on_one_line(message))
-    return code

@@ -27,7 +27,7 @@ class ProgressLine:
         self._what = what
         self._first: tuple[float, int] | None = None
         self._announced = False
-        self._shown = sys.stderr.isatty()
+        self._shown = sys.stderr is not None and sys.stderr.isatty()
         self._last = ""
 
     def __call__(self, done: int, total: int) -> None:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
+from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.text import Table
 from hfa_support.version import toolchain_version
 
@@ -110,5 +111,8 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, tuple[float, float
 
 def _now() -> str:
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
+    try:
+        moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
+    except (ValueError, OverflowError, OSError) as error:
+        raise BadInputError(f"SOURCE_DATE_EPOCH is {shown(epoch)}; give seconds before the year 10000") from error
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")

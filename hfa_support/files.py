@@ -8,7 +8,9 @@ import errno
 import json
 import math
 import os
+import shutil
 import stat
+import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -17,7 +19,6 @@ from pathlib import Path
 from typing import IO, Any
 
 from hfa_support.errors import BadInputError, shortened, shown
-from hfa_support.temporary import temporary_file
 
 #: Bytes of a file, and of what it unpacks to.
 LARGEST = 2**30
@@ -26,29 +27,58 @@ LARGEST_TEXT = 2**28
 _LONGEST_REASON = 200
 
 
+#: Temporary files and folders of this process that are still there.
+_UNFINISHED = set[Path]()
+
+
+@contextmanager
+def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
+    """A new private folder in `parent` (default: where temporary files go), removed after the block unless renamed."""
+    path = Path(tempfile.mkdtemp(prefix=".hfa-", dir=parent))
+    _UNFINISHED.add(path)
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+        _UNFINISHED.discard(path)
+
+
+def remove_unfinished() -> None:
+    """Remove the temporary files and folders of this process, for a process that ends inside their blocks."""
+    for path in _UNFINISHED:
+        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):
+            path.unlink()
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """A binary stream whose content becomes `path` when the block ends without an error; else nothing remains.
+    """A binary stream whose content becomes `path` when the block ends without an error; else `path` is unchanged.
 
-    Writes to a temporary file beside the target, then renames. BadInputError when the folder does not exist
-    or cannot be written, or the target is a folder, or a FIFO or a device, which a file would replace.
+    Writes to a temporary file beside the target, then renames; the mode of an existing file is kept. BadInputError
+    when the folder does not exist or cannot be written, or the target is a folder, a FIFO or a device.
     """
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
     if target.exists() and not target.is_file():
         raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
-    with ExitStack() as around:
-        try:
-            temporary = around.enter_context(temporary_file(target.parent, f".{target.name}.", ".part"))
-        except OSError as error:
-            raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
-        with temporary.open("wb") as stream:
+    try:
+        handle, name = tempfile.mkstemp(prefix=".hfa-", suffix=".part", dir=target.parent)
+    except OSError as error:
+        raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+    temporary = Path(name).absolute()
+    _UNFINISHED.add(temporary)
+    try:
+        with open(handle, "wb") as stream:
             yield stream
         umask = os.umask(0)
         os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # temporary files are private; a result is an ordinary one
+        temporary.chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~umask)
         temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+        _UNFINISHED.discard(temporary)
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -18,7 +18,9 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Say it on standard error, or to nobody where that cannot be written."""
+    """Print the text on standard error; nowhere when that is closed or cannot be written."""
+    if sys.stderr is None:
+        return
     try:
         print(text, end=end, file=sys.stderr, flush=True)
     except OSError:

@@ -22,11 +22,10 @@ from controller.export.exported_loop import ExportedLoop
 from hfa_model.provenance import Provenance
 from hfa_model.vectors import STATES
 from hfa_support.errors import NoSolutionError
-from hfa_support.files import written_whole
+from hfa_support.files import temporary_folder, written_whole
 from hfa_support.jsonable import json_text
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
-from hfa_support.temporary import temporary_folder
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"
@@ -180,7 +179,7 @@ def _real(each: ScalarVariable) -> dict[str, str]:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    with temporary_folder(None, "hfa-fmu-") as folder:
+    with temporary_folder() as folder:
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
         words = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", SOURCE, WRAPPER, "-o", "library", "-lm"]

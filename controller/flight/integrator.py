@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.jobs.interrupts import held_back
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
@@ -135,8 +134,7 @@ def integrate_stiff(
         if count not in made:
             made[count] = _integrator(rate, step, steps_per_tick * count)
         try:
-            with held_back():  # CVODES takes an exception of a signal for a failure of f, says so, and tries again
-                found = made[count](x0=y, p=np.append(p, tick * steps_per_tick * step))
+            found = made[count](x0=y, p=np.append(p, tick * steps_per_tick * step))
         except RuntimeError:
             return None
         rows = np.array(found["xf"]).T

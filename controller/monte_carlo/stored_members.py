@@ -17,8 +17,7 @@ from controller.flight.scenario import Scenario, loop_of
 from controller.flight.watched_loop import Summary, WatchedLoop
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, NAMES_AND_UNITS, STATE_UNITS, STATES
-from hfa_support.jobs.layout import Array, Layout, described
-from hfa_support.jobs.store import Store
+from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
 from hfa_support.native.bound import cached_per_thread
 

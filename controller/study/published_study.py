@@ -135,8 +135,8 @@ def published_study(
     finished = [StudyRow(name, STUDY[name].cause, before[name] or ()) for name in names]
     waiting = [(row, one) for row, name in enumerate(names) if before[name] is None for one in planned[name]]
     made: dict[int, StudyRun] = {}
-    with workers(processes) as place:
-        for key, result in place.run(_run, enumerate((references[one.dihedral_deg], one) for _, one in waiting)):
+    with workers(processes) as run_on:
+        for key, result in run_on(_run, enumerate((references[one.dihedral_deg], one) for _, one in waiting)):
             made[key], row = result, waiting[key][0]
             if progress is not None:
                 progress(len(made) / len(waiting), names[row])

@@ -46,7 +46,7 @@ from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import ProgressLine
 from hfa_support.errors import BadInputError
-from hfa_support.temporary import temporary_folder
+from hfa_support.files import temporary_folder
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     crew = options.crew_of(arguments)
     plan = _plan(arguments)
-    with temporary_folder(None, "hfa-members-") as folder:
+    with temporary_folder() as folder:
         store = stream_monte_carlo(
             plan,
             folder / "members.zarr" if target is None else target,

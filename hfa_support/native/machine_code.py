@@ -19,8 +19,8 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
+from hfa_support.files import temporary_folder
 from hfa_support.streams import say_aside
-from hfa_support.temporary import temporary_folder
 
 Loaded = TypeVar("Loaded")
 
@@ -116,7 +116,7 @@ def _named(folder: Path, symbol: str, content: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    with temporary_folder(folder, "unfinished-") as temporary:
+    with temporary_folder(folder) as temporary:
         source, made = temporary / "generated.c", temporary / "generated.so"
         source.write_text(text, encoding="utf-8")
         words = [*compiler, str(source), "-o", str(made), "-lm"]

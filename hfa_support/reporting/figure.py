@@ -10,6 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_support.errors import BadInputError
 from hfa_support.files import written_whole
 
 if TYPE_CHECKING:
@@ -83,8 +84,11 @@ def _caption(figure: Figure, text: str) -> None:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of that size in inches, drawn without a display."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ValueError as error:
+        raise BadInputError(f"matplotlib does not start, check MPLBACKEND and matplotlibrc: {error}") from error
 
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

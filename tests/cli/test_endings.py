@@ -7,7 +7,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from endings import LONG, SIGNALS, Ended, ended_wrongly, result_of, run
+from endings import LONG, ended_wrongly, result_of, run
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 #: Runs of each command that are ended three times, once by each signal: 51 moments.
@@ -29,30 +29,6 @@ def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(name: s
         folder.mkdir()
         faults += ended_wrongly(folder, name, moments, expected, undisturbed.seconds)
     assert not faults, "\n".join(faults)
-
-
-@pytest.mark.parametrize(
-    ("leaves", "faults"),
-    [
-        (signal.SIGKILL, []),  # it cannot clear up; the last run does
-        (signal.SIGTERM, ["sweep, SIGTERM after 1.00 s: left ['.a.part']"]),
-        (signal.SIGINT, ["sweep, SIGINT after 1.00 s: left ['.a.part']"]),
-        (None, ["sweep: continued to exit code 0, '', and another result", "sweep: at last there is ['.a.part']"]),
-    ],
-)
-def test_what_is_left_is_the_fault_of_the_run_that_left_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaves: signal.Signals | None, faults: list[str]
-) -> None:
-    def ended(folder: Path, *_: str, number: signal.Signals | None = None, after: float = 0.0) -> Ended:
-        if number is None:
-            (folder / ".a.part").unlink(missing_ok=True)
-        if number == leaves:
-            (folder / ".a.part").touch()
-        return Ended(128 + number if number else 0, SIGNALS[number] or "" if number else "", 1.0, set())
-
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr("endings.run", ended)
-    assert ended_wrongly(tmp_path, "sweep", random.Random(0), {}, 1.0) == faults
 
 
 @pytest.mark.parametrize("name", ["prove", "servo"])

@@ -1,4 +1,4 @@
-"""What the system refuses or takes away: a full disk, too little memory, closed streams, signals at the edges."""
+"""What the system refuses or takes away: a full disk, a home that cannot be written, settings that are none."""
 
 from __future__ import annotations
 
@@ -10,25 +10,16 @@ from pathlib import Path
 import pytest
 from cli import SCRIPT, hfa_process
 
-from hfa_cli.main import BAD_INPUT, DONE, INTERRUPTED
+from hfa_cli.main import BAD_INPUT, DONE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the faults are made as Linux has them")
 FLY = "fly --dihedral 15 --duration 0.02 --law exact"
-TRIM = "trim --dihedral 15"
 SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--vary", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
 
 
 def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """A line of sh, in which "$0" "$@" is `hfa` with the words."""
     return subprocess.run(["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120)
-
-
-@pytest.mark.parametrize(("words", "closed"), [(TRIM, ">&-"), (TRIM, "2>&-"), (FLY, "<&- >&- 2>&-")])
-def test_closed_streams_are_no_errors_and_no_file_takes_their_place(tmp_path: Path, words: str, closed: str) -> None:
-    done = shell(f'exec "$0" "$@" {closed}', *words.split(), "-o", "a.json", folder=tmp_path)
-    assert (done.returncode, done.stderr) == (DONE, "")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
-    assert (tmp_path / "a.json").read_text().startswith("{")
 
 
 @pytest.mark.parametrize("lost", ["2>&-", "2>/dev/full"])
@@ -44,13 +35,38 @@ def test_a_result_whose_notes_nobody_can_read_is_there(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (DONE, told.stdout)
 
 
-@pytest.mark.parametrize("kilobytes", [150_000, 1_000_000])
-def test_too_little_memory_is_one_line_before_anything_is_loaded(tmp_path: Path, kilobytes: int) -> None:
-    done = shell(f'ulimit -v {kilobytes}; exec "$0" "$@"', *FLY.split(), "-o", "a.npz", folder=tmp_path)
-    assert (done.returncode, done.stdout, list(tmp_path.iterdir())) == (BAD_INPUT, "", [])
-    assert done.stderr == (
-        f"hfa: the memory of a process is limited to {kilobytes >> 10} MiB; at least 1024 MiB are needed (ulimit -v)\n"
-    )
+@pytest.mark.parametrize(
+    ("setting", "words", "said"),
+    [
+        ("SOURCE_DATE_EPOCH=999999999999", "trim --dihedral 15", "SOURCE_DATE_EPOCH is '999999999999'; give seconds"),
+        ("MPLBACKEND=nonsense", "trim --dihedral 15 --picture a.png", "matplotlib does not start, check MPLBACKEND"),
+    ],
+)
+def test_a_setting_of_the_environment_that_is_none_is_one_line(
+    tmp_path: Path, setting: str, words: str, said: str
+) -> None:
+    name, _, value = setting.partition("=")
+    done = hfa_process(*words.split(), folder=tmp_path, **{name: value})
+    assert (done.code, done.out, done.err.count("\n")) == (BAD_INPUT, "", 1)
+    assert done.err.startswith(f"hfa: {said}")
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("solve --model {} -o {}", "--output"),
+        ("solve --model={} --output={}", "--output"),
+        ("export --formats {} --matlab new.m --fmu {}", "--formats"),
+        ("trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json", "--output"),
+    ],
+)
+def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: str, named: str) -> None:
+    path = tmp_path / "plant.json"
+    path.write_text("{}")
+    done = hfa_process(*words.format(path, "./plant.json").split(), folder=tmp_path)
+    assert (done.code, done.out) == (BAD_INPUT, "")
+    assert [each.name for each in tmp_path.iterdir()] == ["plant.json"]
+    assert path.read_text() == "{}"
 
 
 #: Where HOME is: a line of sh before the command.
@@ -108,7 +124,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "--lazy", tmp_path], check=True)
 
 
-@pytest.mark.slow  # three processes; what a full disk leaves is tried below, what resumes in test_stream.py
+@pytest.mark.slow  # three processes; what a full disk leaves is tried below, what resumes in test_store.py
 def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     small_disk: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -135,35 +151,3 @@ def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, w
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (BAD_INPUT, "hfa: cannot write the output: No space left on device\n")
     assert [path.name for path in small_disk.iterdir()] == ["full"]
-
-
-#: `hfa` whose command is replaced, with Ctrl-C as it is imported, or as Python ends.
-EDGE = """
-import atexit, os, signal, sys, types
-from importlib.util import spec_from_loader
-from hfa_cli.entry import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-class Finder:
-    def find_spec(name, *_):
-        if name == "hfa_cli.main":
-            for _ in range({before}):
-                os.kill(os.getpid(), signal.SIGINT)
-            return spec_from_loader(name, Loader)
-class Loader:
-    create_module = lambda spec: None
-    exec_module = lambda module: setattr(module, "main", lambda: 1)
-sys.meta_path.insert(0, Finder)
-atexit.register(lambda: [os.kill(os.getpid(), signal.SIGINT) for _ in range({after})])
-sys.exit(main())
-"""
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "code", "said"),
-    [(1, 0, INTERRUPTED, "hfa: interrupted\n"), (0, 1, 1, ""), (0, 2, INTERRUPTED, "hfa: interrupted\n")],
-    ids=["while it loads", "once it has run", "twice"],
-)
-def test_ctrl_c_at_the_edges_of_a_run_is_one_line_or_too_late(before: int, after: int, code: int, said: str) -> None:
-    program = EDGE.format(before=before, after=after)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", said)

@@ -16,7 +16,8 @@ from known_models import game_at
 from scipy.io import loadmat
 
 from controller import LAWS, Game
-from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from hfa_cli.entry import INTERRUPTED
+from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification import solve_game
 

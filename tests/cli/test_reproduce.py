@@ -14,7 +14,8 @@ from cli import Terminal, assert_refused, hfa
 from experiment_configurations import BRIEF, COARSE, Changes, changed
 from matplotlib.figure import Figure
 
-from hfa_cli.main import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from hfa_cli.entry import INTERRUPTED
+from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_support.reporting.figure import new_figure
 from verification.experiments import configuration, reproduction as reproduce, result_folder as store
 from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE

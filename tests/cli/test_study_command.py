@@ -13,7 +13,8 @@ from cli import Result, Terminal, hfa
 from controller.study import published_study, study_rows
 from controller.study.published_study import PlannedRun, Reference, StudyRun
 from controller.study.study_rows import STUDY
-from hfa_cli.main import DONE, INTERRUPTED
+from hfa_cli.entry import INTERRUPTED
+from hfa_cli.main import DONE
 
 
 def test_the_study_keeps_finished_rows_and_takes_them_up_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from hfa_support import BadInputError
-from hfa_support.files import written_whole
+from hfa_support.files import remove_unfinished, temporary_folder, write_text, written_whole
 
 
 def save(path: Path, x: np.ndarray) -> None:
@@ -41,3 +42,32 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="choose a folder that exists"):
         save(tmp_path / "no" / "state.npz", np.zeros(1))
+
+
+def test_the_mode_of_an_existing_file_is_kept_and_a_new_one_is_an_ordinary_file(tmp_path: Path) -> None:
+    write_text(tmp_path / "new", "1")
+    (tmp_path / "ordinary").touch()
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode
+    for mode in (0o600, 0o640, 0o755):
+        (tmp_path / "new").chmod(mode)
+        write_text(tmp_path / "new", "2")
+        assert (tmp_path / "new").stat().st_mode & 0o777 == mode
+
+
+def test_temporary_files_and_folders_go_and_nothing_else_does(tmp_path: Path) -> None:
+    theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}
+    for path in theirs:
+        path.mkdir()
+    with temporary_folder(tmp_path) as folder:
+        (folder / "inside").touch()
+        (folder / "kept").mkdir()
+        (folder / "kept").rename(tmp_path / "kept")
+    around = ExitStack()
+    around.enter_context(temporary_folder(tmp_path))
+    around.enter_context(written_whole(tmp_path / "a.json"))
+    assert len(set(tmp_path.iterdir()) - theirs) == 3
+    remove_unfinished()  # as where a signal ends the process
+    assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
+    with pytest.raises(FileNotFoundError):
+        around.close()
+    assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}

@@ -16,7 +16,7 @@ import pytest
 from cli import Result, unchecked_hfa
 from ways_in import WAYS, Case
 
-from hfa_cli.main import INTERRUPTED, TERMINATED
+from hfa_cli.entry import INTERRUPTED, TERMINATED
 
 #: Seconds of the processor that a command may take, unless it says that it takes long.
 LONGEST = 10.0

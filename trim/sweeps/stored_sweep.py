@@ -12,8 +12,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUT_UNITS, INPUTS, NAMES_AND_UNITS, RATE_UNITS, STATE_UNITS, STATES
-from hfa_support.jobs.layout import Array, Layout, described
-from hfa_support.jobs.store import Store
+from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
 from hfa_support.jobs.workers import Task
 from hfa_support.reporting.report import Report

@@ -40,8 +40,8 @@ def run_experiment(
     told = progress or (lambda section, done, total: None)
     records: dict[int, FlightRecord] = {}
     told(experiment.section, 0, len(plans))
-    with workers(processes) as place:
-        for key, record in place.run(simulate_plan, enumerate((setting, plan, experiment.section) for plan in plans)):
+    with workers(processes) as run_on:
+        for key, record in run_on(simulate_plan, enumerate((setting, plan, experiment.section) for plan in plans)):
             records[key] = record
             told(experiment.section, len(records), len(plans))
     flown = {plan: records[key] for key, plan in enumerate(plans)}

@@ -9,13 +9,12 @@ from typing import Any
 
 from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError
-from hfa_support.files import write_text
+from hfa_support.files import temporary_folder, write_text
 from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import records_text
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import NO_RECORDS
-from hfa_support.temporary import temporary_folder
 from verification.experiments.flown_laws import LAWS
 from verification.experiments.panels import PaperFigure, draw
 from verification.experiments.sections import Experiment, Outcome
@@ -70,7 +69,7 @@ def write_outcome(outcome: Outcome, folder: Path, origin: Provenance) -> dict[st
     section, result = outcome.experiment.section, result_of(outcome, pictures, origin)
     with ExitStack() as around:
         try:
-            unfinished = around.enter_context(temporary_folder(folder, f".{section}."))
+            unfinished = around.enter_context(temporary_folder(folder))
         except OSError as error:
             raise BadInputError(f"cannot write into {folder}: {error.strerror}; choose another folder") from error
         for picture in pictures:
@@ -100,7 +99,7 @@ def finished_experiment(experiment: Experiment, setting: Setting, folder: Path) 
 def _replace(unfinished: Path, target: Path) -> None:
     """Put a finished folder in the place of an older one."""
     if target.exists():
-        with temporary_folder(target.parent, f".{target.name}.old.") as old:
+        with temporary_folder(target.parent) as old:
             target.replace(old / target.name)
             unfinished.replace(target)
     else:

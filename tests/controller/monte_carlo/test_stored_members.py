@@ -54,7 +54,7 @@ def deadly(small_chunks: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     return tmp_path / "died"
 
 
-@pytest.mark.slow  # test_stream.py and test_workers.py have both, on sweeps
+@pytest.mark.slow  # test_store.py has both
 def test_two_processes_give_the_bits_of_one_and_a_killed_one_loses_nothing(
     plan: MonteCarlo, deadly: Path, tmp_path: Path
 ) -> None:
@@ -64,7 +64,7 @@ def test_two_processes_give_the_bits_of_one_and_a_killed_one_loses_nothing(
     assert_same(two, fly_members(plan, 0, 12))
 
 
-@pytest.mark.slow  # test_stream.py has one by default, and both run chunks by workers.py
+@pytest.mark.slow  # test_store.py has one by default
 def test_a_dask_cluster_gives_the_same_bits_and_a_killed_worker_loses_nothing(
     plan: MonteCarlo, deadly: Path, tmp_path: Path
 ) -> None:

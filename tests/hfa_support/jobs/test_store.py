@@ -1,12 +1,16 @@
-"""What a store says of itself is held against what it holds: no damaged number is taken for right."""
+"""A job in a store: the same bits wherever it runs, nothing lost to a kill, no damaged number taken for right."""
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
-from collections.abc import Mapping
-from functools import cached_property, reduce
-from operator import getitem
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,42 +18,58 @@ import numpy as np
 import pytest
 
 from hfa_support import BadInputError
-from hfa_support.jobs import store
-from hfa_support.jobs.layout import Array, Layout, described
-from hfa_support.jobs.store import checksum, open_store
-from hfa_support.jobs.stream import stream
+from hfa_support.jobs import store as module, stream as streaming
+from hfa_support.jobs.store import Array, Layout, Store, create_store, described, open_store
+from hfa_support.jobs.stream import run_and_write, stream
 
 ROWS, CHUNK = 10, 3
+NAN = float("nan")
 
 
-def squares(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """`empty` holds nothing but nan, of either sign: Zarr keeps no file of it."""
+def rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """`empty` holds nothing but nan; `pole` is nan+0j in the rows of chunk 1, as where there is no trim."""
     numbers = np.arange(start, stop, dtype=float)
-    return {"square": np.outer(numbers, numbers[:1] ** 0 * [1, 2]), "empty": -np.full(len(numbers), np.nan)}
+    pole = numbers * (1 + 2j)
+    pole[(numbers >= 3) & (numbers < 6)] = complex(NAN, 0.0)
+    empty = np.full(len(numbers), NAN)
+    return {"square": np.outer(numbers**2, [1, 2]), "empty": empty, "pole": pole, "none": np.ones((len(numbers), 0))}
+
+
+def slow_rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    time.sleep(0.3)
+    return rows(start, stop)
 
 
 class Job:
+    def __init__(self, identity: str = "same", function: Callable[..., Any] = rows) -> None:
+        self.identity, self.function = identity, function
+
     @cached_property
     def layout(self) -> Layout:
         arrays = {
             "square": Array((2,), "float64", np.nan, ("side",), described("a square", "ft^2")),
             "empty": Array((), "float64", np.nan, (), {}),
+            "pole": Array((), "complex128", complex(NAN, NAN), (), {}),
+            "none": Array((0,), "float64", np.nan, ("nothing",), {}),
         }
-        labels = {"side": ("side", ("left", "right")), "nothing": ("nothing", ())}
-        units = {"units": ["ft", "rad"]}
-        return Layout("test/1", "test", ROWS, "row", CHUNK, {"rows": ROWS}, "same", arrays, labels, units)
-
-    function = staticmethod(squares)
+        labels = {"side": ("side", ("left", "right")), "side_unit": ("side", ("ft", "rad")), "nothing": ("nothing", ())}
+        attributes = {"units": ["ft", "rad"]}
+        return Layout("test/1", "test", ROWS, "row", CHUNK, {"rows": ROWS}, self.identity, arrays, labels, attributes)
 
     def task(self, start: int, stop: int) -> tuple[Any, ...]:
         return start, stop
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file of a store."""
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("store")
-    stream(Job(), folder / "a.zarr")
-    return folder / "a.zarr"
+    path = tmp_path_factory.mktemp("store") / "a.zarr"
+    stream(Job(), path)
+    return path
 
 
 @pytest.fixture
@@ -58,130 +78,211 @@ def path(made: Path, tmp_path: Path) -> Path:
     return shutil.copytree(made, tmp_path / "a.zarr")
 
 
+def resumed(path: Path, **options: Any) -> Store:
+    return stream(Job(), path, resume=True, **options)
+
+
+def test_what_was_computed_is_read_in_any_slice(made: Path) -> None:
+    store, expected = open_store(made), rows(0, ROWS)
+    assert store.missing() == []
+    for name, values in expected.items():
+        np.testing.assert_array_equal(store.read(name), values)
+    assert store.read("pole")[3:6].imag.tolist() == [0.0, 0.0, 0.0]
+    for start in range(-2, ROWS + 1):
+        for stop in range(ROWS + 2):
+            np.testing.assert_array_equal(store.read("square", slice(start, stop)), expected["square"][start:stop])
+
+
+def test_others_read_it(made: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    with xarray.open_zarr(made, consolidated=False, chunks=None) as read:
+        assert read.square.attrs == {"long_name": "a square", "units": "ft^2"}
+        assert read.side.values.tolist() == ["left", "right"]
+        assert float(read.square.sel(side="right")[9]) == 162.0
+
+
+def test_a_finished_store_has_no_damage_at_any_resume(path: Path) -> None:
+    """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged every time."""
+    before = contents(path)
+    for _ in range(2):
+        assert resumed(path).missing() == []  # a warning would be an error
+    assert contents(path) == before
+
+
+def test_two_processes_write_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+    stream(Job(), tmp_path / "two.zarr", count=2)
+    assert contents(tmp_path / "two.zarr") == contents(made)
+
+
+def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=False, dashboard_address=None) as known:
+        stream(Job(), tmp_path / "far.zarr", scheduler=known.scheduler_address)
+    assert contents(tmp_path / "far.zarr") == contents(made)
+
+
+def test_a_worker_that_sees_no_store_or_a_copy_of_it_sends_its_rows(
+    made: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A copy, left on the worker's own disk at the same path, would swallow the rows."""
+    sent = []
+
+    def from_afar(_: Path, *task: Any) -> Any:
+        sent.append(run_and_write(path, *task))
+        return sent[-1]
+
+    monkeypatch.setattr(streaming, "run_and_write", from_afar)
+    stream(Job(), tmp_path / "far.zarr")
+    assert [isinstance(rows, dict) for rows in sent] == [True] * 4
+    assert contents(tmp_path / "far.zarr") == contents(made)
+
+
+class Stop(Exception):
+    pass
+
+
+def test_only_what_is_missing_is_computed(made: Path, tmp_path: Path) -> None:
+    def stop_after_two(done: int, _: int) -> None:
+        if done == 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        stream(Job(), tmp_path / "a.zarr", progress=stop_after_two)
+    assert open_store(tmp_path / "a.zarr").missing() == [2, 3]
+    seen = list[tuple[int, int]]()
+    resumed(tmp_path / "a.zarr", progress=lambda *now: seen.append(now))
+    assert seen == [(2, 4), (3, 4), (4, 4)]  # the first before anything is computed
+    assert contents(tmp_path / "a.zarr") == contents(made)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import test_store
+if __name__ == "__main__":
+    test_store.stream(test_store.Job(function=test_store.slow_rows), Path("a.zarr"), count=int(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_kill_leaves_whole_chunks_and_an_honest_list(made: Path, tmp_path: Path, count: int) -> None:
+    (tmp_path / "killed.py").write_text(KILLED)
+    words = [sys.executable, "killed.py", str(Path(__file__).parent), str(count)]
+    process = subprocess.Popen(words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    path, deadline = tmp_path / "a.zarr", time.monotonic() + 60
+    while time.monotonic() < deadline and not list(path.glob("done/c/*")):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    left = open_store(path)
+    assert 0 < len(left.missing()) < 4
+    assert left.damaged() == []
+    resumed(path)
+    kept = {name: content for name, content in contents(path).items() if not name.endswith(".partial")}
+    assert kept == contents(made)
+
+
 def _flip(file: Path) -> None:
     content = bytearray(file.read_bytes())
-    content[-1] ^= 1
+    content[len(content) // 2] ^= 1
     file.write_bytes(bytes(content))
 
 
 @pytest.mark.parametrize(
     "damage", [_flip, Path.unlink, lambda file: file.write_bytes(b"")], ids=["flip", "gone", "cut"]
 )
-@pytest.mark.parametrize("file", ["square/c/1/0", "checksums/c/1/0"])
-def test_a_damaged_chunk_is_noticed_and_computed_again(path: Path, file: str, damage) -> None:
-    expected = open_store(path).read("square")
+@pytest.mark.parametrize("file", ["square/c/1/0", "empty/c/1", "pole/c/1", "done/c/1"])
+def test_a_damaged_chunk_is_noticed_and_computed_again(
+    made: Path, path: Path, file: str, damage: Callable[[Path], None]
+) -> None:
     damage(path / file)
-    assert open_store(path).damaged() == [1]
-    with pytest.raises(BadInputError, match=r"is damaged in chunk 1; compute it again with --resume"):
-        [open_store(path).read(name) for name in ("square", "empty")]
-    np.testing.assert_array_equal(open_store(path).read("square", slice(6, 10)), expected[6:10])
-    with pytest.warns(UserWarning, match="1 of 4 chunks were damaged and are computed again"):
-        store = stream(Job(), path, resume=True)
-    np.testing.assert_array_equal(store.read("square"), expected)
-    assert stream(Job(), path, resume=True).damaged() == []
+    store, array = open_store(path), file.split("/")[0]
+    if array == "done":
+        assert store.missing() == [1]
+        resumed(path)
+    else:
+        assert (store.missing(), store.damaged()) == ([], [1])
+        with pytest.raises(BadInputError, match=rf"{array} is damaged; compute it again with --resume"):
+            store.read(array)
+        np.testing.assert_array_equal(store.read(array, slice(6, 10)), rows(6, 10)[array])
+        with pytest.warns(UserWarning, match="1 of 4 chunks were damaged and are computed again"):
+            resumed(path)
+    assert contents(path) == contents(made)
 
 
-def test_a_whole_store_is_read_in_any_slice(path: Path) -> None:
-    store, expected = open_store(path), squares(0, ROWS)["square"]
-    for start in range(ROWS + 1):
-        for stop in range(ROWS + 2):
-            np.testing.assert_array_equal(store.read("square", slice(start, stop)), expected[start:stop])
-    np.testing.assert_array_equal(store.read("square", slice(-2, None)), expected[-2:])
+def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
+    """Names, units and attributes too: a store with one flipped bit is refused, or its chunk is computed again."""
+    whole, rng, outcomes = contents(made), np.random.default_rng(1), {"refused": 0, "computed": 0}
+    path = shutil.copytree(made, tmp_path / "a.zarr")
+    for name, content in sorted(whole.items()):
+        for bit in rng.integers(8 * len(content), size=8):
+            flipped = bytearray(content)
+            flipped[bit // 8] ^= 1 << int(bit % 8)
+            (path / name).write_bytes(bytes(flipped))
+            try:
+                store = open_store(path, Job().layout)
+                assert store.missing() + store.damaged(), (name, bit)
+                outcomes["computed"] += 1
+            except BadInputError:
+                outcomes["refused"] += 1
+            (path / name).write_bytes(content)
+    described = 11  # zarr.json of the store and of seven arrays, names and units of an axis, the digest
+    assert outcomes == {"refused": 8 * described, "computed": 8 * (len(whole) - described)}
 
 
-def test_a_flag_that_cannot_be_read_is_a_chunk_to_compute(path: Path) -> None:
-    (path / "done" / "c" / "2").write_bytes(b"\0\1\2")
-    assert open_store(path).missing() == [2]
-    with pytest.warns(UserWarning, match="1 of 4 chunks"):
-        assert stream(Job(), path, resume=True).missing() == []
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda attributes: attributes.update(units=["ft", "deg"]), "attributes or the forms"),
-        (lambda attributes: attributes.update(chunk=5), "attributes or the forms"),
-        (lambda attributes: attributes.pop("schema"), "attributes or the forms"),
-        (lambda attributes: attributes.pop("checksum"), "has no checksums"),
-        (lambda attributes: attributes.pop("identity"), "is not a .*store of this project"),
-    ],
-)
-@pytest.mark.parametrize("layout", [None, Job().layout], ids=["read", "continued"])
-def test_damaged_attributes_are_refused(path: Path, change, said: str, layout: Layout | None) -> None:
-    file = path / "zarr.json"
-    data = json.loads(file.read_text())
-    change(data["attributes"])
-    file.write_text(json.dumps(data))
-    with pytest.raises(BadInputError, match=said):
-        open_store(path, layout)
-
-
-@pytest.mark.parametrize("file", ["zarr.json", "square/zarr.json", "done/zarr.json"])
-@pytest.mark.parametrize("content", [b"", b"{}", b"\xff{", b'{"zarr_format": 3}'])
-def test_damaged_descriptions_are_refused(path: Path, file: str, content: bytes) -> None:
-    (path / file).write_bytes(content)
-    with pytest.raises(BadInputError, match=r"damaged|is not a test store"):
-        open_store(path, Job().layout)
-
-
-@pytest.mark.parametrize("array", ["square", "done", "checksums"])
-@pytest.mark.parametrize(
-    ("entry", "value"),
-    [
-        (("shape", 0), 999999999999),
-        (("chunk_grid", "configuration", "chunk_shape", 0), 7),
-        (("data_type",), "float32"),
-        (("dimension_names", 0), "another"),
-        (("fill_value",), 1),
-    ],
-)
-def test_an_array_of_another_form_is_refused(path: Path, array: str, entry: tuple, value: object) -> None:
-    file = path / array / "zarr.json"
-    changed = json.loads(file.read_text())
-    *way, last = entry
-    reduce(getitem, way, changed)[last] = value
-    file.write_text(json.dumps(changed))
-    with pytest.raises(BadInputError, match="the forms of its arrays"):
+@pytest.mark.parametrize("content", [b"", b"{}", b"\xff{", b"[" * 100_000, b'{"attributes": 1}'])
+def test_a_description_that_is_none_is_refused(path: Path, content: bytes) -> None:
+    (path / "zarr.json").write_bytes(content)
+    with pytest.raises(BadInputError, match="its names, units or attributes are not those written"):
         open_store(path)
 
 
-def test_the_checksum_sees_every_bit_but_the_kind_of_nan() -> None:
-    values = np.array([1.0, -0.0, np.inf])
-    sums = {checksum(values)}
-    for bit in range(64 * values.size):
-        flipped = values.copy().view(np.uint64)
-        flipped[bit // 64] ^= np.uint64(1 << bit % 64)
-        sums.add(checksum(flipped.view(float)))
-    assert len(sums) == 1 + 64 * values.size - 51  # inf with any bit of its mantissa is nan
-    assert checksum(np.array([np.nan])) == checksum(-np.array([np.nan]))
-
-
-def test_one_run_at_a_time_writes_into_a_store(path: Path) -> None:
-    with (
-        open_store(path, Job().layout).session(),
-        pytest.raises(BadInputError, match="another run writes into it; wait for its end"),
-    ):
+def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(BadInputError, match="exists; continue it with --resume"):
+        stream(Job(), path)
+    with pytest.raises(BadInputError, match="belongs to another test"):
+        stream(Job("other"), path, resume=True)
+    (tmp_path / "old.zarr").mkdir()
+    for name in ("none.zarr", "old.zarr"):
+        with pytest.raises(BadInputError, match="not a test store of this version"):
+            stream(Job(), tmp_path / name, resume=True)
+    monkeypatch.setattr(module, "toolchain_version", lambda: "0.0.9")
+    with pytest.raises(BadInputError, match=r"was begun by version \d.* and this is 0\.0\.9"):
         stream(Job(), path, resume=True)
-    stream(Job(), path, resume=True)
+    assert open_store(path).missing() == []  # any version reads it
 
 
-def test_a_store_appears_whole_and_never_over_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_store_appears_whole_and_takes_no_folder_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and removed."""
+    (tmp_path / ".a.zarr.my-backup-202612").mkdir()
+    (tmp_path / ".a.zarr.0123456789abcdef").mkdir()
+    theirs = set(tmp_path.iterdir())
+
     def broken(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    fill = store._fill
-    monkeypatch.setattr(store, "_fill", broken)
-    with pytest.raises(OSError, match="No space left"):
-        stream(Job(), tmp_path / "a.zarr")
-    assert list(tmp_path.iterdir()) == []
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "_fill", broken)
+        with pytest.raises(OSError, match="No space left"):
+            create_store(tmp_path / "a.zarr", Job().layout)
+    assert set(tmp_path.iterdir()) == theirs
+    create_store(tmp_path / "a.zarr", Job().layout)
+    assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "a.zarr"}
 
-    def overtaken(*given: Any) -> None:
-        monkeypatch.setattr(store, "_fill", fill)
-        stream(Job(), tmp_path / "a.zarr")
-        fill(*given)
 
-    monkeypatch.setattr(store, "_fill", overtaken)
-    with pytest.raises(BadInputError, match="exists; continue it with --resume"):
-        stream(Job(), tmp_path / "a.zarr")
-    assert open_store(tmp_path / "a.zarr").missing() == []
-    assert [each.name for each in tmp_path.iterdir()] == ["a.zarr"]
+@pytest.mark.parametrize("setting", ["ZARR_ARRAY__ORDER=Q", "ZARR_ASYNC=3", "ZARR_CODECS__ZSTD=none"])
+def test_settings_of_zarr_in_the_environment_do_no_harm(made: Path, path: Path, setting: str) -> None:
+    program = "import sys; from hfa_support.jobs.store import *; print(open_store(Path(sys.argv[1])).damaged())"
+    name, _, value = setting.partition("=")
+    words = [sys.executable, "-c", program, str(path)]
+    done = subprocess.run(words, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_the_plan_and_the_provenance_are_kept(tmp_path: Path) -> None:
+    store = create_store(tmp_path / "a.zarr", Job().layout, {"version": "1"})
+    assert json.loads(store.attributes["plan"]) == {"rows": ROWS}
+    assert store.attributes["provenance"] == {"version": "1"}
