@@ -17,12 +17,12 @@ from controller.flight.integrator import integrate
 from controller.flight.plants import LinearPlant
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
-from controller.laws.published_law import PublishedSettings, published_law
-from controller.policy.critic_policy import CriticPolicy
 from controller.policy.signals import Harmonic, Signal, zero
 from controller.riccati.gare import solve_game
 from hfa_model.printed_matrices import published_models
 from hfa_support.native.machine_code import c_compiler
+from studies.section5.critic_policy import CriticPolicy
+from studies.update_law.published_law import PublishedSettings, published_law
 
 STEP, STEPS = 1e-4, 200_000
 _QUARTIC = (0, 1, 3, 4)
@@ -90,7 +90,7 @@ class FlightCase:
         """Everything that the loop depends on, as arrays."""
         law, game = self.law, self.law.game
         equations = law.equations
-        stored = law.history.at(np.zeros(law.basis.size))
+        stored = law.recorded(np.zeros(law.basis.size))
         wave = self.disturbance.harmonics[0]
         return {
             "A": game.A,

@@ -27,7 +27,6 @@ from controller.flight.uncertain import Uncertainty
 from controller.game.zero_sum import published_game
 from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 from controller.monte_carlo.stored_members import MonteCarloJob, fly_member, stream_monte_carlo
-from controller.policy.critic_policy import CriticPolicy, critic_law
 from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.signals import zero
 from controller.riccati.gare import solve_game
@@ -37,6 +36,7 @@ from hfa_model.vectors import State
 from hfa_support.jobs.store import Layout
 from hfa_support.jobs.stream import stream
 from hfa_support.jobs.workers import workers as crew
+from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point

@@ -27,7 +27,6 @@ from .game.zero_sum import Game as Game, published_game as published_game
 from .laws.certified import CertifiedSettings as CertifiedSettings
 from .laws.integral_rl import IrlSettings as IrlSettings
 from .laws.learn import LAWS as LAWS, learn as learn
-from .laws.published_law import PublishedSettings as PublishedSettings
 from .laws.run import Process as Process, Run as Run, run as run
 from .monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo
 from .monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo

@@ -43,13 +43,11 @@ COMMANDS = {
     "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
     "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
     "export": "the aircraft for other tools: C source, FMU, MATLAB",
-    "study": "the paper's update law as printed, every setting, with causes; takes a minute or two",
     "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
     "servo": "fly servos through step commands and actuator faults, law by law",
     "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
     "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
     "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence, on any workers",
-    "reproduce": "simulate Section 5 of the paper again: its figures, and its claims with numbers",
     "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
 }
 

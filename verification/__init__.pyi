@@ -28,9 +28,6 @@ from .exact_solution import (
     solve_games as solve_games,
     solve_output_feedback as solve_output_feedback,
 )
-from .experiments.configuration import section5_configuration as section5_configuration
-from .experiments.experiment_flights import FlightPlan as FlightPlan, simulate_plan as simulate_plan
-from .experiments.setting import make_setting as make_setting
 from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable import recoverable_map as recoverable_map
 from .flights.scheduling import certified_schedule as certified_schedule

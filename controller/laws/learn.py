@@ -10,7 +10,6 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.certified import CertifiedSettings, certified_law
 from controller.laws.integral_rl import IrlSettings, integral_learning
-from controller.laws.published_law import PublishedSettings, published_law
 from controller.laws.run import run
 from controller.training_data.recording import Stack
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -27,7 +26,6 @@ class Law:
 
 LAWS: dict[str, Law] = {
     "certified": Law(CertifiedSettings, certified_law),
-    "published": Law(PublishedSettings, published_law),
     "irl": Law(IrlSettings, integral_learning),
 }
 
@@ -44,7 +42,7 @@ def learn(
     """Learn the value z'Pz and the gain K of a game with one of `LAWS`.
 
     pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: fields of the
-    law's settings (`CertifiedSettings`, `PublishedSettings`, `IrlSettings`). progress: told which
+    law's settings (`CertifiedSettings`, `IrlSettings`). progress: told which
     fraction is done, and the residual.
 
     The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises

@@ -8,24 +8,18 @@ its envelope.
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from controller.game.zero_sum import Game
-from controller.policy.critic_policy import CriticPolicy
-from controller.policy.signals import Signal
 from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
 from hfa_cli.options.law_options import (
-    LAWS,
     add_controller,
     add_stored,
     add_weights,
     check_stored,
     controlled,
-    game_on,
     law_of,
     seed_of,
 )
@@ -54,8 +48,6 @@ if TYPE_CHECKING:
     from controller.monte_carlo.monte_carlo_plan import MonteCarlo
     from controller.policy.flown_law import FlownLaw
 
-#: Eq. (46) as printed, and as `verification/experiments/section5.toml` helps it to stay bounded; both learn in flight.
-_CRITICS = ("published", "published-helped")
 _DEFAULT_MEMBERS = 100
 _MOST_MEMBERS = 10_000_000
 
@@ -64,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa monte-carlo`."""
     options.add_condition(parser)
     options.add_aircraft(parser)
-    add_weights(parser, (*LAWS, *_CRITICS))
+    add_weights(parser)
     add_stored(parser)
     add_value(
         parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
@@ -125,12 +117,11 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
 
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    reference = signal_of("reference", arguments.reference)
     scenario = Scenario(
         duration=20.0 if arguments.duration is None else arguments.duration,
         step=arguments.step,
         initial=initial_of(arguments.initial),
-        reference=reference,
+        reference=signal_of("reference", arguments.reference),
         disturbance=signal_of("disturbance", arguments.disturbance),
         uncertainty=_uncertainty(arguments),
         actuators=actuators_of(arguments),
@@ -143,7 +134,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
         dynamics=arguments.dynamics,
         point=point,
         plant=arguments.plant,
-        law=law or _law(arguments, linearize(aircraft, point), reference),
+        law=law or _law(arguments, linearize(aircraft, point)),
         scenario=scenario,
         envelope=envelope_of(arguments, aircraft, point),
     )
@@ -156,29 +147,8 @@ def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
     return Uncertainty(errors, noise, arguments.turbulence)
 
 
-def _law(arguments: argparse.Namespace, model: LinearModel, reference: Signal) -> FlownLaw:
-    """The gain or the critic that the options name, designed for the nominal model."""
-    law = law_of(arguments, (*LAWS, *_CRITICS))
-    if check_stored(arguments):
-        return flown_law_of(arguments, model)
-    if arguments.set and law not in ("certified", "irl"):
-        raise BadInputError(f"--set belongs to a law that learns before the flight; law {law!r} does not")
-    if law in _CRITICS:
-        return _critic(law, model, game_on(model, arguments), reference)
+def _law(arguments: argparse.Namespace, model: LinearModel) -> FlownLaw:
+    """The gain that the options name, designed for the nominal model."""
+    if law_of(arguments) == "exact" and arguments.set and not check_stored(arguments):
+        raise BadInputError("--set belongs to a learning law; with --law exact there is nothing to learn")
     return flown_law_of(arguments, model)
-
-
-def _critic(law: str, model: LinearModel, game: Game, reference: Signal) -> FlownLaw:
-    from controller.policy.critic_policy import critic_law
-    from verification.experiments import flown_laws as laws
-    from verification.experiments.configuration import section5_configuration
-    from verification.experiments.setting import PaperCase, Setting
-
-    name = laws.MODIFIED if law == "published-helped" else laws.PRINTED
-    configuration = section5_configuration()
-    case = PaperCase(math.degrees(model.point.states.dihedral), game, model.input_offsets)
-    flown, _ = laws.law_of(
-        Setting(configuration, "regenerated", ()), case, name, configuration.predefined_time("5.1"), False, reference
-    )
-    assert isinstance(flown.policy, CriticPolicy)
-    return critic_law(law, flown.policy)

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--dihedral", angles, "RANGE", about)
     add_value(parser, "--sweep", angles, "RANGE", "angles of the slider and the root locus; default 0:20:0.5")
     add_value(parser, "--outputs", some_of(*STATES, *OUTPUTS), "a,b,...", "C and D of these outputs too")
-    about = "claims of the paper to show: the folder that `hfa reproduce` wrote, or its claims.json"
+    about = "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder"
     add_value(parser, "--claims", parsed(lambda text: load_claims(Path(text))), "FILE", about)
     options.add_flight(parser)
     options.add_aircraft(parser)

@@ -33,9 +33,9 @@ _FILES = ("gain", "weights")
 _STEPS = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
 
-def add_weights(parser: argparse.ArgumentParser, laws: tuple[str, ...] = LAWS) -> None:
-    """--law (one of `laws`) or a file in its place, --set, --seed, --delta, --Q, --R."""
-    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(laws)}; default certified")
+def add_weights(parser: argparse.ArgumentParser) -> None:
+    """--law (one of `LAWS`) or a file in its place, --set, --seed, --delta, --Q, --R."""
+    parser.add_argument("--law", default="certified", metavar="NAME", help=f"{', '.join(LAWS)}; default certified")
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data and of the turbulence; default 0")
     games.add_weights(parser)
@@ -46,10 +46,10 @@ def game_on(model: LinearModel, arguments: argparse.Namespace) -> Game:
     return published_game(model.A, model.B, **games.weights_of(arguments))
 
 
-def law_of(arguments: argparse.Namespace, laws: tuple[str, ...] = LAWS) -> str:
-    """The law that the options name, one of `laws`."""
+def law_of(arguments: argparse.Namespace) -> str:
+    """The law that the options name, one of `LAWS`."""
     law: str = arguments.law
-    refuse_unknown("unknown law", law, laws)
+    refuse_unknown("unknown law", law, LAWS)
     return law
 
 

@@ -11,6 +11,7 @@ from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine, side_by_side, spanwise_dryden
 from controller.flight.scenario import Scenario
+from controller.policy import paper_flight
 from controller.policy.signals import Harmonic, Signal
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import number, numbers, parsed, quantity, span
@@ -21,13 +22,12 @@ from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES, Input
 from hfa_support.errors import BadInputError
 from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
-from verification.experiments.configuration import section5_configuration
 
 #: How help shows colon-separated numbers.
 _OUTER = "PEAK[:DELAY]"
 _GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
 _TICK = 0.01
-#: In place of NAME=...: what the paper simulates in Section 5, as `verification/experiments/section5.toml` reads it.
+#: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
 #: How help shows colon-separated numbers.
 _LAG_RATE, _ACTUATORS, _FAULT = "LAG:RATE", "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
@@ -141,7 +141,7 @@ def initial_of(given: dict[str, float] | str | None) -> np.ndarray:
     """What --initial says as a deviation from trim, (7,)."""
     start = np.zeros(len(STATES))
     if isinstance(given, str):
-        start[LINEAR_ROWS] = section5_configuration().initial
+        start[LINEAR_ROWS] = paper_flight.INITIAL
         return start
     for name, value in (given or {}).items():
         start[STATES.index(name)] = value
@@ -151,8 +151,8 @@ def initial_of(given: dict[str, float] | str | None) -> np.ndarray:
 def signal_of(name: str, given: dict[str, tuple[float, ...]] | str | None) -> Signal:
     """What the option of a signal says, (6,): constants, and a sine with its frequency for some."""
     if isinstance(given, str):
-        paper = section5_configuration()
-        return {"reference": paper.reference, "disturbance": paper.disturbance, "noise": paper.noise}[name].signal
+        paper = {"reference": paper_flight.REFERENCE, "disturbance": paper_flight.DISTURBANCE}
+        return paper.get(name, paper_flight.NOISE)
     constant, harmonics = np.zeros(len(LINEAR_STATES)), []
     for state, (value, *wave) in (given or {}).items():
         index = LINEAR_STATES.index(state)

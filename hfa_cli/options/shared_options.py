@@ -54,8 +54,6 @@ IN_FEET = {
     "prove": "what is proved, and its certificate, is about numbers in ft",
     "lpv": "what is proved, and the C function, is about numbers in ft",
     "export": "the C, FMU and MATLAB files are in ft, slug, lbf, and say so",
-    "study": "the paper's law runs on the printed matrices, which are in ft",
-    "reproduce": "the paper's figures and claims are in ft",
 }
 
 

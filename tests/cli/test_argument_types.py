@@ -45,8 +45,6 @@ def test_ranges_of_every_form() -> None:
         ("trim --dihedral=--", "--dihedral is '--'"),
         ("trim --dihedral 15 --hold=--", "--hold is '--'"),
         ("trim --dihedral 15 -o--", "-o is '--'"),
-        ("study --only=--", "--only is '--'"),
-        ("study -o=-- --only nothing", "-o is '--'; give a value"),
         ("fly --dihedral 15 --duration=--", "--duration is '--'"),
         ("trim --dihedral 15 -- --speed", "unrecognized arguments: "),
         # Numbers that no computer has.

@@ -17,8 +17,6 @@ from cli import assert_refused, hfa
 _ENTRIES = ("half_units", "percent")
 _ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
 _LEARNED = ("residual_norm", "law_residual_norm")
-_RUN = ("lambda_0", "alpha1", "alpha2", "P_error", "K_error", "last_lambda_0", "seed")
-_LAW = ("eta", "theta", "gamma", "samples", "pool_samples", "initial_weights", "recorded_weights", "gains")
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
     "sweep --dihedral 0:10:5": (),
@@ -33,7 +31,6 @@ TABLES = {
     "fly --dihedral 10 --duration 0.1": (),
 }
 SLOW_TABLES = {
-    "study --only 'theorem gains, explicit'": (*_RUN, *_LAW),
     "schedule --dihedral 5 --to 5.1 --over 0.1 --points 2 --duration 5.2": (),
     "map --dihedral 10 --speeds -1:1:1 --dihedrals 0 --commands 0,1": ("held", "returned"),
     "lpv --dihedral 10:11": (),

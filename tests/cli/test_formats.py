@@ -15,7 +15,7 @@ from hfa_cli.options.shared_options import FORMATS
 
 TRIM = ("trim", "--dihedral", "15")
 #: Write pages or folders, not one report.
-WITHOUT_FORMAT = ("report", "reproduce")
+WITHOUT_FORMAT = ("report",)
 
 
 def said(*words: str) -> str:

@@ -202,24 +202,7 @@ def test_learn_irl_needs_a_stabilizing_start() -> None:
     assert answer("verify", *AT_15, *words)["ok"] is True
 
 
-def test_the_published_law_as_printed_overflows() -> None:
-    for degrees in ("5", "15"):
-        for command in ("learn", "verify"):
-            result = hfa(command, "--dihedral", degrees, "--law", "published", "--json", "-o", "run.json")
-            assert (result.code, result.out) == (FAILED, "")
-            assert result.err.count("\n") == 1
-            for word in ("overflowed at step", "lambda_0", "alpha2", "explicit step below", "use law 'certified'"):
-                assert word in result.err
-    assert list(Path().iterdir()) == []
-
-
 def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
-    settings = ("gains=100,100", "coordinates=scaled", "predefined_time=0.1", "step=1e-3", "basis=quadratic")
-    words = [part for text in settings for part in ("--set", text)]
-    data = answer("learn", *AT_15, "--law", "published", *words, code=FAILED)
-    assert data["settings"]["gains"] == [100.0, 100.0]
-    assert data["settings"]["basis"] == "quadratic"
-    assert data["status"].startswith("failed: ")
     words = ["--set", "disturbance_measured=no", "--set", "intervals=60", "--seed", "3"]
     data = answer("learn", "--dihedral", "5", "--law", "irl", *words, code=FAILED)
     assert (data["settings"]["disturbance_measured"], data["settings"]["intervals"], data["seed"]) == (False, 60, 3)
@@ -229,11 +212,6 @@ def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
 
 RUNS = {
     "certified": QUICK,
-    "published": tuple(
-        word
-        for setting in ("gains=1,1", "basis=quadratic", "step=0.001", "coordinates=scaled")
-        for word in ("--set", setting)
-    ),
     "irl": (),
 }
 

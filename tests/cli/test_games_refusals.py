@@ -1,4 +1,4 @@
-"""What `hfa solve`, `learn`, `verify`, `study` refuse: one line that names thing and remedy, nothing written."""
+"""What `hfa solve`, `learn`, `verify` refuse: one line that names thing and remedy, nothing written."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_what_has_no_solution_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("--law sarsa", "unknown law 'sarsa'; choose from certified, published, irl"),
+        ("--law sarsa", "unknown law 'sarsa'; choose from certified, irl"),
         ("--set predefined_time=0", "predefined_time is 0.0; it must be a positive number"),
         ("--set predefined_time=-1", "predefined_time is -1.0; it must be a positive number"),
         ("--set predefined_time=nan", "predefined_time is nan; give a finite number"),
@@ -145,7 +145,6 @@ def test_what_has_no_solution_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
         ("--set speed=1", "law 'certified' has no setting 'speed'; choose from predefined_time"),
         ("--set tick", "'tick' is not NAME=VALUE"),
         ("--law irl --set disturbance_measured=maybe", "disturbance_measured is 'maybe'; give yes or no"),
-        ("--law published --set gains=100", "they must be two numbers (alpha1, alpha2)"),
         ("--Q 0,0,0,0,0,0", "Q is zero: every law measures its residual against z'Qz; give some state a cost"),
         ("--seed -1", "--seed is -1; give a whole number from 0"),
     ],
@@ -220,12 +219,6 @@ def test_a_basis_belongs_to_weights() -> None:
         ("verify --dihedral 15 --picture check.jpg", "unknown suffix '.jpg'; use one of .png, .svg, .pdf"),
         ("verify --dihedral 15 --picture missing/check.png", "the folder missing does not exist"),
         ("solve --dihedral 15 -o missing/solution.json", "the folder missing does not exist"),
-        ("study --save state.json", "--save is no longer there: keep the finished rows with --folder FOLDER"),
-        ("study --resume", "--resume needs the folder to continue; add --folder FOLDER"),
-        ("study --folder nowhere/study", "--folder nowhere/study: cannot make the folder"),
-        ("study --folder given.json", "--folder given.json: cannot make the folder"),
-        ("study -o study.txt", "unknown suffix '.txt'"),
-        ("study --only sarsa", "no row's name contains 'sarsa'; there are: theorem gains, explicit; theorem gains"),
     ],
 )
 def test_bad_files(words: str, named: str) -> None:

@@ -66,10 +66,8 @@ def test_what_would_be_passed_over_is_refused(folder: Path, words: str, named: s
         ("learn --dihedral 15 --law", "unknown law ''"),
         ("sweep --dihedral 0:5:1 --samples", "--samples is ''"),
         ("sweep --dihedral 0:5:1 -o a.zarr --picture", "--picture '': unknown suffix ''"),
-        ("study --only", "no row's name contains ''"),
         ("identify --write", "--write '': there is no such folder"),
         ("report --folder", "--folder '': cannot make the folder"),
-        ("reproduce all -o", "--output '': cannot make the folder"),
     ],
 )
 def test_an_empty_word_is_not_passed_over(folder: Path, words: str, named: str) -> None:

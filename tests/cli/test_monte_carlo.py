@@ -52,14 +52,6 @@ def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) 
     assert_refused(hfa("monte-carlo", "--dihedral", "15", "--gain", str(file)), 2, "there is no K")
 
 
-def test_the_printed_critic_is_lost_at_once_and_the_helped_one_holds() -> None:
-    words = ("monte-carlo", "--dihedral", "15", "--members", "1", "--duration", "0.05", "--step", "1e-4")
-    lost = hfa(*words, "--initial", "alpha=1", "--law", "published")
-    assert (lost.code, "0 of 1" in lost.out) == (1, True)
-    held = hfa(*words, "--initial", "alpha=1", "--law", "published-helped")
-    assert (held.code, "1 of 1" in held.out) == (0, True)
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -95,4 +87,4 @@ def test_a_flight_that_fills_the_memory_is_refused() -> None:
 
 def test_an_unknown_law_is_refused_with_the_known_ones() -> None:
     words = ("monte-carlo", "--dihedral", "15", "--law", "magic")
-    assert_refused(hfa(*words), 2, "unknown law 'magic'", "published-helped")
+    assert_refused(hfa(*words), 2, "unknown law 'magic'; choose from exact, certified, irl")

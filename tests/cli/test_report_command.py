@@ -22,7 +22,7 @@ from verification.page.page_html import plotly_script
 SWEEP = ("--sweep", "0:20:5")
 #: An angle without a trim has no game to solve, and no critic to learn.
 QUICK = ("--dihedral", "59", *SWEEP)
-CLAIMS = ROOT / "docs" / "results" / "claims.json"
+CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 MEGABYTE = 1_000_000
 
 
@@ -120,7 +120,7 @@ def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) 
         (("--sweep", ",".join(f"{i / 20}" for i in range(300))), ("--sweep has 300 angles", "at most 151")),
         (("--sweep", "0:20"), ("--sweep", "start:stop:step")),
         (("--outputs", "wing_area"), ("--outputs", "'wing_area'")),
-        (("--claims", "missing.json"), ("--claims", "missing.json", "hfa reproduce")),
+        (("--claims", "missing.json"), ("--claims", "missing.json", "studies.section5")),
         (("--claims", str(ROOT / "benchmarks" / "results.json")), ("--claims", "hfa.claims/1")),
         (("-o", "missing/page.html"), ("the folder missing does not exist",)),
         (("-o", "page.htm"), ("'.htm'",)),

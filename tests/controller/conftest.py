@@ -7,7 +7,7 @@ import pytest
 from member_plans import a_critic, everything_plan
 
 from controller import Game, MonteCarlo
-from controller.policy.critic_policy import CriticPolicy
+from studies.section5.critic_policy import CriticPolicy
 from trim import OperatingPoint
 
 

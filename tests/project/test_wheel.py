@@ -13,7 +13,6 @@ from project import PACKAGES, ROOT
 DATA = {
     *(f"{package}/py.typed" for package in PACKAGES),
     *("hfa_model/parameters.toml", "hfa_model/printed_matrices.json"),
-    "verification/experiments/section5.toml",
 }
 
 

@@ -28,7 +28,7 @@ _ALLOWED = (0, 1, 2)
 _LONGEST_LINE = 1200
 _ANNOUNCED = "Ctrl-C ends it"
 #: Command lines that take longer when they are asked for nothing special.
-_LONG = (("servo",), ("map",), ("study",), ("reproduce",), ("lpv",), ("prove", "schedule"))
+_LONG = (("servo",), ("map",), ("lpv",), ("prove", "schedule"))
 #: A folder in memory, where there is one: on a disk, making and removing it takes longer than most commands.
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 

@@ -26,8 +26,6 @@ LONG: dict[str, tuple[str, ...]] = {
         *("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "1500", "--duration", "1"),
         *("--workers", "2", "-o", "a.zarr"),
     ),
-    "reproduce": ("reproduce", "5.2", "-o", "folder"),
-    "study": ("study", "--only", "learning alone, frozen", "--only", "theorem gains, explicit", "--folder", "folder"),
     "servo": ("servo", "order-1", "-o", "folder", "--duration", "3", "--law", "simvfa-1", "--law", "servo"),
     "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),
 }

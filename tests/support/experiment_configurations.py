@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from verification import section5_configuration
-from verification.experiments.configuration import Configuration
+from studies.section5.configuration import Configuration, section5_configuration
 
 #: Table -> field -> value.
 Changes = Mapping[str, Mapping[str, Any]]

@@ -21,7 +21,6 @@ import random
 import sys
 import time
 import zlib
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -128,10 +127,6 @@ def _ways(options: argparse.Namespace) -> list[str]:
         from attempts import WAYS
         from ways_in import seeds
 
-        from controller.study import published_study
-
-        # Of the printed models: each row would learn them again, ten times as long as it takes to read.
-        published_study.references_of_models = cache(published_study.references_of_models)
         seeds()
     return options.ways or list(WAYS)
 

@@ -11,17 +11,16 @@ from controller import (
     Game,
     Harmonic,
     MonteCarlo,
-    PublishedSettings,
     Scenario,
     Signal,
     Uncertainty,
     flight_envelope,
     gain_law,
 )
-from controller.laws.published_law import published_law
-from controller.policy.critic_policy import CriticPolicy, forcing
 from controller.policy.signals import zero
 from hfa_model import default_parameters
+from studies.section5.critic_policy import CriticPolicy, forcing
+from studies.update_law.published_law import PublishedSettings, published_law
 from trim import OperatingPoint
 
 PARAMETERS = default_parameters().values

@@ -28,7 +28,6 @@ _FLOWN = (*_AT, "--duration", "0.02", "--step", "0.01")
 _MEMBERS = ("monte-carlo", *_AT, "--gain", "gain.json", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
 _SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
 _TUNED = ("design", "--tune", "tune.toml", "-o", "best.toml")
-_ROW = ("study", "--only", "theorem gains, explicit", "--folder", "row")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
 _SOLVED = ("hfa_cli.commands.solve.analyse_game",)
 _CHECKED = ("hfa_cli.commands.verify.check_critic", "hfa_cli.commands.verify.check_history")
@@ -42,11 +41,7 @@ _CHUNK = "hfa_support.jobs.stream.run_and_write"
 _POINTS = (_CHUNK, "trim.sweeps.stored_sweep.stored_sweep_report")
 _FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.MonteCarloResult.of")
 #: What takes minutes with one word less, on all processors: of one input in a thousand.
-_MINUTES = (
-    "hfa_cli.commands.study.published_study",
-    "verification.experiments.reproduction.reproduce",
-    "verification.servo.servo_flights.run_case",
-)
+_MINUTES = ("verification.servo.servo_flights.run_case",)
 #: A condition file that every command takes.
 CONDITION = """description = "slow"
 free = ["speed"]
@@ -123,9 +118,8 @@ COMMAND_LINES = (
     "export --formats a.json",
     "export --dihedral 15 --c folder",
     "regenerate --dynamics newton --parameters identified --json",
-    "study --only nothing",
+    "study",
     "servo nothing -o folder",
-    "reproduce 5.9 -o folder --matrices printed",
     "report --dihedral 5 --claims nothing",
 )
 WAYS = {
@@ -165,9 +159,6 @@ WAYS = {
         ("report", "--dihedral", "5", "--sweep", "5", "--claims", "{}", "--json"),
         "claims.json",
         work=("hfa_cli.commands.report.main_job",),
-    ),
-    "row of a study": Way(
-        (*_ROW, "--resume"), "row/theorem-gains-explicit.json", work=("controller.study.published_study._run",)
     ),
     "points.zarr": Way((*_SWEPT, "--resume"), "points.zarr", work=_POINTS),
     "members.zarr": Way((*_MEMBERS, "--resume"), "members.zarr", ("gain.json",), _FLIGHTS),
@@ -214,7 +205,6 @@ def seeds() -> Mapping[str, bytes]:
         _run(folder, (*_PROVED, "--table", str(folder / "table.json"), "-o", "{}"), "certificate.json")
         _run(folder, ("prove", "solution", *_AT, "-o", "{}"), "game.json")
         _run(folder, ("lpv", "--dihedral", "15:15.01", "--certificate", "{}"), "lpv.json")
-        _run(folder, (*_ROW[:-1], "{}"), "row")
         (folder / "claims.json").write_text(json.dumps(_few_claims()))
         with chdir(folder):  # the name of the design is part of what the record is known by
             write_tuning(Path(), design="own.toml", evaluations=1)
@@ -230,7 +220,7 @@ def seeds() -> Mapping[str, bytes]:
 
 
 def _few_claims() -> dict[str, Any]:
-    table = json.loads((Path(__file__).parents[2] / "docs/results/claims.json").read_bytes())
+    table = json.loads((Path(__file__).parents[2] / "studies/section5/results/claims.json").read_bytes())
     first = table["experiments"][0]
     few = {"claims": table["claims"][:2], "experiments": [first | {"flights": first["flights"][:1]}]}
     return dict(table | few | {"lost_flights": table["lost_flights"][:1]})

@@ -1,4 +1,4 @@
-"""The paper's claims with their verdicts, read back from what `hfa reproduce` stored."""
+"""The paper's claims with their verdicts, read from what the study of Section 5 (`studies/section5`) stored."""
 
 from __future__ import annotations
 
@@ -11,49 +11,79 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, Toned
-from verification.experiments.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE
-from verification.experiments.reproduction import SCHEMA
-from verification.experiments.tables import counts_text, short_table
 from verification.page.main_job import StoredClaims
 from verification.regeneration.regeneration import Regeneration
 
-_TONE = {CONFIRMED: "good", NOT_CONFIRMED: "bad", NOT_DECIDABLE: "near"}
+SCHEMA = "hfa.claims/1"
+_TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be decided
+#: The law that most claims are about, and those whose numbers are shown beside it.
+_SUBJECT = "published, modified"
+_BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
 _TITLE = "Section 5 of the paper, claim by claim"
 #: Entries of the flown matrices and of the page's own that differ by less are the same.
 _SAME = 1e-9
 
 
 def load_claims(path: Path) -> StoredClaims:
-    """claims.json, or the folder of `hfa reproduce` that holds it; BadInputError says what is wrong."""
-    file = path / "claims.json" if path.is_dir() else path
+    """claims.json, or the folder that holds it; BadInputError says what is wrong."""
+    file, remedy = path / "claims.json" if path.is_dir() else path, "give what `python -m studies.section5` wrote"
     try:
         table = read_json(file)
     except OSError as error:
-        raise BadInputError(f"{file}: cannot be read ({error.strerror}); give what `hfa reproduce` wrote") from error
+        raise BadInputError(f"{file}: cannot be read ({error.strerror}); {remedy}") from error
     if not isinstance(table, dict) or table.get("schema") != SCHEMA:
-        raise BadInputError(f"{file}: is not a table of claims of schema {SCHEMA}; give what `hfa reproduce` wrote")
+        raise BadInputError(f"{file}: is not a table of claims of schema {SCHEMA}; {remedy}")
     claims = StoredClaims(file, table)
     try:
         short_table(table), counts_text(table), _models(table)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadInputError(f"{file}: is damaged ({error!r}); run `hfa reproduce` again") from error
+        raise BadInputError(f"{file}: is damaged ({error!r}); {remedy}") from error
     return claims
 
 
 def claims_section(claims: StoredClaims | None, regeneration: Regeneration) -> Report:
     """One row a claim; what was flown, and whether it is the aircraft of this page. Without claims, how to get them."""
     if claims is None:
-        how = "Not on this page. `hfa reproduce all -o out` computes it, `hfa report --claims out` shows it."
+        how = "Not on this page. `python -m studies.section5 -o out` computes it, `hfa report --claims out` shows it."
         return Report(_TITLE, (how,))
     table = claims.table
     short = short_table(table)
     rows = [(*row[:-1], Toned(row[-1], _TONE.get(row[-1], "near"))) for row in short.rows]
     same = "the same matrices as" if flies_the_same(table, regeneration) else "OTHER matrices than"
     said = (
-        f"Not computed here but read from {claims.path}, which `hfa reproduce` wrote. {counts_text(table)}.",
+        f"Read from {claims.path}, which `python -m studies.section5` wrote. {counts_text(table)}.",
         f"It flew {table['setting']['matrices']} matrices, {same} those of this page. A green number fulfils a claim.",
     )
     return Report(_TITLE, (*said, Table(short.header, rows)), data=table)
+
+
+def short_table(table: dict[str, Any]) -> Table:
+    """The number of each claim's subject, of the certified law and of the optimum; a good tone fulfils the claim."""
+    rows = []
+    for claim in table["claims"]:
+        found, subject = claim["findings"], claim["subject"]
+        own = _cell(found[subject], "" if subject == _SUBJECT else f"{subject}: ")
+        asked = f"{claim['relation']} {claim['limit']:.3g}"
+        beside = (_cell(found[law]) if law in found else "" for law in _BESIDE)
+        rows.append((claim["number"], claim["says"], claim["measured"], asked, own, *beside, claim["verdict"]))
+    return Table(("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows)
+
+
+def _cell(finding: dict[str, Any], before: str = "") -> str:
+    if finding["value"] is None:
+        return before + ("lost" if finding["note"] else "∞")
+    text = f"{before}{finding['value']:.3g}"
+    return Toned(text, "good") if finding["holds"] else text
+
+
+def counts_text(table: dict[str, Any]) -> str:
+    """How many claims have each verdict, and which flights were lost."""
+    counts = "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
+    lost = table["lost_flights"]
+    if not lost:
+        return f"{counts}; no flight was lost"
+    laws, times = sorted({flight["law"] for flight in lost}), [flight["lost_at"] for flight in lost]
+    return f"{counts}; {len(lost)} flights were lost ({'; '.join(laws)}), at {min(times):.3g} to {max(times):.3g} s"
 
 
 def flies_the_same(table: dict[str, Any], regeneration: Regeneration) -> bool:

@@ -108,7 +108,7 @@ def angle_result(
 
 @dataclass(frozen=True, eq=False)
 class StoredClaims:
-    """The table of claims that `hfa reproduce` stored, and the file it was read from."""
+    """The table of claims that `python -m studies.section5` stored, and the file it was read from."""
 
     path: Path
     table: dict[str, Any]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
+from learning_samples import PUBLISHED, published, stable_game
 from reference_riccati import reference_solution, relative_error
 
 from controller import LAWS, CertifiedSettings, Game, LearningResult, learn, random_pool
@@ -20,25 +20,13 @@ from hfa_support import BadInputError
 #: A short run of each law.
 RUNS: dict[str, dict[str, Any]] = {
     "certified": {"tick": 0.1, "predefined_time": 8.0},
-    "published": {
-        "basis": "quadratic",
-        "coordinates": "scaled",
-        "gains": (100.0, 100.0),
-        "predefined_time": 0.3,
-        "step": 1e-3,
-        "flight_start": (-0.2, -0.005, 0.0, 0.0, -0.05, 0.0),
-    },
     "irl": {"iterations": 30},
 }
 
 
 def short_run(law: str, **more: Any) -> LearningResult:
     game, _ = published("published-5")
-    options = dict(RUNS[law])
-    if law == "published":
-        start = tuple(QUADRATIC.weights(lq("published-5")[1].P))
-        options |= {"initial_weights": start, "recorded_weights": start}
-    return learn(game, law, seed=4, **options, **more)
+    return learn(game, law, seed=4, **RUNS[law], **more)
 
 
 def assert_same_bits(one: LearningResult, other: LearningResult) -> None:
@@ -63,9 +51,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(law: str, capsys: pytest.C
 def test_the_seed_decides_every_bit(law: str) -> None:
     assert_same_bits(short_run(law), short_run(law))
     game, _ = published("published-5")
-    options = RUNS[law] | ({"initial_weights": 1.0, "recorded_weights": 1.0} if law == "published" else {})
-    if law != "published":
-        assert learn(game, law, 1, **options).weights.tobytes() != learn(game, law, 2, **options).weights.tobytes()
+    assert learn(game, law, 1, **RUNS[law]).weights.tobytes() != learn(game, law, 2, **RUNS[law]).weights.tobytes()
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -80,15 +66,9 @@ def test_results_are_plain_json(law: str) -> None:
     assert plain["excitation"]["rank"] == 21
 
 
-def test_a_time_that_never_comes_is_null() -> None:
-    result = short_run("published")
-    assert result.settling_time == np.inf
-    assert result.to_dict()["settling_time"] is None
-
-
 def test_unknown_laws_and_settings_name_the_choices() -> None:
     game = stable_game()
-    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified, published, irl"):
+    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified, irl"):
         learn(game, "magic")
     with pytest.raises(
         BadInputError, match=r"law 'certified' has no setting 'gamma'; choose from predefined_time, tick"
@@ -121,11 +101,9 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
         learn(game, samples=54)
 
 
-@pytest.mark.parametrize(("law", "name", "number"), [("published", "samples", 83), ("irl", "intervals", 83)])
-def test_every_law_takes_enough_samples_by_default(law: str, name: str, number: int) -> None:
-    options: dict[str, Any] = {"published": {"basis": "quadratic", "predefined_time": 1e-3, "gains": (1.0, 1.0)}}
-    result = learn(ten_states(), law, initial_weights=0.0, **options.get(law, {}))
-    assert result.settings[name] == result.excitation.samples == number
+def test_integral_rl_takes_enough_intervals_by_default() -> None:
+    result = learn(ten_states(), "irl", initial_weights=0.0)
+    assert result.settings["intervals"] == result.excitation.samples == 83
 
 
 def test_the_samples_of_the_aircraft_stay_fifty_of_five_hundred() -> None:

@@ -10,9 +10,9 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import MonteCarlo, OneMinusCosine, Uncertainty, flight_envelope, gain_law
-from controller.policy.critic_policy import critic_law
 from controller.policy.signals import zero
 from hfa_support import BadInputError
+from studies.section5.critic_policy import critic_law
 
 
 def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray, critic) -> None:

@@ -16,13 +16,13 @@ from controller.flight.closed_loop import ClosedLoop, CompiledLoop
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.monte_carlo import stored_members
 from controller.monte_carlo.stored_members import fly_member, fly_members
-from controller.policy.critic_policy import CriticPolicy, critic_law
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
 from hfa_support.native import machine_code as generated
+from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim import CONTROL_LIMITS, find_operating_point, level_flight
 
 ALPHA = STATES.index("alpha")

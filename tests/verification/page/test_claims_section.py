@@ -41,7 +41,7 @@ def test_another_aircraft_is_noticed(job: MainJob, claims: StoredClaims) -> None
 
 
 def test_without_claims_the_page_says_how_to_get_them(job: MainJob) -> None:
-    assert "hfa reproduce all" in str(claims_section(None, job.regeneration).parts[0])
+    assert "studies.section5" in str(claims_section(None, job.regeneration).parts[0])
 
 
 @pytest.mark.parametrize("key", ["claims", "verdicts", "setting"])

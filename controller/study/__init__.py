@@ -1,1 +1,0 @@
-"""The paper's update law in every setting, run as a study."""

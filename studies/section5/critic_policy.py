@@ -1,0 +1,125 @@
+"""The paper's critic learning in flight: Eq. (46) as a policy whose memory is the weights."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.policy.flown_law import FlownLaw
+from controller.policy.policies import Seen
+from controller.policy.signals import Signal
+from hfa_support.errors import BadInputError
+from studies.update_law.published_law import PublishedLaw
+
+
+@dataclass(frozen=True, eq=False)
+class CriticPolicy:
+    """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is frozen.
+
+    law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the law's coordinates
+    y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic is told; zero when it is told
+    F = A z. BadInputError when the stack's policies are re-evaluated: only stored ones are flown.
+    """
+
+    constants_size = 1
+
+    law: PublishedLaw
+    forcing: Signal
+
+    def __post_init__(self) -> None:
+        """Refuse the stack that cannot be flown."""
+        if self.law.settings.stack_policies != "frozen":
+            raise BadInputError("the stack's policies are re-evaluated; a flight needs those stored with the samples")
+
+    @property
+    def memory_size(self) -> int:
+        """M weights."""
+        return self.law.basis.size
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """-½ R⁻¹B' ∂ψ'W, (5,)."""
+        value_gradient = ca.mtimes(gradient(self.law.basis, seen.error / self._scales).T, memory) / self._scales
+        return -0.5 * ca.mtimes(ca.DM(self.law.game.R_inverse_B_transposed), value_gradient)
+
+    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
+        """Eq. (46) with the current sample and the stack, (M,)."""
+        s, gains = self.law.settings, self.law.gains
+        sigma, residual = self._current(t, seen.error, memory)
+        squared = 1.0 + ca.dot(sigma, sigma)
+        n = squared if s.normalisation == "squared" else ca.sqrt(squared)
+        push = self._stack(memory) + sigma / n * powers(residual / n, *gains, s.eta)
+        return -s.gamma * p * push
+
+    @cached_property
+    def _stack(self) -> ca.Function:
+        """W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], ē_j = σ̄_j'W + ē_j(0).
+
+        Two products with one matrix, kept as such: written out entry by entry, 250 samples take minutes to compile.
+        """
+        stored = self.law.recorded(np.zeros(self.memory_size))
+        regressors, weights = ca.DM(stored.regressors), ca.MX.sym("W", self.memory_size)
+        residuals = ca.mtimes(regressors, weights) + ca.DM(stored.residuals)
+        push = ca.mtimes(regressors.T, powers(residuals, *self.law.gains, self.law.settings.eta))
+        return ca.Function("stack", [weights], [push], {"never_inline": True})
+
+    def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """σ and e of the flown state (Eq. 32-33): policies of the current weights."""
+        e = self.law.equations
+        y = z / self._scales
+        drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales
+        jacobian = gradient(self.law.basis, y)
+        value_gradient = ca.mtimes(jacobian.T, memory)
+        pushed = ca.mtimes(ca.DM(e.S), value_gradient)
+        sigma = ca.mtimes(jacobian, drift - 0.5 * pushed)
+        return sigma, ca.dot(memory, sigma) + ca.bilin(ca.DM(e.Q), y, y) + 0.25 * ca.dot(value_gradient, pushed)
+
+    @property
+    def _scales(self) -> ca.DM:
+        return ca.DM(self.law.equations.scales)
+
+
+def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
+    """Eq. (46) learning in flight, from the initial weights of its law."""
+    law = policy.law
+    identity = {"law": name, "seed": law.seed, "forcing": policy.forcing.to_dict(), **asdict(law.settings)}
+    return FlownLaw(name, policy, np.ones((1, 1)), policy.law.start()["weights"], identity)
+
+
+def forcing(A: np.ndarray, reference: Signal) -> Signal:
+    """r = A x_d - x_d', (n,): what a reference adds to the drift of the error."""
+    return reference.through(A).plus(reference.rate().through(-np.eye(reference.size)))
+
+
+def gradient(basis: Basis, z: ca.SX) -> ca.SX:
+    """∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
+    parts, rows = ca.vertsplit(z), []
+    for exponents in basis.exponents:
+        powers_ = [int(power) for power in exponents]
+        rows.append(ca.horzcat(*[_derivative(parts, powers_, i) for i in range(basis.states)]))
+    return ca.vertcat(*rows)
+
+
+def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
+    """∂/∂z_channel of Π z_i^exponents[i]; a structural zero when the channel does not occur."""
+    if exponents[channel] == 0:
+        return ca.SX(1, 1)
+    value = ca.SX(exponents[channel])
+    for i, power in enumerate(exponents):
+        lowered = power - (i == channel)
+        if lowered:
+            value = value * z[i] ** lowered
+    return value
+
+
+def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
+    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry; of SX or MX."""
+    magnitude = ca.fabs(residuals)
+    low = magnitude ** (1.0 - eta)
+    # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0 both are 0.
+    high = magnitude**2 / (low + np.finfo(float).tiny)
+    return ca.sign(residuals) * ((alpha1 + 1.0) * low + (alpha2 + 1.0) * high)

@@ -1,0 +1,378 @@
+"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they ask for.
+
+It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`, `advance` and `observe`
+(`controller.Process`); `controller.run` runs it, and `conclude` turns its last weights into P and K with certificates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller import Basis, Game, LearningResult, Run, Stack, basis, random_pool
+from controller.laws.certify import conclude
+from controller.training_data.recording import choose
+from controller.training_data.stack_equations import StackEquations
+from hfa_support import BadInputError, NoSolutionError
+
+#: Rows of history of a run; the steps between two rows are one tick of the runner.
+ROWS = 1000
+#: Residuals below this count as this in the curvature, which is infinite at 0.
+CURVATURE_FLOOR = 1e-14
+#: The smallest normal number: dividing 0 by it gives 0.
+TINY = float(np.finfo(float).tiny)
+#: Most Newton steps of one implicit step, and the relative step at which it has converged.
+MOST_STEPS, SETTLED = 60, 1e-10
+_WORDS = {
+    "normalisation": ("root", "squared"),
+    "stack_policies": ("frozen", "reevaluated"),
+    "integrator": ("explicit", "proximal"),
+    "coordinates": ("raw", "scaled"),
+}
+
+
+@dataclass(frozen=True)
+class PublishedSettings:
+    """Defaults: Section 5.1. Not printed, hence assumed: theta, samples (N_h), basis and normalisation.
+
+    samples: N_h, the most different ones of `pool_samples` random states. normalisation: "root" n = sqrt(1 + σ'σ) or
+    "squared" n = 1 + σ'σ. stack_policies: "frozen", the policies of `recorded_weights` stored with the samples, or
+    "reevaluated" with the current weights. gains: (α₁, α₂), or None for those of Theorem 1. integrator: "explicit"
+    (forward Euler) or "proximal" (implicit). coordinates: "raw" units of the model or "scaled" by the root mean square
+    of each recorded channel, in which Γ, σ̄ and λ₀ are then meant; initial and recorded weights are in the model's
+    units in both. flight_start: z(0) of the flight z' = A z + B û that gives the current sample, for explicit steps;
+    () learns from the stack alone. gamma: Γ = γ I.
+    """
+
+    predefined_time: float = 10.0
+    step: float = 1e-4
+    eta: float = 0.8
+    theta: float = 0.9
+    gamma: float = 0.01
+    basis: str = "paper"
+    samples: int = 50
+    pool_samples: int = 500
+    initial_weights: float | tuple[float, ...] = 100.0
+    recorded_weights: float | tuple[float, ...] = 100.0
+    normalisation: str = "root"
+    stack_policies: str = "frozen"
+    gains: tuple[float, float] | None = None
+    integrator: str = "explicit"
+    coordinates: str = "raw"
+    flight_start: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a word that means nothing, and a flight that implicit steps would leave out."""
+        for name, words in _WORDS.items():
+            if getattr(self, name) not in words:
+                raise BadInputError(f"{name} is {getattr(self, name)!r}; choose from {', '.join(words)}")
+        if self.integrator == "proximal" and self.flight_start:
+            raise BadInputError("flight_start needs integrator 'explicit'; implicit steps learn from the stack alone")
+
+
+class Sample(NamedTuple):
+    """σ̄_j = σ_j/n_j, (N, M), and ē_j = e_j/n_j, (N,)."""
+
+    regressors: np.ndarray
+    residuals: np.ndarray
+
+
+class TheoremGains(NamedTuple):
+    """lambda_0: smallest eigenvalue of Σ. c1, c2, alpha1, alpha2: Eq. (48)-(49)."""
+
+    lambda_0: float
+    c1: float
+    c2: float
+    alpha1: float
+    alpha2: float
+
+
+def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
+    """n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root"); the print does not tell which."""
+    squared = 1.0 + (regressors**2).sum(axis=-1)
+    return squared if kind == "squared" else np.sqrt(squared)
+
+
+def bellman(
+    gradient: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray, weights: np.ndarray, policy: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """σ_j = ∂ψ_j (F_j + B û_j + E d̂_j) and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂ (Eq. 32-33), (N, M) and (N,).
+
+    The policies are those of the value with the weights `policy`, W_p: B û + E d̂ = -½ S ∂ψ'W_p, and their cost is
+    ¼ (∂ψ'W_p)' S (∂ψ'W_p). gradient: (N, M, n), ∂ψ_j. drifts: (N, n), F_j. costs: (N,), z'Qz.
+    """
+    value_gradient = policy @ gradient
+    pushed = value_gradient @ S
+    regressors = (gradient @ (drifts - 0.5 * pushed)[..., None])[..., 0]
+    return regressors, regressors @ weights + costs + 0.25 * (pushed * value_gradient).sum(axis=-1)
+
+
+def theorem_gains(regressors: np.ndarray, gamma: float, eta: float, theta: float, T_w: float) -> TheoremGains:
+    """c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2 (Eq. 48-49).
+
+    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j'). A stack of rank below M to rounding gives α = inf.
+    """
+    lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
+    c1 = math.pow(2.0 * gamma * lambda_0, 1.0 - eta / 2.0)
+    c2 = len(regressors) ** (-eta / 2.0) * math.pow(2.0 * gamma * lambda_0, 1.0 + eta / 2.0)
+    rate = math.pi / (theta * 0.5 * T_w * eta)
+    return TheoremGains(lambda_0, c1, c2, *(rate / c if c > 0.0 else math.inf for c in (c1, c2)))
+
+
+def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: float) -> np.ndarray:
+    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x)."""
+    magnitude = np.abs(residuals)
+    low = magnitude ** (1.0 - eta)
+    # |e|^(1+η) = |e|² / |e|^(1-η) costs no second power; at 0 both are 0.
+    high = magnitude * magnitude / np.maximum(low, TINY)
+    result: np.ndarray = np.copysign((alpha1 + 1.0) * low + (alpha2 + 1.0) * high, residuals)
+    return result
+
+
+def update_direction(sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float) -> np.ndarray:
+    """The share of the given samples in W', Eq. (46): -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)]."""
+    return -gamma * (signed_powers(sample.residuals, alpha1, alpha2, eta) @ sample.regressors)
+
+
+def explicit_step_limit(sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float) -> float:
+    """The largest stable step of explicit Euler on Eq. (46) at these weights: 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), s.
+
+    c_j: the slope of `signed_powers` at ē_j. The limit shrinks to 0 as any residual approaches 0.
+    """
+    size = np.maximum(np.abs(sample.residuals), TINY)
+    slopes = (alpha1 + 1.0) * (1.0 - eta) * size**-eta + (alpha2 + 1.0) * (1.0 + eta) * size**eta
+    with np.errstate(over="ignore"):
+        fastest = gamma * float(np.linalg.norm(np.sqrt(slopes)[:, None] * sample.regressors, 2)) ** 2
+    return 2.0 / fastest if fastest > 0.0 else math.inf
+
+
+def proximal_step(
+    at: Callable[[np.ndarray], Sample],
+    weights: np.ndarray,
+    step: float,
+    gamma: float,
+    alpha1: float,
+    alpha2: float,
+    eta: float,
+) -> np.ndarray:
+    """argmin over W of |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η).
+
+    It is W' of Eq. (46) over the step h with the right side taken at the end of the step. Gauss-Newton with the
+    curvature that bounds |ē|^(2-η) from above, and a backtracking line search. at: W -> Sample, with ∂ē/∂W = σ̄.
+    Returns a vector with entries that are not finite when the powers overflow.
+    """
+
+    def tried(trial: np.ndarray) -> tuple[float, Sample]:
+        sample = at(trial)
+        magnitude = np.abs(sample.residuals)
+        powers = (alpha1 + 1.0) * magnitude ** (2.0 - eta) / (2.0 - eta)
+        powers = powers + (alpha2 + 1.0) * magnitude ** (2.0 + eta) / (2.0 + eta)
+        return float(((trial - weights) ** 2).sum() / (2.0 * gamma * step) + powers.sum()), sample
+
+    inertia = 1.0 / np.sqrt(gamma * step)
+    current, (value, sample) = weights, tried(weights)
+    for _ in range(MOST_STEPS):
+        push = signed_powers(sample.residuals, alpha1, alpha2, eta)
+        magnitude = np.maximum(np.abs(sample.residuals), CURVATURE_FLOOR)
+        root = np.sqrt((alpha1 + 1.0) * magnitude**-eta + (alpha2 + 1.0) * (1.0 + eta) * magnitude**eta)
+        rows = np.vstack([root[:, None] * sample.regressors, inertia * np.eye(len(weights))])
+        right = np.concatenate([-push / root, -inertia * (current - weights)])
+        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right)) and np.isfinite(value)):
+            return np.full_like(weights, np.nan)
+        orthogonal, triangular = np.linalg.qr(rows)
+        direction = np.linalg.solve(triangular, orthogonal.T @ right)
+        fraction = 1.0
+        while (found := tried(current + fraction * direction))[0] > value and fraction > 1e-12:
+            fraction *= 0.5
+        if not found[0] <= value:
+            return current
+        current, (value, sample) = current + fraction * direction, found
+        if fraction * np.linalg.norm(direction) <= SETTLED * (1.0 + np.linalg.norm(current)):
+            return current
+    return current
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedLaw:
+    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), a `controller.Process`.
+
+    Sample 0 is the current one, with the policies of the current weights; it exists in flight only.
+    """
+
+    game: Game
+    stack: Stack
+    basis: Basis
+    settings: PublishedSettings
+    seed: int
+
+    @cached_property
+    def equations(self) -> StackEquations:
+        """The recorded samples in the coordinates of the law."""
+        scaled = self.settings.coordinates == "scaled"
+        scales = self.stack.channel_scales() if scaled else np.ones(self.game.A.shape[0])
+        return StackEquations.build(self.game, self.basis, self.stack, scales)
+
+    @cached_property
+    def _costs(self) -> np.ndarray:
+        """z'Qz of the recorded samples, (N_h,)."""
+        e = self.equations
+        return np.sum((e.states @ e.Q) * e.states, axis=-1)
+
+    @cached_property
+    def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current weights."""
+        e, policy = self.equations, self._scaled(self.settings.recorded_weights)
+        regressors, costs = bellman(e.gradient, e.drifts, self._costs, e.S, np.zeros(e.basis.size), policy)
+        n = normaliser(regressors, self.settings.normalisation)
+        return regressors, costs, n, regressors / n[:, None]
+
+    def terms(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """σ_j and e_j of the recorded samples.
+
+        The paper stores the policies; then the stack's fixed point is their value and not that of the game.
+        """
+        if self.settings.stack_policies == "reevaluated":
+            e = self.equations
+            return bellman(e.gradient, e.drifts, self._costs, e.S, weights, weights)
+        regressors, costs, *_ = self._stored
+        return regressors, regressors @ weights + costs
+
+    def recorded(self, weights: np.ndarray) -> Sample:
+        """σ̄_j and ē_j of the recorded samples at the current weights."""
+        regressors, residuals = self.terms(weights)
+        if self.settings.stack_policies == "reevaluated":
+            return self._normalised(regressors, residuals)
+        *_, n, normalised = self._stored
+        return Sample(normalised, residuals / n)
+
+    def _normalised(self, regressors: np.ndarray, residuals: np.ndarray) -> Sample:
+        n = normaliser(regressors, self.settings.normalisation)
+        return Sample(regressors / n[:, None], residuals / n)
+
+    def _all_samples(self, weights: np.ndarray, error: np.ndarray) -> Sample:
+        """The recorded samples, in flight with the current one before them."""
+        stored, e = self.recorded(weights), self.equations
+        if len(error) == 0:
+            return stored
+        z = error[None, :]
+        costs = ((z @ e.Q) * z).sum(axis=-1)
+        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, e.S, weights, weights))
+        return Sample(*(np.concatenate(pair) for pair in zip(now, stored, strict=True)))
+
+    @cached_property
+    def _plant(self) -> np.ndarray:
+        """A in the coordinates of the law."""
+        scales = self.equations.scales
+        return self.game.A * scales[None, :] / scales[:, None]
+
+    @cached_property
+    def theorem(self) -> TheoremGains:
+        """Gains of Theorem 1 for this stack at the initial weights."""
+        s = self.settings
+        sample = self.recorded(self._scaled(s.initial_weights))
+        return theorem_gains(sample.regressors, s.gamma, s.eta, s.theta, s.predefined_time)
+
+    @property
+    def gains(self) -> tuple[float, float]:
+        """(α₁, α₂) that the law runs with."""
+        return self.settings.gains or (self.theorem.alpha1, self.theorem.alpha2)
+
+    @cached_property
+    def explicit_step_limit(self) -> float:
+        """The largest stable explicit step at the start, with the current sample, s."""
+        sample = self._all_samples(*self.start().values())
+        return explicit_step_limit(sample, self.settings.gamma, *self.gains, self.settings.eta)
+
+    @property
+    def facts(self) -> dict[str, float]:
+        """λ₀, the gains and the step that they ask for, at the start."""
+        alpha1, alpha2 = self.gains
+        named = {"lambda_0": self.theorem.lambda_0, "alpha1": alpha1, "alpha2": alpha2}
+        return named | {"explicit_step_limit": self.explicit_step_limit}
+
+    def _scaled(self, weights: float | tuple[float, ...]) -> np.ndarray:
+        return self.equations.scaled(np.broadcast_to(np.array(weights, dtype=float), self.basis.size))
+
+    @property
+    def _steps(self) -> int:
+        return math.ceil(self.settings.predefined_time / self.settings.step - 1e-9)
+
+    def _steps_done(self, tick: int) -> int:
+        return tick * self._steps // self.ticks
+
+    # The four that make it a Process.
+
+    @property
+    def ticks(self) -> int:
+        """Rows of history after the first."""
+        return min(ROWS, self._steps)
+
+    def start(self) -> dict[str, np.ndarray]:
+        """W(0) and z(0) in the coordinates of the law."""
+        flight = np.array(self.settings.flight_start, dtype=float)
+        error = flight / self.equations.scales if len(flight) else flight
+        return {"weights": self._scaled(self.settings.initial_weights), "error": error}
+
+    def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The integration steps of one tick. Raises NoSolutionError when the numbers overflow."""
+        weights, error = memory["weights"], memory["error"]
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+            for step in range(self._steps_done(tick), self._steps_done(tick + 1)):
+                weights, error = self._step(weights, error)
+                if not math.isfinite(float(weights @ weights) + float(error @ error)):
+                    raise NoSolutionError(self._overflow(step + 1))
+        return {"weights": weights, "error": error}
+
+    def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
+        """The row of history after `tick` ticks."""
+        weights = memory["weights"]
+        return {
+            "time": min(self._steps_done(tick) * self.settings.step, self.settings.predefined_time),
+            "weights": self.equations.unscaled(weights),
+            **self.equations.reported_residuals(weights),
+            "law_residual_norm": float(np.linalg.norm(self.recorded(weights).residuals)),
+        }
+
+    def _step(self, weights: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, gains = self.settings, self.gains
+        if s.integrator == "proximal":
+            # The normaliser stays that of the start of the step, so that ∂ē/∂W = σ̄ within it.
+            n = normaliser(self.terms(weights)[0], s.normalisation)
+
+            def at(trial: np.ndarray) -> Sample:
+                regressors, residuals = self.terms(trial)
+                return Sample(regressors / n[:, None], residuals / n)
+
+            return proximal_step(at, weights, s.step, s.gamma, *gains, s.eta), error
+        new = weights + s.step * update_direction(self._all_samples(weights, error), s.gamma, *gains, s.eta)
+        if len(error) == 0:
+            return new, error
+        value_gradient = self.basis.gradient(error[None, :])[0].T @ weights
+        rate = (error[None, :] @ self._plant.T)[0] - 0.5 * self.equations.S_control @ value_gradient
+        return new, error + s.step * rate
+
+    def _overflow(self, step: int) -> str:
+        return (
+            f"the published law overflowed at step {step} (t = {step * self.settings.step:.3g} s):"
+            " lambda_0 = {lambda_0:.2g}, alpha1 = {alpha1:.2g}, alpha2 = {alpha2:.2g} ask for an"
+            " explicit step below {explicit_step_limit:.2g} s,".format(**self.facts)
+            + f" the step is {self.settings.step:g} s; use law 'certified', or give gains"
+        )
+
+    def conclude(self, finished: Run) -> LearningResult:
+        """The result of a finished run with its certificates."""
+        e, told = self.equations, (asdict(self.settings), self.seed, self.facts)
+        richness = e.excitation(finished.memory["weights"])
+        return conclude("published", self.game, e, finished.history, richness, *told)
+
+
+def published_law(game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None) -> PublishedLaw:
+    """The law on a pool of recorded samples, by default random states; the N_h most different ones are kept."""
+    functions = basis(chosen.basis, game.A.shape[0])
+    recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool
+    return PublishedLaw(game, choose(recorded, functions, chosen.samples), functions, chosen, seed)

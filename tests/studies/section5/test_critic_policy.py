@@ -1,0 +1,165 @@
+"""The critic in flight is the published update law: the same right side, at random points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from flight_cases import seen
+
+from controller import Harmonic, Signal, basis as basis_of, published_game, random_pool
+from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.plants import LinearPlant
+from controller.policy.signals import zero
+from hfa_model import published_models
+from hfa_support import BadInputError
+from studies.section5.critic_policy import CriticPolicy, forcing
+from studies.update_law.published_law import (
+    PublishedLaw,
+    PublishedSettings,
+    Sample,
+    bellman,
+    normaliser,
+    published_law,
+    update_direction,
+)
+from verification import solve_game
+
+REFERENCE = Signal(
+    np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
+    np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    (Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)),),
+)
+
+
+def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
+    model = published_models()[index]
+    game = published_game(model.A, model.B)
+    chosen = PublishedSettings(**{"gains": (3.0, 5.0), "samples": 30} | changes)
+    return published_law(game, chosen, 0, random_pool(game, 200, 0, np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])))
+
+
+def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u and W' of Eq. (46) from `published_equations`, with the drift F = A z + r."""
+    e, s = law.equations, law.settings
+    y = (z / e.scales)[None, :]
+    gradient = law.basis.gradient(y)
+    drift = ((law.game.A @ z + r) / e.scales)[None, :]
+    cost = np.einsum("ji,ji->j", y @ e.Q, y)
+    sigma, residual = bellman(gradient, drift, cost, e.S, W, W)
+    n = normaliser(sigma, s.normalisation)
+    stored = law.recorded(W)
+    everything = Sample(
+        np.vstack([sigma / n[:, None], stored.regressors]), np.concatenate([residual / n, stored.residuals])
+    )
+    u = -0.5 * law.game.R_inverse_B_transposed @ ((gradient[0].T @ W) / e.scales)
+    return u, update_direction(everything, s.gamma, *law.gains, s.eta)
+
+
+def flown(policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
+    symbols = [ca.SX.sym("t"), ca.SX.sym("z", 6), ca.SX.sym("W", policy.memory_size), ca.SX.sym("p", 1)]
+    now, z_, memory, constants = symbols
+    told = now, seen(z_), memory, constants
+    u_ = policy.control(*told)
+    function = ca.Function("critic", symbols, [u_, policy.memory_rate(*told, u_)])
+    u, rate = function(t, z, W, p)
+    return np.array(u).ravel(), np.array(rate).ravel()
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("basis", ["paper", "quadratic+linear"])
+@pytest.mark.parametrize("coordinates", ["raw", "scaled"])
+@pytest.mark.parametrize("normalisation", ["root", "squared"])
+def test_the_right_sides_are_equal(normalisation: str, coordinates: str, basis: str, told: bool) -> None:
+    law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
+    r = forcing(law.game.A, REFERENCE) if told else zero(6)
+    policy = CriticPolicy(law, r)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        t, z = rng.uniform(0.0, 20.0), rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
+        W = law.equations.scaled(rng.normal(size=law.basis.size) * 100.0)
+        u, rate = flown(policy, t, z, W, 1.0)
+        u_expected, rate_expected = expected(law, r.at(t), z, W)
+        np.testing.assert_allclose(u, u_expected, rtol=1e-12, atol=1e-12 * np.abs(u_expected).max())
+        np.testing.assert_allclose(rate, rate_expected, rtol=1e-10, atol=1e-12 * np.abs(rate_expected).max())
+
+
+def test_another_law_is_seen() -> None:
+    law = law_with()
+    z, W = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0]), np.linspace(-50.0, 100.0, law.basis.size)
+    _, rate = flown(CriticPolicy(law, zero(6)), 0.0, z, W, 1.0)
+    told = forcing(law.game.A, REFERENCE)
+    others = [
+        flown(CriticPolicy(law, told), 0.0, z, W, 1.0)[1],
+        expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
+    ]
+    for other in others:
+        assert np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()  # the agreement above is 1e-12
+
+
+def test_frozen_means_at_rest() -> None:
+    law = law_with()
+    _, rate = flown(CriticPolicy(law, zero(6)), 0.0, np.ones(6), np.ones(law.basis.size), 0.0)
+    assert np.all(rate == 0.0)
+
+
+def test_forcing_is_the_rate_that_a_reference_adds() -> None:
+    A = published_models()[0].A
+    r = forcing(A, REFERENCE)
+    for t in (0.0, 1.3, 17.0):
+        h = 1e-5
+        slope = (REFERENCE.at(t + h) - REFERENCE.at(t - h)) / (2 * h)
+        np.testing.assert_allclose(r.at(t), A @ REFERENCE.at(t) - slope, atol=1e-8)
+
+
+def test_signals_of_different_length_are_not_added() -> None:
+    with pytest.raises(BadInputError, match="6 and 5 channels"):
+        zero(6).plus(zero(5))
+
+
+def test_policies_that_are_re_evaluated_are_refused() -> None:
+    with pytest.raises(BadInputError, match="re-evaluated"):
+        CriticPolicy(law_with(stack_policies="reevaluated"), zero(6))
+
+
+def test_it_flies_as_an_adaptive_integrator_says() -> None:
+    """With η near 0 the powers are nearly linear and both integrators keep their order.
+
+    With the paper's 0.8 the right side has no derivative where a residual is 0, and an adaptive integrator takes
+    steps of nanoseconds there: that flight has no reference solution to compare with.
+    """
+    from scipy.integrate import solve_ivp
+
+    model = published_models()[1]
+    game = published_game(model.A, model.B)
+    start = solve_game(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
+    weights = tuple(basis_of("quadratic", 6).weights(start).tolist())
+    law = law_with(
+        1,
+        gains=(3.0, 3.0),
+        coordinates="scaled",
+        basis="quadratic",
+        eta=0.05,
+        initial_weights=weights,
+        recorded_weights=weights,
+    )
+    loop = CompiledLoop(
+        ClosedLoop(LinearPlant(game.A, game.B), CriticPolicy(law, zero(6)), REFERENCE, zero(6), zero(6))
+    )
+    x, W, on = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0]), law.start()["weights"], np.ones(1)
+    flight = loop.fly(x, lambda tick: on, step=1e-4, steps_per_tick=100, ticks=30, memory=W)
+    adaptive = solve_ivp(
+        lambda t, y: np.array(loop.rate(t, y, on)).ravel(),
+        (0.0, flight.times[-1]),
+        np.concatenate([x, W]),
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-13,
+        t_eval=flight.times[::100],
+    )
+    fixed = np.hstack([flight.states, flight.memory])[::100].T
+    assert np.all(np.abs(fixed - adaptive.y).max(axis=1) <= 1e-6 * np.abs(adaptive.y).max(axis=1))
+    assert np.abs(flight.memory[-1] / W - 1.0).max() > 0.1  # it learned on the way

@@ -1,0 +1,237 @@
+"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and where it ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
+from reference_riccati import reference_solution, relative_error
+
+from controller import Game, LearningResult, basis, run
+from hfa_model.printed_matrices import published_data
+from hfa_support import BadInputError, NoSolutionError
+from studies.update_law.published_law import (
+    PublishedLaw,
+    PublishedSettings,
+    Sample,
+    bellman,
+    explicit_step_limit,
+    normaliser,
+    proximal_step,
+    published_law,
+    signed_powers,
+    theorem_gains,
+    update_direction,
+)
+
+#: What the law needs to learn alone: implicit steps in scaled coordinates.
+ALONE: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled", "integrator": "proximal", "step": 0.01}
+
+
+def law_of(game: Game, **chosen: Any) -> PublishedLaw:
+    return published_law(game, PublishedSettings(**chosen), seed=0)
+
+
+def learned(game: Game, **chosen: Any) -> LearningResult:
+    law = law_of(game, **chosen)
+    return law.conclude(run(law))
+
+
+def random_sample(seed: int = 0, samples: int = 9, size: int = 4) -> Sample:
+    rng = np.random.default_rng(seed)
+    return Sample(rng.normal(size=(samples, size)), rng.normal(size=samples))
+
+
+def test_residual_and_regressor_are_those_of_the_paper() -> None:
+    """σ and e with û, d̂ put in one by one (Eq. 29-33), for a policy that is not that of the weights."""
+    game = stable_game()
+    functions = basis("quadratic+quartic", 2)
+    rng = np.random.default_rng(1)
+    W, policy = rng.normal(size=(2, functions.size))
+    z = rng.normal(size=2)
+    gradient = functions.gradient(z)
+    u = -0.5 * np.linalg.solve(game.R, game.B.T @ gradient.T @ policy)
+    d = game.E.T @ gradient.T @ policy / (2.0 * game.delta**2)
+    sigma = gradient @ (game.A @ z + game.B @ u + game.E @ d)
+    e = W @ sigma + z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
+    found = bellman(gradient[None], (game.A @ z)[None], np.array([z @ game.Q @ z]), game.S, W, policy)
+    assert found[0][0] == pytest.approx(sigma, rel=1e-12)
+    assert found[1][0] == pytest.approx(e, rel=1e-12)
+
+
+def test_direction_is_the_printed_sum() -> None:
+    sample, gamma, a1, a2, eta = random_sample(), 0.01, 3.0, 7.0, 0.8
+    expected = np.zeros(4)
+    for sigma, e in zip(*sample, strict=True):
+        expected -= (a1 + 1.0) * gamma * sigma * abs(e) ** (1.0 - eta) * np.sign(e)
+        expected -= (a2 + 1.0) * gamma * sigma * abs(e) ** (1.0 + eta) * np.sign(e)
+    assert update_direction(sample, gamma, a1, a2, eta) == pytest.approx(expected, rel=1e-12)
+    assert signed_powers(np.zeros(3), a1, a2, eta).tolist() == [0.0, 0.0, 0.0]
+    assert normaliser(np.array([[3.0, 4.0]]), "squared").tolist() == [26.0]
+    assert normaliser(np.array([[3.0, 4.0]]), "root") == pytest.approx([np.sqrt(26.0)])
+
+
+def test_gains_are_those_of_the_theorem() -> None:
+    regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
+    gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
+    assert gains.lambda_0 == pytest.approx(0.25)
+    assert gains.c1 == pytest.approx((2 * 0.01 * 0.25) ** 0.6)
+    assert gains.c2 == pytest.approx(3.0**-0.4 * (2 * 0.01 * 0.25) ** 1.4)
+    assert gains.alpha1 == pytest.approx(np.pi / (0.9 * 5.0 * 0.8 * gains.c1))
+    assert gains.alpha2 == pytest.approx(np.pi / (0.9 * 5.0 * 0.8 * gains.c2))
+    poor = theorem_gains(np.array([[1.0, 0.0]] * 3), gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
+    assert (poor.alpha1, poor.alpha2) == (np.inf, np.inf)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
+    """ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃ for an exact basis: the ideal case of Theorem 1 does not occur.
+
+    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ', σ at the current weights.
+    """
+    game, exact = published(name)
+    law = law_of(game, basis="quadratic", coordinates="scaled", stack_policies="reevaluated")
+    equations = law.equations
+    W_exact = equations.scaled(QUADRATIC.weights(exact.P))
+    error = np.random.default_rng(2).normal(size=21) * np.abs(W_exact)
+    regressors, residuals = law.terms(W_exact + error)
+    gradient = np.einsum("jmi,m->ji", equations.gradient, error)
+    second = 0.25 * np.sum((gradient @ equations.S) * gradient, axis=1)
+    assert residuals - regressors @ error == pytest.approx(second, rel=1e-6, abs=1e-9 * np.abs(second).max())
+    assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
+
+
+def test_explicit_steps_are_stable_below_the_limit_and_not_above() -> None:
+    """Growth of a small disturbance of the weights under forward Euler, frozen policies."""
+    sample, gamma, a1, a2, eta = random_sample(3), 0.2, 2.0, 5.0, 0.8
+    limit = explicit_step_limit(sample, gamma, a1, a2, eta)
+
+    def growth(step: float) -> float:
+        def moved(W: np.ndarray) -> np.ndarray:
+            now = Sample(sample.regressors, sample.residuals + sample.regressors @ W)
+            return W + step * update_direction(now, gamma, a1, a2, eta)
+
+        jacobian = np.array([(moved(1e-7 * v) - moved(-1e-7 * v)) / 2e-7 for v in np.eye(4)])
+        return float(np.abs(np.linalg.eigvals(jacobian)).max())
+
+    assert growth(0.99 * limit) < 1.0
+    assert growth(1.01 * limit) > 1.0
+    # The slower the law, the longer the step, without end.
+    assert explicit_step_limit(sample, 1e-6 * gamma, a1, a2, eta) == pytest.approx(1e6 * limit)
+    at_rest = Sample(sample.regressors, np.zeros(9))
+    assert explicit_step_limit(at_rest, gamma, a1, a2, eta) < 1e-200
+    assert explicit_step_limit(Sample(np.zeros((2, 4)), np.ones(2)), gamma, a1, a2, eta) == np.inf
+
+
+@pytest.mark.parametrize("gain", [1.0, 1e4, 1e9])
+def test_implicit_step_satisfies_its_equation(gain: float) -> None:
+    sample, gamma, step = random_sample(4), 0.01, 0.1
+    start = np.array([0.5, -1.0, 2.0, 0.1])
+
+    def at(W: np.ndarray) -> Sample:
+        return Sample(sample.regressors, sample.residuals + sample.regressors @ W)
+
+    end = proximal_step(at, start, step, gamma, gain, gain, 0.8)
+    slope = update_direction(at(end), gamma, gain, gain, 0.8)
+    largest = (
+        gamma * np.abs(np.abs(at(end).regressors.T) @ np.abs(signed_powers(at(end).residuals, gain, gain, 0.8))).max()
+    )
+    assert np.linalg.norm((end - start) / step - slope) < 1e-5 * largest
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("policies", ["frozen", "reevaluated"])
+def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) -> None:
+    game, _ = published(name)
+    with pytest.raises(NoSolutionError, match=r"overflowed at step \d+ .*lambda_0 = .*alpha1 = .*explicit step below"):
+        run(law_of(game, stack_policies=policies))
+
+
+def test_defaults_are_those_of_the_paper() -> None:
+    printed, chosen = published_data()["critic"], PublishedSettings()
+    assert chosen.predefined_time == printed["T_w_s"]
+    assert chosen.eta == printed["eta"]
+    assert chosen.step == printed["step_s"]
+    assert f"{chosen.gamma} I" == printed["Gamma"]
+    assert f"{chosen.initial_weights:g} * ones(M)" == printed["W0"]
+    assert basis(chosen.basis, 6).size == printed["M"]
+
+
+@pytest.mark.parametrize("kind", ["root", "squared"])
+def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind: str) -> None:
+    """The value of the recorded policies: (A - S P_r)'P + P (A - S P_r) + Q + P_r S P_r = 0."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    game, exact = published(PUBLISHED[1])
+    recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
+    value = solve_continuous_lyapunov((game.A - game.S @ recorded).T, -game.Q - recorded @ game.S @ recorded)
+    weights = tuple(QUADRATIC.weights(recorded))
+    options = {"normalisation": kind, "predefined_time": 5.0, "initial_weights": 0.0, "recorded_weights": weights}
+    result = learned(game, **ALONE | options)
+    assert relative_error(result.P, value) < 1e-8
+    assert 0.1 < relative_error(result.P, exact.P) < 1.0
+    assert not result.converged
+    own = result.law_residual_norm
+    assert own[result.times >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
+
+
+def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> None:
+    game, exact = published(PUBLISHED[1])
+    start = tuple(QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P))
+    options = {"stack_policies": "reevaluated", "predefined_time": 2.0, "initial_weights": start}
+    result = learned(game, **ALONE | options)
+    assert result.converged
+    assert relative_error(result.P, exact.P) < 1e-9
+
+
+def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
+    """z' = A z + B û is flown beside the learning: Euler steps of both, against a hand-written loop."""
+    game = stable_game()
+    functions = basis("quadratic", 2)
+    flown = PublishedSettings(
+        basis="quadratic",
+        coordinates="raw",
+        gains=(1.0, 2.0),
+        predefined_time=0.05,
+        step=0.01,
+        samples=6,
+        flight_start=(0.4, -0.2),
+        initial_weights=1.0,
+        recorded_weights=1.0,
+        gamma=0.5,
+    )
+    law = published_law(game, flown, seed=0)
+    z, W = np.array([0.4, -0.2]), np.ones(3)
+    states, drifts = law.stack.states, law.stack.drifts
+    for _ in range(5):
+        step = np.zeros(3)
+        for sample, (state, drift) in enumerate([(z, game.A @ z), *zip(states, drifts, strict=True)]):
+            policy = W if sample == 0 else np.ones(3)
+            sigma, e = bellman(
+                functions.gradient(state)[None], drift[None], np.array([state @ game.Q @ state]), game.S, W, policy
+            )
+            n = np.sqrt(1.0 + sigma[0] @ sigma[0])
+            step += update_direction(Sample(sigma / n, e / n), 0.5, 1.0, 2.0, 0.8)
+        rate = game.A @ z - 0.5 * game.S_control @ functions.gradient(z).T @ W
+        W, z = W + 0.01 * step, z + 0.01 * rate
+    result = law.conclude(run(law))
+    assert result.weights[-1] == pytest.approx(W, rel=1e-12)
+    assert result.outcome.startswith("failed: ")
+    assert result.diagnostics["alpha2"] == 2.0
+    assert result.diagnostics["lambda_0"] == law.theorem.lambda_0
+    assert result.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"normalisation": "none"}, "normalisation is 'none'; choose from root, squared"),
+        ({"integrator": "proximal", "flight_start": (1.0, 2.0)}, "flight_start needs integrator 'explicit'"),
+    ],
+)
+def test_settings_without_meaning_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
+        PublishedSettings(**options)
