@@ -43,5 +43,4 @@ from .regeneration.regeneration import (
     regenerate_all as regenerate_all,
 )
 from .servo.reference_model import reference_servo as reference_servo
-from .validation.comparison import Validation as Validation, validate as validate
-from .validation.outside import released_trims as released_trims
+from .validation.comparison import Validation as Validation, released_trims as released_trims, validate as validate

@@ -30,8 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Bound, choose the nodes, report."""
     from hfa_support.files import write_text
     from verification.arithmetic import flint_or_refusal
-    from verification.proof.lpv_grid import certify, coarsest_grid
-    from verification.proof.lpv_report import c_source, lpv_report
+    from verification.proof.lpv_grid import c_source, certify, coarsest_grid, lpv_report
 
     flint_or_refusal()
     options.refuse(arguments, ("start",), "belongs to a single trim; leave it out")

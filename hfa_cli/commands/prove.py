@@ -92,7 +92,7 @@ def _not_negative(text: str) -> float:
 
 def _check(arguments: argparse.Namespace) -> int:
     from verification.checker.checker import check_certificate
-    from verification.proof.checked_report import checked_report
+    from verification.proof.proof_report import checked_report
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
@@ -114,7 +114,7 @@ def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     from controller.game.array_file import UNNAMED, PlantNames
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from verification.proof.checked_report import require_same
+    from verification.proof.proof_report import require_same
 
     if arguments.dihedral is not None:
         ends = arguments.dihedral * (2 // len(arguments.dihedral))
@@ -172,9 +172,8 @@ def _schedule(arguments: argparse.Namespace) -> int:
 
 def _solution(arguments: argparse.Namespace) -> int:
     from verification.proof.certificate_file import write_certificate
-    from verification.proof.game_certificate import solution_claim
     from verification.proof.proof_report import solution_proof_report
-    from verification.proof.solution_proof import prove_solution
+    from verification.proof.solution_proof import prove_solution, solution_claim
 
     target = _certificate(arguments)
     named, family, degrees = _game(arguments)
@@ -189,9 +188,8 @@ def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
     from verification.proof.certificate_file import write_certificate
-    from verification.proof.game_certificate import critic_claim
     from verification.proof.proof_report import critic_proof_report
-    from verification.proof.solution_proof import prove_critic
+    from verification.proof.solution_proof import critic_claim, prove_critic
 
     if arguments.file is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
@@ -220,7 +218,7 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
 
 def _given_table(arguments: argparse.Namespace, speed: float) -> GainTable:
     """The gains of --table; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
-    from verification.proof.servo_table import servo_table
+    from verification.proof.scheduled_loop import servo_table
 
     if arguments.design is not None:
         return servo_table(load_controller(arguments.table), arguments.design.actuators, speed)

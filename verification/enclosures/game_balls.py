@@ -22,7 +22,7 @@ from verification.arithmetic.balls import (
     symmetric,
     symmetric_part,
 )
-from verification.enclosures.inertia import counted
+from verification.enclosures.eigenvalue_signs import counted
 
 #: Newton's steps on balls, at most: near the solution the number of digits that are right doubles with each.
 _STEPS = 20

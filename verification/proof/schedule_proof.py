@@ -18,7 +18,7 @@ from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.inertia import counted
+from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.taylor import DihedralBox, bisected
 from verification.enclosures.trim_branch import ModelForms, TrimBranch
 from verification.enclosures.trim_family import Family
@@ -38,7 +38,7 @@ RATE_SHARE = 0.9
 class ProvedBox:
     """On every angle of the box `unstable` eigenvalues have Re λ > -rate, and none Re λ = -rate (1/s).
 
-    H, turn: (n, n), what proves it, in which coordinates (`inertia.py`). model: the trims and the linear
+    H, turn: (n, n), what proves it, in which coordinates (`eigenvalue_signs.py`). model: the trims and the linear
     model that the box was proved with.
     """
 

@@ -21,7 +21,7 @@ from verification.checker import checker
 from verification.checker.checker import Rejected
 from verification.proof import certificate_file
 from verification.proof.certificate_file import ScheduleCertificate
-from verification.proof.checked_report import checked_report
+from verification.proof.proof_report import checked_report
 from verification.proof.schedule_proof import joined
 
 Content = dict[str, Any]

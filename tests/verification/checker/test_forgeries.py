@@ -24,9 +24,8 @@ from trim import TrimCondition, find_operating_point, linearize
 from verification import Family, check_certificate, coarsest_grid, prove_critic, prove_rate, prove_schedule
 from verification.checker.checker import Rejected
 from verification.proof.certificate_file import ScheduleCertificate, write_certificate
-from verification.proof.game_certificate import critic_claim, solution_claim
 from verification.proof.lpv_grid import certify
-from verification.proof.solution_proof import prove_solution
+from verification.proof.solution_proof import critic_claim, prove_solution, solution_claim
 
 Content = dict[str, Any]
 KINDS = ("rate", "memory", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
@@ -207,7 +206,7 @@ def _loop(claim: Content, A: np.ndarray, B: np.ndarray, degrees: float) -> np.nd
 
 def judge(content: Content, path: Path) -> None:
     """AssertionError unless what the accepted certificate is reported to prove holds at sampled angles."""
-    from verification.proof.checked_report import checked_report
+    from verification.proof.proof_report import checked_report
 
     found, random = checked_report(check_certificate(path)).data, np.random.default_rng(1)
     claim = content["statement"]

@@ -8,9 +8,9 @@ from known_models import exact_gain
 from proof_cases import family
 
 from verification.arithmetic.ball_function import Undecided
-from verification.enclosures.gain_forms import gain_form
 from verification.enclosures.taylor import DihedralBox
 from verification.enclosures.trim_branch import TrimBranch
+from verification.proof.lpv_grid import gain_form
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -18,8 +18,8 @@ from hfa_support import NoSolutionError
 from verification import check_certificate, prove_critic, prove_solution, solve_game
 from verification.checker.checker import Rejected
 from verification.proof.certificate_file import write_certificate
-from verification.proof.checked_report import checked_report
-from verification.proof.game_certificate import critic_claim, solution_claim
+from verification.proof.proof_report import checked_report
+from verification.proof.solution_proof import critic_claim, solution_claim
 
 Content = dict[str, Any]
 

@@ -18,9 +18,8 @@ from hfa_model.vectors import INPUT_SCALES
 from hfa_support import NoSolutionError
 from verification import check_certificate, coarsest_grid
 from verification.checker.checker import Rejected
-from verification.proof.checked_report import checked_report
-from verification.proof.lpv_grid import LpvGrid, certify
-from verification.proof.lpv_report import c_source, lpv_report
+from verification.proof.lpv_grid import LpvGrid, c_source, certify, lpv_report
+from verification.proof.proof_report import checked_report
 
 WITHIN = 4.9e-4
 

@@ -21,8 +21,7 @@ from verification.enclosures.taylor import DihedralBox
 from verification.enclosures.trim_branch import TrimBranch
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.schedule_proof import joined
-from verification.proof.scheduled_loop import closed_loop
-from verification.proof.servo_table import servo_table
+from verification.proof.scheduled_loop import closed_loop, servo_table
 
 ACCELERATION = "vertical_acceleration_short_period"
 SENSORS = (*LINEAR_STATES, ACCELERATION)

@@ -12,7 +12,7 @@ from hfa_support.reporting.text import Table
 from trim import level_model
 from verification import released_trims, validate
 from verification.validation import comparison
-from verification.validation.outside import outside_data, third_printed_model
+from verification.validation.comparison import outside_data, third_printed_model
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
