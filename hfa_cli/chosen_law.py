@@ -15,7 +15,7 @@ from hfa_cli.progress import ProgressLine
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
-    from controller.policy.flown_law import FlownLaw
+    from controller.policy.policies import FlownLaw
 
 
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
@@ -33,8 +33,8 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
 
 def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
     """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
-    from controller.policy.flown_law import gain_law
     from controller.policy.learned_gain import frozen_law, learned_value, online_law
+    from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game
 
     game = game_on(model, arguments)

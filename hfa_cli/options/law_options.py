@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from controller.flight.scenario import Scenario
     from controller.game.array_file import PlantNames
     from controller.policy.commands import CommandSteps
-    from controller.policy.flown_law import FlownLaw
+    from controller.policy.policies import FlownLaw
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
@@ -100,7 +100,7 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
     """u = -K z of the file that the options name. game: whose B and R make K of a value; plant: of its states."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from controller.policy.flown_law import gain_law
+    from controller.policy.policies import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
     path = arguments.weights if arguments.gain is None else arguments.gain

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.closed_loop import Flight
+from controller.flight.simulation import Flight
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.laws.certify import settled_at

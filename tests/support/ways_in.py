@@ -31,7 +31,7 @@ _TUNED = ("design", "--tune", "tune.toml", "-o", "best.toml")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
 _SOLVED = ("hfa_cli.commands.solve.analyse_game",)
 _CHECKED = ("hfa_cli.commands.verify.check_critic", "hfa_cli.commands.verify.check_history")
-_FLIGHT = ("controller.flight.simulate.fly",)
+_FLIGHT = ("controller.flight.nonlinear_flight.fly",)
 _PROOF = ("verification.proof.schedule_proof.prove_schedule",)
 _SEARCH = (
     "verification.synthesis.design_evaluation.DesignEvaluation.at",
@@ -39,7 +39,7 @@ _SEARCH = (
 )
 _CHUNK = "hfa_support.jobs.stream.run_and_write"
 _POINTS = (_CHUNK, "trim.sweeps.stored_sweep.stored_sweep_report")
-_FLIGHTS = (_CHUNK, "controller.monte_carlo.monte_carlo_report.MonteCarloResult.of")
+_FLIGHTS = (_CHUNK, "controller.flight.monte_carlo.MonteCarloResult.of")
 #: What takes minutes with one word less, on all processors: of one input in a thousand.
 _MINUTES = ("verification.servo.servo_flights.run_case",)
 #: A condition file that every command takes.
