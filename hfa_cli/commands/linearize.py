@@ -13,10 +13,9 @@ from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCES
 from hfa_support.errors import BadInputError
-from trim.linear.bands import trust_in
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands
-from trim.linear.linear_model import linear_model_report, linearize
+from trim.linear.linear_model import linear_model_report, linearize, trust_in
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

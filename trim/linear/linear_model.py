@@ -1,4 +1,4 @@
-"""A linear model at an operating point: how it is made, and what it says."""
+"""A linear model at an operating point: how it is made, and what it says; how uncertain its entries are."""
 
 from __future__ import annotations
 
@@ -8,19 +8,65 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, STATES, UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
-from hfa_support.reporting.unit_system import unit_in_force
-from trim.linear.bands import Bands
+from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
 from trim.linear.modes import modes_of, modes_table
 from trim.linear.output_model import UPDRAFT, OutputModel, output_model
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
+
+#: Why a model comes without bands.
+NO_BANDS = "No uncertainty bands: they are known for the six printed states of the identified aircraft only"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(ByValue, Reported):
+    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
+
+    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
+    equations are taken as they are: `docs/validation.md` says where they were tested.
+    """
+
+    A_rounding: np.ndarray
+    B_rounding: np.ndarray
+
+    @property
+    def A(self) -> np.ndarray:
+        """Half width of the band on A: two standard errors."""
+        return 2 * self.A_rounding
+
+    @property
+    def B(self) -> np.ndarray:
+        """Half width of the band on B: two standard errors."""
+        return 2 * self.B_rounding
+
+    def report(self) -> Report:
+        """Half width of the band of every entry of A and B."""
+        tables = [
+            Table(
+                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
+            )
+            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
+        ]
+        return Report(
+            "Uncertainty of the entries, in rad, ft, s: two standard errors of rounding and the spread", tables
+        )
+
+
+def trust_in(bands: Bands | None) -> str:
+    """The sentence on the bands."""
+    if bands is None:
+        return NO_BANDS
+    A, B = ((LINEAR_UNITS, 1), (LINEAR_UNITS, -1)), ((LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    size = max(float(entries_in_force(band, *axes).max()) for band, axes in ((bands.A, A), (bands.B, B)))
+    return f"Largest uncertainty band of an entry: {size:.2g} (every band: --json or -o)"
+
 
 if TYPE_CHECKING:
     import control
