@@ -1,5 +1,5 @@
-"""Solve a trim condition: scaled Newton on exact Jacobians, bounded least squares where that is not enough; and why there
-is no solution."""
+"""Solve a trim condition: scaled Newton on exact Jacobians, bounded least squares where that is not enough; or say why
+there is no solution."""
 
 from __future__ import annotations
 
@@ -250,13 +250,8 @@ def find_operating_point(
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
             "the equations overflow or divide by zero at this condition with these parameters"
-            f"{_zeros(aircraft)}; take values nearer to an aircraft's"
+            "; take values nearer to an aircraft's"
         ) from error
-
-
-def _zeros(aircraft: Aircraft) -> str:
-    names = [name for name, value in aircraft.parameters._asdict().items() if value == 0.0]
-    return f", of which {' and '.join(names)} {'is' if len(names) == 1 else 'are'} zero" if names else ""
 
 
 def beyond_limits(aircraft: Aircraft, condition: TrimCondition, balancing: Mapping[str, float]) -> str:

@@ -294,6 +294,7 @@ def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads, numbers
     nearest = nearest_limits(condition, point)
     return {
         "schema": TRIM_SCHEMA,
+        "status": str(point.status),
         "dihedral_deg": in_degrees(point.states.dihedral),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
