@@ -14,7 +14,7 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 	@touch $@
 
 report: .venv/ready
-	$(BIN)/hfa report --folder report --claims studies/section5/results/claims.json
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
 
 # Every study of the folder studies/, one after the other; results go to out/NAME.
 studies: .venv/ready

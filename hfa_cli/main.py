@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import importlib
 import io
-import itertools
 import os
 import sys
 import warnings
@@ -106,29 +105,16 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 def _run(words: list[str]) -> int:
     """Parse the words and run the command that they name."""
-    with _units_of(words):
-        try:
-            module, arguments = _parsed(words)
-        except SystemExit:
-            return DONE  # how argparse leaves after --help and --version
-        _refuse_same_file(words, arguments)
-        return _run_parsed(module, arguments, words)
+    try:
+        module, arguments = _parsed(words)
+    except SystemExit:
+        return DONE  # how argparse leaves after --help and --version
+    _refuse_same_file(words, arguments)
+    from hfa_cli.options.shared_options import units_of
 
-
-def _units_of(words: list[str]) -> contextlib.AbstractContextManager[None]:
-    """The units that --units names, in which the other options are read; wrong ones are refused when it is parsed."""
-    named = [value for word, value in itertools.pairwise(words) if word == "--units"]
-    named += [word.removeprefix("--units=") for word in words if word.startswith("--units=")]
-    if named != ["si"]:
-        return contextlib.nullcontext()
-    from hfa_support.reporting.unit_system import shown_in
-
-    return shown_in("si")
-
-
-def _run_parsed(module: Any, arguments: argparse.Namespace, words: list[str]) -> int:
     with contextlib.ExitStack() as around:
         around.enter_context(run_of(words, arguments))
+        around.enter_context(units_of(arguments))
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         return int(module.run(arguments))
@@ -169,13 +155,14 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
 
 def filled(command: Parser, name: str) -> Any:
     """Give a parser the options of a command; its module."""
-    from hfa_cli.options.shared_options import add_units
+    from hfa_cli.options.shared_options import IN_FEET, add_units
 
     module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
     command.description = (module.__doc__ or "").strip()
     command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
     module.add_arguments(command)
-    add_units(command, name)
+    if name not in IN_FEET:
+        add_units(command)
     return module
 
 

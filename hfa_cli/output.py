@@ -5,15 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_cli.options.shared_options import FORMATS
+from hfa_cli.options.shared_options import REPORTS
 from hfa_cli.origin import provenance, signed
 from hfa_cli.progress import say_notes
 from hfa_model.units_of_data import in_units_in_force
+from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Style
 from hfa_support.streams import say
@@ -21,7 +21,6 @@ from hfa_support.streams import say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
     from verification.regeneration.regeneration import Regeneration
     from verification.validation.comparison import Validation
@@ -34,17 +33,18 @@ def show(
     target: Path | None,
     only_in_files: Mapping[str, Any] | None = None,
 ) -> None:
-    """Print the report as --format says or, with --json, its data; write the file, if one was asked for, first.
+    """Print the report or, with --json, its data; write the file, if one was asked for, first.
 
     only_in_files: data that would drown the rest on a terminal.
     """
     if target is not None:
-        stated(report.with_data(**(only_in_files or {})), arguments).save(target)
-    report, form = stated(report, arguments), getattr(arguments, "format", None) or "text"
-    if not arguments.json and form == "text":
-        say(report.text(_style()))
-    else:
-        say(report.json() if arguments.json else FORMATS[form](report))
+        written = stated(report.with_data(**(only_in_files or {})), arguments)
+        if (form := REPORTS.get(target.suffix.lower())) is not None:
+            write_text(target, form(written))
+        else:
+            written.save(target)
+    report = stated(report, arguments)
+    say(report.json() if arguments.json else report.text(_style()))
 
 
 def show_verdict(found: Regeneration | Validation, arguments: argparse.Namespace) -> int:
@@ -77,24 +77,6 @@ def tell(
     told = report.with_data(warnings=notes)
     show(told, arguments, target=target, only_in_files=only_in_files)
     say_notes(notes)
-
-
-@contextmanager
-def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft) -> Iterator[None]:
-    """With --json a trim that fails is printed as data too: the nearest point within the limits, which limits bind,
-    and the reason."""
-    from trim.point.solve import TrimError
-
-    try:
-        yield
-    except TrimError as error:
-        if arguments.json:
-            from hfa_cli.options.shared_options import condition_of
-            from trim.point.trim_report import trim_report
-
-            report = trim_report(aircraft, condition_of(arguments), error.attempt)
-            show(report.with_data(reason=str(error)), arguments, target=None)
-        raise
 
 
 def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:

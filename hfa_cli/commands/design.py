@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = f"write the controller ({', '.join(SUFFIXES)}); with --tune the design (.toml)"
     parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, ".toml"), metavar="FILE", help=about)
     options.add_picture(parser, "the trade-off of a search or of a line, with --tune")
-    options.add_form(parser)
+    options.add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -17,11 +17,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.formats import write_formats
 from hfa_cli.options import games, shared_options as options
 from hfa_cli.options.argument_types import check_folder, input_file, output_file, parsed, whole
-from hfa_cli.options.law_options import LAWS, check_learning
+from hfa_cli.options.law_options import LAWS, check_learning, flown_law_of
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.scenario_options import actuators_of, add_actuators
@@ -59,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--controller", input_file(".npz"), "FILE", about)
     add_actuators(parser, faults=False)
     games.add_weights(parser)
-    options.add_form(parser)
+    options.add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

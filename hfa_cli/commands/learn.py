@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.games import add_game, game_of
-from hfa_cli.options.learning_options import add_learning
+from hfa_cli.options.learning_options import add_learning, run_learning
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
 

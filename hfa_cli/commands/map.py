@@ -1,7 +1,6 @@
 """How far from trim u = -K z works: many initial states and commands, simulated nonlinear and linear.
 
-A flight lasts eight time constants of the slowest mode of the linear loop. The report counts the starts that stay
-inside the envelope and within the control limits, and names the limits that the others exceed.
+A trial lasts eight time constants of the slowest mode of the linear loop.
 """
 
 from __future__ import annotations
@@ -9,15 +8,13 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.law_options import add_stored, add_weights, check_learning
+from hfa_cli.options.law_options import add_stored, add_weights, check_learning, flown_law_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
-from hfa_support.reporting.unit_system import shown_in
 from trim.linear.linear_model import linearize
 
 _MOST_POINTS = 1000
@@ -37,9 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stored(parser)
     for name, (about, unit, text) in _RANGES.items():
         about_it = f"off trim, {unit}; default {text}"
-        with shown_in("english"):
-            default = value_range(about, text)
-        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=default)
+        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=text)
     add_envelope(parser)
     options.add_picture(parser, "the map")
     options.add_output(parser)
@@ -50,7 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hfa_model.aircraft import Aircraft
     from hfa_model.variants import VARIANTS
     from verification.flights.flight_figures import map_figure
-    from verification.flights.recoverable_map import map_report, recoverable_map
+    from verification.flights.recoverable import recoverable_map
+    from verification.flights.recoverable_map import map_report
 
     check_learning(arguments)
     speeds, dihedrals, commands = (array_of(f"--{name}", getattr(arguments, name), _MOST_POINTS) for name in _RANGES)

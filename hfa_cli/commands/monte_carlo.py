@@ -1,8 +1,8 @@
 """Simulate many members of one flight, each with its own parameter errors, sensor noise and turbulence.
 
 Member k is decided by --seed and k alone: any number of workers gives the same bits. The members go to a Zarr store
-(-o FILE.zarr), which can be continued after an interruption (--resume). Exit code 0 when at least one member stays
-inside its envelope and within the control limits.
+(-o FILE.zarr), which can be continued after an interruption (--resume). Exit code 0 when at least one member stays in
+its envelope.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hfa_cli.chosen_law import flown_law_of
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
 from hfa_cli.options.law_options import (
@@ -20,12 +19,12 @@ from hfa_cli.options.law_options import (
     add_weights,
     check_stored,
     controlled,
+    flown_law_of,
     law_of,
     seed_of,
 )
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.scenario_options import (
-    OF_TURBULENCE,
     TURBULENCE,
     actuators_of,
     add_actuators,
@@ -45,9 +44,9 @@ from hfa_support.files import temporary_folder
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
-    from controller.flight.monte_carlo import MonteCarlo
-    from controller.flight.scenario import Uncertainty
-    from controller.policy.policies import FlownLaw
+    from controller.flight.uncertain import Uncertainty
+    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
+    from controller.policy.flown_law import FlownLaw
 
 _DEFAULT_MEMBERS = 100
 _MOST_MEMBERS = 10_000_000
@@ -70,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(
         drawn,
         "--turbulence",
-        numbers(TURBULENCE, 2, *OF_TURBULENCE),
+        numbers(TURBULENCE, 2, 3),
         TURBULENCE,
         "Dryden turbulence, ft/s, ft and s",
     )
@@ -83,13 +82,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_signal(flight, "--disturbance", "added to the rate of a state")
     add_envelope(flight)
     options.add_workers(parser, "run of the same options")
-    options.add_form(parser)
+    options.add_json(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="keep every member in this store (.zarr)")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly and report; exit 1 when no member stayed within its limits."""
-    from controller.flight.monte_carlo import MonteCarloResult, stream_monte_carlo
+    """Fly and report; exit 1 when every member left its envelope."""
+    from controller.monte_carlo.monte_carlo_report import MonteCarloResult
+    from controller.monte_carlo.stored_members import stream_monte_carlo
 
     options.refuse_files(arguments, ("output",), "a store is in ft")
     target = check_target(arguments.output, (".zarr",))
@@ -108,12 +108,12 @@ def run(arguments: argparse.Namespace) -> int:
         outcome = MonteCarloResult.of(plan, store, "members not kept" if target is None else f"members in {target}")
     report = outcome.report()
     tell(replace(report, data={**report.data, "store": arguments.output}), [plan.point], arguments, None)
-    return 0 if outcome.within_limits else 1
+    return 0 if outcome.held else 1
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
-    from controller.flight.monte_carlo import MonteCarlo
     from controller.flight.scenario import Scenario
+    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
@@ -141,7 +141,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
 
 
 def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
-    from controller.flight.scenario import Uncertainty
+    from controller.flight.uncertain import Uncertainty
 
     errors, noise = arguments.error or {}, arguments.noise or {}
     return Uncertainty(errors, noise, arguments.turbulence)

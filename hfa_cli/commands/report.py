@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import check_folder, output_file, parsed, some_of
+from hfa_cli.options.argument_types import check_folder, check_target, parsed, some_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance
@@ -45,19 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--claims", parsed(lambda text: load_claims(Path(text))), "FILE", about)
     options.add_flight(parser)
     options.add_aircraft(parser)
-    about = "write the page, one self-contained .html file"
-    parser.add_argument("-o", "--output", type=output_file(".html"), metavar="FILE", help=about)
-    about = "write the page, its pictures and its numbers (JSON) into this folder"
-    add_value(parser, "--folder", parsed(check_folder), "FOLDER", about)
+    about = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
+    parser.add_argument("-o", "--output", type=parsed(_place), metavar="PLACE", help=about)
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute, write, say where; exit 1 when the printed matrices were not regenerated or a learned critic is wrong."""
-    places = sum(place is not None for place in (arguments.output, arguments.folder))
-    if places != 1 and not (places == 0 and arguments.json):
-        raise BadInputError("say where the report goes: either --output FILE.html or --folder FOLDER")
-    if places:
+    if arguments.output is None and not arguments.json:
+        raise BadInputError("give the place of the report, --output FILE.html or --output FOLDER, or --json")
+    if arguments.output is not None:
         plotly_script()  # refused before anything is computed
     job = main_job(
         options.parameters_of(arguments),
@@ -71,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress=ProgressLine("report").say,
     )
     report = stated(main_report(job), arguments)
-    lines = [f"wrote {name}" for name in _written(job, report, arguments.output, arguments.folder)]
+    lines = [f"wrote {name}" for name in _written(job, report, arguments.output)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
     say(report.json() if arguments.json else "\n".join(lines))
@@ -95,17 +92,25 @@ def _angles(option: str, given: Range | None, default: np.ndarray, most: int) ->
     return angles
 
 
-def _written(job: MainJob, report: Report, target: Path | None, folder: Path | None) -> list[str]:
+def _place(text: str) -> Path:
+    """The type of --output: a page by its suffix, else a folder."""
+    if not Path(text).suffix:
+        return check_folder(text)
+    check_target(text, (".html",))
+    return Path(text)
+
+
+def _written(job: MainJob, report: Report, place: Path | None) -> list[str]:
     """Write the page to the file or into the folder; what was written."""
-    if target is not None:
-        write_text(target, page(job, report, provenance()))
-        return [str(target)]
-    if folder is None:
+    if place is None:
         return []  # the numbers alone
-    folder.mkdir(exist_ok=True)
+    if place.suffix:
+        write_text(place, page(job, report, provenance()))
+        return [str(place)]
+    place.mkdir(exist_ok=True)
     pictures = list(report.pictures())
     for picture in pictures:
-        save(picture.draw(), folder / picture.name, report.source)
+        save(picture.draw(), place / picture.name, report.source)
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
-    write_texts(folder, {"numbers.json": numbers, "report.html": page(job, report, provenance())})
-    return [f"{folder / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]
+    write_texts(place, {"numbers.json": numbers, "report.html": page(job, report, provenance())})
+    return [f"{place / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

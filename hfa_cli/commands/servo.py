@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", action="append", default=[], metavar="NAME", help=about)
     add_value(parser, "--duration", number, "S", "default: the whole sequence, 1051")
     options.add_aircraft(parser)
-    options.add_form(parser)
+    options.add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -11,17 +11,17 @@ from typing import Any
 
 from controller.game.basis import basis
 from controller.game.critic_file import History, critic_in
-from hfa_cli.chosen_law import run_learning
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, positive
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_game, game_of
-from hfa_cli.options.learning_options import add_learning
+from hfa_cli.options.learning_options import add_learning, run_learning
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
-from verification.critic.check_result import CriticCheck, check_figure, check_report
+from verification.critic.check_figure import check_figure
+from verification.critic.check_result import CriticCheck, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
 

@@ -9,23 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.game.array_file import PlantNames
 from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import games, shared_options as options
 from hfa_cli.options.argument_types import input_file, number, quantity, whole
 from hfa_cli.options.games import MATRIX_FILES
-from hfa_cli.options.learning_options import add_settings
+from hfa_cli.options.learning_options import add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
-from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from hfa_support.reporting.unit_system import typed
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.flight.scenario import Scenario
-    from controller.game.array_file import PlantNames
     from controller.policy.commands import CommandSteps
-    from controller.policy.policies import FlownLaw
+    from controller.policy.flown_law import FlownLaw
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
@@ -100,7 +98,7 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
     """u = -K z of the file that the options name. game: whose B and R make K of a value; plant: of its states."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from controller.policy.policies import gain_law
+    from controller.policy.flown_law import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
     path = arguments.weights if arguments.gain is None else arguments.gain
@@ -115,6 +113,23 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
     with said_of(path):
         K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
     return gain_law(f"{'weights' if arguments.gain is None else 'gain'} of {path}", K)
+
+
+def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
+    """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
+    from controller.policy.flown_law import gain_law
+    from controller.policy.learned_gain import frozen_law, learned_value, online_law
+    from controller.riccati.gare import solve_game
+
+    game = game_on(model, arguments)
+    if check_stored(arguments):
+        return stored_law(arguments, game, PlantNames(model.states, model.inputs, model.state_units))
+    if arguments.law == "exact":
+        return gain_law("exact", solve_game(game).K)
+    learned = learned_value(game, arguments.law, seed_of(arguments), shown_learning(), **law_settings(arguments))
+    if online_tick is None:
+        return frozen_law(arguments.law, learned)
+    return online_law(game, arguments.law, learned, online_tick)
 
 
 def add_controller(parser: argparse.ArgumentParser) -> None:
@@ -166,10 +181,6 @@ def commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]
     return CommandSteps(tuple(given), np.array(times), values, *command_filter)
 
 
-def _output_unit(name: str) -> str:
-    return OUTPUTS[name].unit if name in OUTPUTS else "1"
-
-
 def _steps(name: str, text: str) -> list[tuple[float, float]]:
     """The type of --command: (time, value) pairs, increasing."""
     found = []
@@ -177,9 +188,7 @@ def _steps(name: str, text: str) -> list[tuple[float, float]]:
         time, colon, value = part.partition(":")
         if not colon:
             raise argparse.ArgumentTypeError(f"is {text!r}; give {_STEPS}")
-        found.append(
-            (number(time), quantity(name, value) if name in STATES else typed(number(value), _output_unit(name)))
-        )
+        found.append((number(time), quantity(name, value) if name in STATES else number(value)))
     if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
         raise argparse.ArgumentTypeError(f"is {text!r}; the times must increase, from 0 on")
     return found

@@ -1,14 +1,19 @@
-"""Options of a learning run."""
+"""Options of a learning run, and the run."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
-from controller.laws.learn import LAWS
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game
+from controller.laws.learn import LAWS, learn
 from hfa_cli.options.argument_types import number, whole
-from hfa_cli.options.parser import add_named, add_refused, add_value
+from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.progress import ProgressLine
 from hfa_support.errors import BadInputError, refuse_unknown
 
 DEFAULT_LAW = "certified"
@@ -19,12 +24,6 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="NAME", help=f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     add_settings(parser)
-    for option in ("--save", "--resume"):
-        add_refused(
-            parser,
-            option,
-            "is no longer there: a run takes about a second; run it again, the same seed gives the same bits",
-        )
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +45,16 @@ def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
         except argparse.ArgumentTypeError as error:
             raise BadInputError(f"{name} {error}") from error
     return result
+
+
+def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
+    """Run the law that the options name, with progress on a terminal."""
+    return learn(game, law_name(arguments), arguments.seed or 0, progress=shown_learning(), **law_settings(arguments))
+
+
+def shown_learning() -> Callable[[float, str], None] | None:
+    """Progress of learning: one line on a terminal, gone when done; none elsewhere."""
+    return ProgressLine("learn").say if sys.stderr.isatty() else None
 
 
 def law_name(arguments: argparse.Namespace) -> str:

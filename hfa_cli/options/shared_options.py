@@ -7,13 +7,14 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
-from functools import partial
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from hfa_cli.options.argument_types import (
     PICTURES,
     angle,
+    number,
     one_angle,
     one_of,
     output_file,
@@ -22,13 +23,13 @@ from hfa_cli.options.argument_types import (
     span,
     whole,
 )
-from hfa_cli.options.parser import add_named, add_refused, add_value
+from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.unit_system import SYSTEMS
+from hfa_support.reporting.unit_system import SYSTEMS, shown_in
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition, describe, release
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
@@ -40,20 +41,13 @@ OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
 #: All that says where the aircraft is trimmed, the dihedral angle apart.
 OF_THE_TRIM = (*OF_THE_CONDITION, "condition", "free", "hold", "limit", "start")
 MOST_WORKERS = 1000
-#: What --format names. A page of HTML holds its pictures; nothing is written beside the other forms.
-FORMATS: dict[str, Callable[[Report], str]] = {
-    "text": Report.text,
-    "markdown": lambda report: report.without_pictures().markdown(),
-    "latex": lambda report: report.without_pictures().latex(),
-    "html": Report.html,
+#: Suffixes of the report itself. A page of HTML holds its pictures; nothing is written beside a text.
+REPORTS: dict[str, Callable[[Report], str]] = {
+    ".md": lambda report: report.without_pictures().markdown(),
+    ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
 }
-#: Command -> why what it says and writes stays in ft, slug, lbf.
-IN_FEET = {
-    "regenerate": "it compares digits that were printed in ft",
-    "prove": "what is proved, and its certificate, is about numbers in ft",
-    "lpv": "what is proved, and the C function, is about numbers in ft",
-    "export": "the C, FMU and MATLAB files are in ft, slug, lbf, and say so",
-}
+#: Commands without --units: what they compare, prove or write is in ft, slug, lbf, and says so.
+IN_FEET = ("regenerate", "prove", "lpv", "export")
 
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
@@ -77,8 +71,8 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """What a trim imposes and leaves free, the dihedral angle apart."""
-    add_value(parser, "--speed", partial(quantity, "speed"), "FT/S", "default: the paper's 68 ft/s")
-    add_value(parser, "--altitude", partial(quantity, "altitude"), "FT", "default: the paper's 40000 ft")
+    add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
+    add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
     add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
     add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
     add_changes(parser, quantity, "VALUE", "hold a variable, degrees for angles; repeatable")
@@ -96,17 +90,16 @@ def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any]
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
-    """--json, --format, --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
-    add_form(parser)
-    about = f"also write {', '.join(SUFFIXES)}" + (f" or {', '.join(also)}{what}" if also else "")
-    parser.add_argument("-o", "--output", type=output_file(*SUFFIXES, *also), metavar="FILE", help=about)
+    """--json and --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
+    add_json(parser)
+    known = (*SUFFIXES, *REPORTS)
+    about = f"also write {', '.join(known)}" + (f" or {', '.join(also)}{what}" if also else "")
+    parser.add_argument("-o", "--output", type=output_file(*known, *also), metavar="FILE", help=about)
 
 
-def add_form(parser: argparse.ArgumentParser) -> None:
-    """--json or --format: how the report is printed."""
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="print JSON (angles in radians) instead of text")
-    add_value(form, "--format", one_of(*FORMATS), "FORMAT", f"{', '.join(FORMATS)}; default text")
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """--json: print the data of the report."""
+    parser.add_argument("--json", action="store_true", help="print JSON (angles in radians) instead of text")
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
@@ -237,13 +230,15 @@ def _parameters(text: str) -> ParameterSet:
     return named_parameters(text) if text in NAMED else load_parameters(Path(text))
 
 
-def add_units(parser: argparse.ArgumentParser, command: str) -> None:
-    """--units: of what is typed, printed, drawn and written. Refused by a command `IN_FEET`."""
-    if command not in IN_FEET:
-        about = "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
-        add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
-        return
-    add_refused(parser, "--units", f"does not go with `hfa {command}`: {IN_FEET[command]}; leave it out")
+def add_units(parser: argparse.ArgumentParser) -> None:
+    """--units: of what is printed, drawn and written; what is typed stays in feet."""
+    about = "units of what is printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
+    add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
+
+
+def units_of(arguments: argparse.Namespace) -> AbstractContextManager[None]:
+    """What is said inside is said in the units that --units names."""
+    return shown_in(getattr(arguments, "units", None) or SYSTEMS[0])
 
 
 def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import Terminal, answer, assert_refused, hfa
+from cli import Terminal, answer, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small, stored
 from known_models import game_at
 from scipy.io import loadmat
 
 from controller import LAWS, Game
 from hfa_cli.entry import INTERRUPTED
-from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from hfa_cli.main import DONE, FAILED
 from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification import solve_game
 
@@ -217,13 +217,13 @@ RUNS = {
 
 
 def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(done: float, message: str) -> None:
+    def stop(_: object, done: float, message: str) -> None:
         if done >= 0.6:
             raise KeyboardInterrupt
 
     words = ("learn", "--model", small("plant.json"), *QUICK)
     with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.chosen_law.show_learning", stop)
+        patched.setattr("hfa_cli.options.learning_options.ProgressLine.say", stop)
         stopped = hfa(*words, "-o", "part.json", err=Terminal())
     assert (stopped.code, stopped.out) == (INTERRUPTED, "")
     assert stopped.err.endswith("hfa: interrupted\n")
@@ -239,10 +239,3 @@ def test_the_same_run_gives_the_same_bytes(law: str) -> None:
         files.append(Path("run.json").read_bytes())
     assert said[0] == said[1]
     assert files[0] == files[1]
-
-
-@pytest.mark.parametrize("command", ["learn", "verify"])
-@pytest.mark.parametrize("option", ["--save", "--resume"])
-def test_states_of_runs_are_no_longer_kept(command: str, option: str) -> None:
-    result = hfa(command, "--model", small("plant.json"), option, "state.npz")
-    assert_refused(result, BAD_INPUT, f"{option} is no longer there: a run takes about a second; run it again")

@@ -36,7 +36,7 @@ class Made(NamedTuple):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("report") / "new"
-    words = ("--folder", str(folder), "--dihedral", "15", "--json", "--outputs", "load_factor", "--claims", str(CLAIMS))
+    words = ("-o", str(folder), "--dihedral", "15", "--json", "--outputs", "load_factor", "--claims", str(CLAIMS))
     return Made(hfa("report", *words), folder)
 
 

@@ -33,7 +33,8 @@ def test_a_terminal_gets_bars_and_colors(
     assert bool(COLOR.search(shown)) == colored
     assert len(BAR.findall(shown)) == 11  # six states with limits and five inputs
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
-    assert not BAR.search(plain + hfa(*TRIM, "--format", "markdown", out=Terminal()).out)
+    assert hfa(*TRIM, "-o", "trim.md", out=Terminal()).code == DONE
+    assert not BAR.search(plain + Path("trim.md").read_text(encoding="utf-8"))
     assert BAR.sub("", COLOR.sub("", shown)).split() == plain.split()
 
 

@@ -1,230 +1,385 @@
-"""Hostile values, words, texts and arrays: what they are a string of bytes decides."""
+"""Hostile inputs to `hfa` by every way in, and whether what comes of one is allowed.
+
+Input `number` of a way is always the same: a command line with words replaced, or a file that a command writes, with
+tokens, arrays or bytes of it replaced.
+"""
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import importlib
 import io
+import json
+import random
 import re
+import signal
+import tempfile
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import chdir
 from functools import cache
-from typing import Any, TypeVar
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from damage import damaged
+from cli import Result, hfa, unchecked_hfa
+from game_files import small
 
-Item = TypeVar("Item")
+from hfa_cli.main import COMMANDS
+from hfa_support.reporting.data_files import SUFFIXES
 
-#: What numbers are replaced with, in words and in texts.
+#: Seconds of the processor that a command may take, unless it announces that it takes long.
+LONGEST = 10.0
+_LONGEST_LINE = 1200
+#: Command lines that take longer when they are asked for nothing special.
+_LONG = (("map",), ("lpv",), ("prove", "schedule"))
+
 NUMBERS = (
-    *("0", "-1", "1", "2", "3.5", "-0", "1e-320", "1e308", "-1e308", "1e99", "1e400", "nan", "inf", "-inf", "1e-9"),
-    *("90", "9" * 5000, "0x" + "f" * 5000, "1_000", "1e9", "0.1.2", "٣", "1,2", "--", "", "true", "1e", "1d3"),
-    *("18", "-89.999"),
+    *("0", "-1", "1", "2", "3.5", "1e-320", "1e308", "-1e308", "1e99", "1e400", "nan", "inf", "-inf", "1e-9", "90"),
+    *("9" * 5000, "0x" + "f" * 5000, "1_000", "0.1.2", "٣", "1,2", "--", "", "true", "1e", "1d3", "-89.999"),
 )
-#: What values of texts are replaced with.
 VALUES = (
     *('""', '"text"', '"\\u0000"', '"\\u001b[31m"', '"\\ud800"', "null", "false", "[]", "{}", "[[]]", "[1]", "[1,2]"),
-    *("[[1,2],[3]]", "[[1,2],[3,4]]", "[[[1]]]", '["a","b"]', '[["a"]]', "[null]", "1979-05-27", "'", "[" * 3000),
-    *("{", "=", '"' + "x" * 5000 + '"', '"nan"', '"--"', '{"a": 1}', "[nan]", "[1e999]", ",", "\n", '"speed"'),
-    *('"dihedral"', "#", "\x00"),
+    *("[[1,2],[3]]", "[[1,2],[3,4]]", "[[[1]]]", '["a","b"]', "[null]", "1979-05-27", "'", "[" * 3000, "{", "="),
+    *('"' + "x" * 5000 + '"', '"nan"', '{"a": 1}', "[nan]", "[1e999]", ",", "\n", '"speed"', '"dihedral"', "\x00"),
 )
-#: Words of a command line.
 WORDS = (
-    *("--", "-", "", "=", "--json", "-o", "\x1b[31m", "x" * 5000, "\n", "é", "\ud800", "%s", "a=b", "/dev/null"),
-    *(".", ".."),
+    "--",
+    "-",
+    "",
+    "=",
+    "--json",
+    "-o",
+    "\x1b[31m",
+    "x" * 5000,
+    "\n",
+    "é",
+    "\ud800",
+    "%s",
+    "a=b",
+    "/dev/null",
+    "..",
 )
 _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
-_MOST_EDITS = 3
-
-
-class Choices:
-    """Choices that a string of bytes makes, two bytes each; after its end always the first."""
-
-    def __init__(self, content: bytes) -> None:
-        self._content, self._at = content, 0
-
-    def below(self, count: int) -> int:
-        """A whole number from 0 to count - 1."""
-        part = self._content[self._at : self._at + 2]
-        self._at += 2
-        return int.from_bytes(part, "little") % count
-
-    def of(self, items: Sequence[Item]) -> Item:
-        """One of the items."""
-        return items[self.below(len(items))]
-
-
-def hostile_bytes(content: bytes, choices: Choices) -> bytes:
-    """The content damaged, in three of four cases."""
-    if not choices.below(4):
-        return content
-    return damaged(content, np.random.default_rng(choices.below(2**16)))
-
-
-def hostile_text(content: bytes, choices: Choices) -> bytes:
-    """A text with one to three of its tokens replaced, removed, doubled, repeated or swapped; rarely damaged, too."""
-    tokens = _TOKENS.findall(content.decode("utf-8"))
-    for _ in range(1 + choices.below(_MOST_EDITS)):
-        telling = [number for number, token in enumerate(tokens) if not token.isspace()]
-        if not telling:
-            break
-        at, other = choices.of(telling), choices.of(telling)
-        match choices.below(6):
-            case 0 | 1:
-                tokens[at] = choices.of(NUMBERS)
-            case 2:
-                tokens[at] = choices.of(VALUES)
-            case 3:
-                tokens[at] = ""
-            case 4:
-                tokens[at] *= choices.of((2, 3, 1000))
-            case _:
-                tokens[at], tokens[other] = tokens[other], tokens[at]
-    changed = "".join(tokens).encode("utf-8", "replace")
-    return changed if choices.below(8) else hostile_bytes(changed, choices)
-
-
-def hostile_words(words: Sequence[str], more: Sequence[str], choices: Choices) -> list[str]:
-    """A command line with one to three words replaced, put in, removed, doubled or swapped; more: words to put in."""
-    result = list(words)
-    for _ in range(1 + choices.below(_MOST_EDITS)):
-        at = choices.below(len(result) + 1)
-        match choices.below(5):
-            case 0:
-                result[at:at] = [choices.of(more), choices.of(NUMBERS)]
-            case 1:
-                result[at : at + 1] = [choices.of(NUMBERS)]
-            case 2:
-                result[at : at + 1] = [choices.of((*WORDS, *more))]
-            case 3:
-                result[at : at + 1] = []
-            case _:
-                name = choices.of(more)
-                value = choices.of((*NUMBERS, *WORDS))
-                result[at:at] = [f"{name}={value}"]
-    return result
-
-
 _ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
-    lambda a: np.empty(0),
-    lambda a: np.empty((0, 3)),
-    lambda a: np.empty((3, 0)),
-    lambda a: a.astype(float) * np.nan if a.dtype.kind in "fiu" else a,
-    lambda a: np.array(np.nan),
-    lambda a: np.array("text"),
-    lambda a: np.array(["a", "b"]),
-    lambda a: np.full(a.shape, "1.5"),
-    lambda a: np.full(a.shape, "\x1b[31m" * 300),
-    lambda a: np.full(a.shape, True),
-    lambda a: np.full(a.shape, 1j),
-    lambda a: np.full(a.shape, 1e308),
-    lambda a: np.full(a.shape, -1e308),
-    lambda a: np.full(a.shape, 1e-320),
-    lambda a: np.full(a.shape, np.iinfo(np.int64).min),
-    lambda a: np.full(a.shape, 255, dtype=np.uint8),
-    lambda a: np.full(a.shape, np.inf),
-    lambda a: np.zeros(a.shape),
-    lambda a: np.ones((2, *a.shape)),
-    lambda a: np.ones((1,) * 9),
-    lambda a: a.T,
-    lambda a: a.ravel(),
-    lambda a: a[None],
-    lambda a: a[:-1] if a.ndim else a,
-    lambda a: np.repeat(a, 2, axis=-1) if a.ndim else a,
-    lambda a: np.ones((400, 400)),
-    lambda a: np.ones(20000),
-    lambda a: a[::-1] if a.ndim else a,
+    *(lambda a: np.empty(0), lambda a: np.empty((0, 3)), lambda a: np.array("text"), lambda a: np.array(["a", "b"])),
+    *(lambda a: np.full(a.shape, np.nan), lambda a: np.full(a.shape, np.inf), lambda a: np.full(a.shape, 1j)),
+    *(lambda a: np.full(a.shape, 1e308), lambda a: np.full(a.shape, 1e-320), lambda a: np.zeros(a.shape)),
+    *(
+        lambda a: np.full(a.shape, True),
+        lambda a: np.full(a.shape, "1.5"),
+        lambda a: np.full(a.shape, "\x1b[31m" * 300),
+    ),
+    *(lambda a: np.ones((2, *a.shape)), lambda a: np.ones((400, 400)), lambda a: np.ones((1,) * 9), lambda a: a.T),
+    *(lambda a: a.ravel(), lambda a: a[None], lambda a: a[:-1] if a.ndim else a, lambda a: a[::-1] if a.ndim else a),
 )
-#: Of .npz files alone: MATLAB has no such types.
+#: MATLAB has no such types.
 _TYPED: tuple[Callable[[np.ndarray], Any], ...] = (
-    lambda a: np.full(a.shape, "2000-01-01", dtype="M8[D]"),
-    lambda a: np.zeros(a.shape, dtype=[("x", "f8"), ("y", "i4")]),
-    lambda a: np.zeros(a.shape, dtype="V8"),
-    lambda a: np.ones(a.shape, dtype=">f8"),
-    lambda a: np.ones(a.shape, dtype="f2"),
-    lambda a: np.ones(a.shape, dtype=np.longdouble),
-    lambda a: np.full(a.shape, b"bytes"),
+    *(lambda a: np.full(a.shape, "2000-01-01", dtype="M8[D]"), lambda a: np.zeros(a.shape, dtype=[("x", "f8")])),
+    *(
+        lambda a: np.ones(a.shape, dtype=">f8"),
+        lambda a: np.ones(a.shape, dtype="f2"),
+        lambda a: np.full(a.shape, b"b"),
+    ),
 )
 _NAMES = ("A", "B", "E", "Q", "R", "W", "P", "K", "delta", "time", "basis", "states", "schema", "x" * 300, "\x1b[31m")
 
+_AT = ("--dihedral", "15")
+_FLOWN = ("fly", *_AT, "--duration", "0.02", "--step", "0.01")
+_PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
+SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
+MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
+CONDITION = """description = "slow"
+free = ["speed"]
+[impose]
+alpha_deg = [[0, 5.0], [20, 6.0]]
+altitude = 1000.0
+[limits]
+elevator_center_deg = [-30, 30]
+"""
+#: Command lines that are short to run.
+LINES = (
+    "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
+    "linearize --dihedral 5 --states alpha,pitch --outputs speed --json",
+    "sweep --dihedral 0:20:10 --alpha 1:2:0.5 -o a.csv",
+    "sweep --dihedral 0:20 --vary panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
+    "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
+    "solve --dihedral 15 --design simvfa-1 -o a.mat",
+    "verify --dihedral 15 --law irl --seed 3 --limit-error 0.1 --limit-cost 5",
+    "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
+    "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1:1:3",
+    "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",
+    "map --dihedral 15 --envelope alpha=-5:15",
+    "monte-carlo --dihedral 15 --members 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
+    "schedule --dihedral 15 --to 15.1 --over 0.1 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
+    "prove solution --dihedral 15",
+    "prove --check a.json",
+    "lpv --dihedral 10:10.1 --tolerance 0.01 -o a.c",
+    "design --design simvfa-1 --dihedral 10 -o a.npz",
+    "export --dihedral 15 --c folder",
+    "regenerate --dynamics newton --parameters identified --json",
+    "validate --units si",
+    "report --dihedral 5",
+)
+#: Way in -> a command; "{}" in it is the file of that name, which becomes hostile.
+WAYS: dict[str, tuple[str, ...]] = {
+    "command line": (),
+    "parameters.toml": ("trim", *_AT, "--parameters", "{}"),
+    "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
+    "design.toml": ("solve", *_AT, "--design", "{}", "--json"),
+    "point.json": ("trim", *_AT, "--start", "{}"),
+    **{f"plant{each}": ("solve", "--model", "{}") for each in (".json", ".npz", ".mat")},
+    "A.csv": ("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"),
+    **{
+        f"{what}{each}": ("verify", "--model", "plant.json", "--weights", "{}")
+        for what in ("critic", "history")
+        for each in SUFFIXES
+    },
+    "controller.npz": ("design", "{}"),
+    "table.json": (*_PROVED, "--table", "{}"),
+    "table.npz": (*_PROVED, "--table", "{}"),
+    **dict.fromkeys(("certificate.json", "game.json"), ("prove", "--check", "{}")),
+    "points.zarr": (*SWEPT, "--resume"),
+    "members.zarr": (*MEMBERS, "--resume"),
+}
 
-def _hostile_arrays(arrays: Mapping[str, np.ndarray], choices: Choices, also: tuple = ()) -> dict[str, Any]:
-    result: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
-    for _ in range(1 + choices.below(_MOST_EDITS)):
-        names = list(result) or ["A"]
-        name = choices.of(names)
-        match choices.below(6):
+
+class Hanging(BaseException):
+    """No command catches it."""
+
+
+def damaged(content: bytes, chance: random.Random) -> bytes:
+    """The content after one to four of: a bit flipped, a byte replaced, bytes removed or doubled, the end cut."""
+    result = bytearray(content)
+    for _ in range(chance.randint(1, 4)):
+        if not result:
+            break
+        at, length = chance.randrange(len(result)), chance.randint(1, 32)
+        match chance.randrange(5):
+            case 0:
+                result[at] ^= 1 << chance.randrange(8)
+            case 1:
+                result[at] = chance.choice(b'\x00\x1b\xff"[]{}=,.:-+#9eE\n')
+            case 2:
+                del result[at : at + length]
+            case 3:
+                result[at:at] = result[at : at + length]
+            case _:
+                del result[at:]
+    return bytes(result)
+
+
+def _hostile_text(content: bytes, chance: random.Random) -> bytes:
+    tokens = _TOKENS.findall(content.decode("utf-8"))
+    for _ in range(chance.randint(1, 3)):
+        places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
+        at, other = chance.choice(places), chance.choice(places)
+        match chance.randrange(5):
+            case 0 | 1:
+                tokens[at] = chance.choice((*NUMBERS, *VALUES))
+            case 2:
+                tokens[at] = ""
+            case 3:
+                tokens[at] *= chance.choice((2, 3, 1000))
+            case _:
+                tokens[at], tokens[other] = tokens[other], tokens[at]
+    return "".join(tokens).encode("utf-8", "replace")
+
+
+def _hostile_arrays(arrays: Mapping[str, Any], chance: random.Random, changes: Sequence[Any]) -> dict[str, Any]:
+    result = {name: np.asarray(array) for name, array in arrays.items() if not name.startswith("_")}
+    for _ in range(chance.randint(1, 3)):
+        name = chance.choice(list(result) or ["A"])
+        array = result.get(name, np.zeros(1))
+        match chance.randrange(5):
             case 0:
                 result.pop(name, None)
             case 1:
-                result[choices.of(_NAMES)] = result.pop(name, np.zeros(1))
-            case 2:
-                result[choices.of(_NAMES)] = choices.of(_ARRAYS)(np.asarray(result.get(name, np.zeros(1))))
+                result[chance.choice(_NAMES)] = result.pop(name, array)
             case _:
-                result[name] = choices.of((*_ARRAYS, *also))(np.asarray(result.get(name, np.zeros(1))))
+                result[name] = np.asarray(chance.choice(changes)(array))
     return result
 
 
-@cache
-def _of_npz(content: bytes) -> dict[str, np.ndarray]:
+def _hostile_npz(content: bytes, chance: random.Random) -> bytes:
     with np.load(io.BytesIO(content)) as loaded:
-        return dict(loaded)
-
-
-@cache
-def _of_mat(content: bytes) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    return {name: value for name, value in loadmat(io.BytesIO(content)).items() if not name.startswith("_")}
-
-
-def _few(arrays: dict[str, np.ndarray], choices: Choices) -> dict[str, np.ndarray]:
-    """In three of four cases without what is nested: nine tenths of some files, read by few and slow to write."""
-    if not choices.below(4):
-        return arrays
-    return {name: array for name, array in arrays.items() if "." not in name and array.dtype.names is None}
-
-
-def hostile_npz(content: bytes, choices: Choices) -> bytes:
-    """An archive with other arrays, or damaged headers of arrays, or damaged as a file."""
-    if not choices.below(4):
-        return hostile_bytes(content, choices)
-    arrays = _hostile_arrays(_few(_of_npz(content), choices), choices, _TYPED)
+        arrays = _hostile_arrays(dict(loaded), chance, (*_ARRAYS, *_TYPED))
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", choices.of((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))) as archive:
+    with zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
             member = io.BytesIO()
             np.save(member, array, allow_pickle=True)
             data = member.getvalue()
-            match choices.below(12):
+            match chance.randrange(12):
                 case 9:
-                    data = hostile_bytes(data, choices)
+                    data = damaged(data, chance)
                 case 10:
-                    shape = b"'shape': (%d, %d)" % (10 ** choices.below(19), 10**6)
-                    data = re.sub(rb"'shape': \([^)]*\)", shape, data)
+                    data = re.sub(rb"'shape': \([^)]*\)", b"'shape': (%d, 1000000)" % 10 ** chance.randrange(19), data)
                 case 11:
-                    name = choices.of(("../A", "A.npy.npy", "/A", "A/B", ""))
+                    name = chance.choice(("../A", "A.npy.npy", "/A", "A/B", ""))
             with warnings.catch_warnings(action="ignore", category=UserWarning):  # a name may come twice
                 archive.writestr(f"{name}.npy", data)
     return stream.getvalue()
 
 
-def hostile_mat(content: bytes, choices: Choices) -> bytes:
-    """A .mat file of version 4 or 5 with other matrices, structures and cells in it, or damaged as a file."""
-    from scipy.io import savemat
+def _hostile_mat(content: bytes, chance: random.Random) -> bytes:
+    from scipy.io import loadmat, savemat
 
-    if not choices.below(3):
-        return hostile_bytes(content, choices)
-    arrays = _hostile_arrays(_few(_of_mat(content), choices), choices)
-    named = {re.sub(r"\W", "x", name)[:31]: array for name, array in arrays.items()}
-    match choices.below(5):
-        case 3:
-            named = {"model": named}
-        case 4:
-            named = {name: {"a": array} for name, array in named.items()}
-    stream = io.BytesIO()
+    arrays = _hostile_arrays(loadmat(io.BytesIO(content)), chance, _ARRAYS)
+    named: dict[str, Any] = {re.sub(r"\W", "x", name)[:31]: array for name, array in arrays.items()}
+    stream, form = io.BytesIO(), chance.choice((named, named, {"model": named}))
     try:
-        savemat(stream, named, format=choices.of(("5", "5", "4")), do_compression=bool(choices.below(2)))
+        savemat(stream, form, format=chance.choice(("5", "5", "4")), do_compression=chance.random() < 0.5)
     except (TypeError, ValueError):  # what MATLAB has no type for
-        return hostile_bytes(content, choices)
+        return damaged(content, chance)
     return stream.getvalue()
+
+
+def _hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
+    stored = ".zarr" in name and not name.endswith(".json")
+    if stored or chance.random() < 0.3:
+        return damaged(content, chance)
+    return {".npz": _hostile_npz, ".mat": _hostile_mat}.get(Path(name).suffix, _hostile_text)(content, chance)
+
+
+def _hostile_words(chance: random.Random) -> list[str]:
+    command, *words = chance.choice(LINES).split()
+    parser = argparse.ArgumentParser(add_help=False)
+    importlib.import_module(f"hfa_cli.commands.{command.replace('-', '_')}").add_arguments(parser)
+    more = [name for name in parser._option_string_actions if name not in ("--workers", "--scheduler")]
+    for _ in range(chance.randint(1, 3)):
+        at = chance.randint(0, len(words))
+        match chance.randrange(5):
+            case 0:
+                words[at:at] = [chance.choice(more), chance.choice(NUMBERS)]
+            case 1:
+                words[at : at + 1] = [chance.choice((*NUMBERS, *WORDS, *more))]
+            case 2:
+                words[at : at + 1] = []
+            case 3:
+                words[at:at] = [f"{chance.choice(more)}={chance.choice((*NUMBERS, *WORDS))}"]
+            case _:
+                words[at:at] = [chance.choice(list(COMMANDS))]
+    return [command, *words]
+
+
+def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
+    """Input `number` of a way in: the words, and the files that are there before."""
+    chance = random.Random(f"{way} {number}")
+    if not WAYS[way]:
+        return _hostile_words(chance), {}
+    known = seeds()
+    beside = [name for name in known if name in ("plant.json", "B.csv")]
+    own = [name for name in known if name == way or name.startswith(f"{way}/")]
+    given = {name: known[name] for name in (*beside, *own)}
+    changed = chance.choice(own)
+    given[changed] = _hostile_file(changed, known[changed], chance)
+    return [way if word == "{}" else word for word in WAYS[way]], given
+
+
+@cache
+def seeds() -> Mapping[str, bytes]:
+    """Files as the commands write them, name -> content; those of a store by their path."""
+    from controllers import small_controller
+    from proof_cases import exact_table
+
+    from controller import save_controller
+    from hfa_model import Aircraft, default_parameters, save_parameters
+
+    with tempfile.TemporaryDirectory() as name, chdir(name):
+        save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
+        Path("condition.toml").write_text(CONDITION, encoding="utf-8")
+        Path("design.toml").write_bytes(files("controller.designs").joinpath("simvfa_1.toml").read_bytes())
+        save_controller(Path("controller.npz"), small_controller(Aircraft()))
+        table = exact_table(14.9, 15.1)
+        np.savez("table.npz", dihedral_deg=table.dihedral_deg, K=table.K)
+        text = {"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}
+        Path("table.json").write_text(json.dumps(text), encoding="utf-8")
+        for suffix in (".json", ".npz", ".mat"):
+            small(Path(f"plant{suffix}"))
+        Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
+        Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")
+        commands = [("trim", *_AT, "-o", "point.json"), (*_PROVED, "--table", "table.json", "-o", "certificate.json")]
+        commands += [("prove", "solution", *_AT, "-o", "game.json"), SWEPT, MEMBERS]
+        for suffix in SUFFIXES:
+            commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
+            commands.append(("learn", "--model", "plant.json", "--set", "tick=0.5", "-o", f"history{suffix}"))
+        for words in commands:
+            result = hfa(*words)
+            assert result.code == 0, (words, result.err)
+        return {str(path): path.read_bytes() for path in sorted(Path().rglob("*")) if path.is_file()}
+
+
+def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
+    """What is wrong with how `hfa` takes an input, None where nothing is; runs below a folder that must stay empty."""
+    with tempfile.TemporaryDirectory() as name:
+        inside, err = Path(name) / "inside", io.StringIO()
+        inside.mkdir()
+        with chdir(inside):
+            for path, content in given.items():
+                Path(path).parent.mkdir(parents=True, exist_ok=True)
+                Path(path).write_bytes(content)
+            try:
+                with _alarm():
+                    result = unchecked_hfa(*words, err=err)
+            except Hanging:
+                announced = any(tuple(words[: len(each)]) == each for each in _LONG) or "Ctrl-C" in err.getvalue()
+                return None if announced else f"no end after {LONGEST:g} s"
+            except Exception as error:
+                return f"{type(error).__name__}: {str(error)[:300]}"
+            return said_wrongly(result) or _left_wrongly(Path(name), words, given, result)
+
+
+def said_wrongly(result: Result) -> str | None:
+    """Exit code 0, 1 or 2; a result with notes, or one line that a terminal can show."""
+    lines = result.err.splitlines()
+    others = [line for line in lines if not line.startswith("hfa: note: ")]
+    if result.code not in (0, 1, 2):
+        return f"exit code {result.code}"
+    if len(others) > 1 or any(not line.startswith("hfa: ") for line in lines):
+        return f"more than one line: {lines[:5]}"
+    if result.code == 2 and (result.out or len(others) != 1):
+        return f"exit code 2, and not one line alone: {result.out[:100]!r}, {lines[:5]}"
+    if result.code == 1 and not (result.out or others):
+        return "exit code 1, and not a word"
+    wrong = [line for line in lines if len(line) > _LONGEST_LINE or not line.isprintable()]
+    return f"a line that is too long or not printable: {wrong[0][:200]!r}" if wrong else None
+
+
+def _left_wrongly(folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result) -> str | None:
+    """Nothing outside, nothing unasked, nothing after a refusal, nothing half written."""
+    if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
+        return f"left outside: {outside}"
+    for path in Path().iterdir():
+        if path.name in {Path(each).parts[0] for each in given}:
+            continue
+        if result.code == 2 or path.name.startswith(".") or not any(path.name in word for word in words):
+            return f"left, and nobody asked: {path}"
+        if path.suffix == ".json" and path.is_file():
+            try:
+                json.loads(path.read_bytes())
+            except ValueError:
+                return f"not whole: {path}"
+    return None
+
+
+@contextlib.contextmanager
+def _alarm() -> Iterator[None]:
+    """Raises `Hanging` in the block once it has taken too long, by the processor or ten times that by the clock."""
+
+    def end(*_: object) -> None:
+        raise Hanging
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGPROF, signal.SIGALRM)}
+    signal.setitimer(signal.ITIMER_PROF, LONGEST, 1.0)
+    signal.setitimer(signal.ITIMER_REAL, 10.0 * LONGEST, 1.0)
+    try:
+        yield
+    finally:
+        for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
+            signal.setitimer(timer, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -25,6 +25,7 @@ from verification.proof.solution_proof import CriticProof, SolutionProof
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
 
+
 SCHEMA = "hfa.proof/1"
 
 

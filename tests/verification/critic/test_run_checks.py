@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from controller import Game, LearningResult, basis
-from controller.game.learning_result import settled_at
-from verification.critic import critic_check as module
-from verification.critic.critic_check import run_checks, worthless_start
+from verification.critic import run_checks as module
+from verification.critic.run_checks import run_checks, settled_at, worthless_start
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0])
 

@@ -1,0 +1,1 @@
+"""Many flights with random errors, noise and turbulence."""
