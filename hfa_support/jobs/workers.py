@@ -8,7 +8,7 @@ import signal
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -113,14 +113,15 @@ def _serve(connection: Any) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-    while True:
-        function, task = connection.recv()
-        try:
-            result, failure = function(*task), None
-        except Exception as error:
-            error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
-            result, failure = None, error
-        connection.send((result, failure))
+    with suppress(EOFError, OSError):  # of a pipe whose other end is gone
+        while True:
+            function, task = connection.recv()
+            try:
+                result, failure = function(*task), None
+            except Exception as error:
+                error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
+                result, failure = None, error
+            connection.send((result, failure))
 
 
 @contextmanager
@@ -134,7 +135,7 @@ def _cluster(scheduler: str) -> Iterator[Run]:
     except ImportError as error:
         raise BadInputError("--scheduler needs Dask; install it with `pip install .[distributed]`") from error
     try:
-        client = Client(scheduler, timeout=_ANSWER)
+        client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
     except (OSError, ValueError) as error:
         raise BadInputError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one, or use --workers"
@@ -151,7 +152,7 @@ def _cluster(scheduler: str) -> Iterator[Run]:
                 keys[found[-1]] = key
             return found
 
-        finished = as_completed(submitted(_AHEAD * threads))
+        finished = as_completed(submitted(_AHEAD * threads), loop=client.loop)
         try:
             for future in finished:
                 yield keys.pop(future), future.result()
@@ -159,16 +160,23 @@ def _cluster(scheduler: str) -> Iterator[Run]:
         except (KilledWorker, CancelledError, CommClosedError) as error:
             raise NoSolutionError(f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}") from error
 
-    # What Dask logs of a lost connection, in tracebacks, is one line of ours.
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    with client:
+    with _quiet("distributed"), client:
         threads = sum(client.nthreads().values())
         if not threads:
             raise BadInputError(f"the Dask scheduler at {scheduler} has no workers; start some")
+        yield run
+
+
+@contextmanager
+def _quiet(package: str) -> Iterator[None]:
+    """A package logs nothing while the block runs: what Dask logs of a lost connection, in tracebacks, is one line of
+    ours."""
+    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith(package)]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
-        try:
-            yield run
-        finally:
-            client.close()
-            logger.setLevel(before)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
