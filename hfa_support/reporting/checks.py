@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.report import Block
-from hfa_support.reporting.text import Table, Toned
+from hfa_support.reporting.report import Part
+from hfa_support.reporting.text import Cell, Table
 
 #: What a number may be asked to be of its limit; a value that is not a number is none of them.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
@@ -77,14 +77,14 @@ def below(name: str, value: float, limit: float, reason: str) -> Check:
     return checked(name, value, "<", limit, reason)
 
 
-def checks_block(checks: Iterable[Check]) -> Block:
+def checks_block(checks: Iterable[Check]) -> Part:
     """One row a check, then the reason of each that failed."""
     found = tuple(checks)
     rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok)) for check in found]
     reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
-    return Block((Table(("check", "value", "limit", "verdict"), rows), *reasons))
+    return Table(("check", "value", "limit", "verdict"), rows), *reasons
 
 
 def verdict_text(ok: bool) -> str:
     """How a table says whether a check holds."""
-    return Toned("pass", "good") if ok else Toned("FAIL", "bad")
+    return Cell("pass", "good") if ok else Cell("FAIL", "bad")

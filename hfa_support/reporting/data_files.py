@@ -102,8 +102,13 @@ def _csv(records: Table) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(records.header)
     for row in records.rows:
-        writer.writerow([_digits(cell) if isinstance(cell, (float, np.floating)) else cell for cell in row])
+        writer.writerow([_digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell) for cell in row])
     return stream.getvalue()
+
+
+def _inert(cell: Any) -> Any:
+    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
+    return f"'{cell}" if isinstance(cell, str) and re.match(r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]", cell) else cell
 
 
 def _digits(value: float | np.floating) -> str:

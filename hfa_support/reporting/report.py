@@ -1,23 +1,23 @@
-"""A report: what a result says, once, as text for a terminal, Markdown, HTML, LaTeX, and data for files."""
+"""A report: what a result says, once, as text for a terminal, Markdown, HTML, and data for files."""
 
 from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.text import PLAIN, Style, Table, Toned, columns
+from hfa_support.reporting.text import PLAIN, Cell, Style, Table, columns, printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 NO_RECORDS = Table((), ())
-_SECTIONS = ("section", "subsection", "subsubsection", "paragraph")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +38,9 @@ class Picture:
     def html(self) -> str:
         """The figure with its text below it, embedded."""
         data = base64.b64encode(self.png).decode("ascii")
-        text = html.escape(self.text)
+        text = _escaped(self.text)
         image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
         return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Parts that belong together: a table and the lines below it, without an empty line between them."""
-
-    parts: Sequence[str | Table]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,8 +48,9 @@ class Report:
     """What a result says, in the order in which it is read.
 
     title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of formatted cells
-    (Table), blocks, pictures, and reports within the report. data: the result for JSON, .npz and .mat. records: for
-    CSV, numbers with all digits. notes: what to know before trusting it. source: where it comes from, said last.
+    (Table), a tuple of these without an empty line between them, pictures, and reports within the report. data: the
+    result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before trusting it.
+    source: where it comes from, said last.
     """
 
     title: str
@@ -80,33 +74,24 @@ class Report:
         """For a terminal: parts with an empty line between them; pictures have no place there."""
         shown = [_text(part, style) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
-        return "\n\n".join(filter(None, [self.title, *shown, *notes, self.source]))
+        title, *after = (printable(text) for text in (self.title, *notes, self.source))
+        return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
         """With headings from `level` on; pictures as links to files of their name."""
         shown = [_markdown(part, level) for part in self.parts]
-        first, *others = self.title.split("\n")
+        first, *others = printable(self.title).split("\n")
         heading = [f"{'#' * level} {first}"] if first else []
-        notes = (f"Note: {note}" for note in self.notes)
+        notes = (printable(f"Note: {note}") for note in self.notes)
         return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, self.source]))
 
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from elsewhere."""
         first, *others = self.title.split("\n")
-        heading = [f"<h{level}>{html.escape(first)}</h{level}>"] if first else []
+        heading = [f"<h{level}>{_escaped(first)}</h{level}>"] if first else []
         shown = [_html(part, level) for part in self.parts]
         said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
         return "\n".join([*heading, *map(_paragraph, others), *shown, *map(_paragraph, said)])
-
-    def latex(self, level: int = 1) -> str:
-        """A fragment, sections from `level` on, every word escaped; pictures by their names (graphicx)."""
-        from hfa_support.reporting.latex import latex_text
-
-        shown = [_latex(part, level) for part in self.parts]
-        first, *others = self.title.split("\n")
-        heading = [f"\\{_SECTIONS[min(level, 4) - 1]}*{{{latex_text(first)}}}"] if first else []
-        said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n\n".join([*heading, *map(latex_text, others), *shown, *map(latex_text, said)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
@@ -134,7 +119,7 @@ class Report:
                 yield from part.pictures()
 
 
-Part: TypeAlias = str | Table | Block | Picture | Report
+Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
 
 
 class Reported:
@@ -151,22 +136,22 @@ class Reported:
         return self.report()._repr_html_()
 
 
-def _text(part: str | Table | Block | Report, style: Style) -> str:
+def _text(part: Any, style: Style) -> str:
     if isinstance(part, Report):
         return part.text(style)
-    if isinstance(part, Block):
-        return "\n".join(_text(each, style) for each in part.parts)
-    return columns(*part, style) if isinstance(part, Table) else part
+    if isinstance(part, Table):
+        return columns(*part, style)
+    return printable(part) if isinstance(part, str) else "\n".join(_text(each, style) for each in part)
 
 
 def _markdown(part: Part, level: int) -> str:
     if isinstance(part, Report):
         return part.markdown(level + 1)
-    if isinstance(part, Block):
-        return "\n\n".join(_markdown(each, level) for each in part.parts)
     if isinstance(part, Picture):
         return f"![{part.text}]({part.name})"
-    return markdown_table(part) if isinstance(part, Table) else part
+    if isinstance(part, Table):
+        return markdown_table(part)
+    return printable(part) if isinstance(part, str) else "\n\n".join(_markdown(each, level) for each in part)
 
 
 def markdown_table(table: Table) -> str:
@@ -178,13 +163,13 @@ def markdown_table(table: Table) -> str:
 def _html(part: Part, level: int) -> str:
     if isinstance(part, Report):
         return part.html(level + 1)
-    if isinstance(part, Block):
-        return "\n".join(_html(each, level) for each in part.parts)
     if isinstance(part, Picture):
         return part.html()
     if isinstance(part, Table):
         return html_table(part)
-    return "\n".join(f"<p>{html.escape(line)}</p>" for line in part.split("\n"))
+    if isinstance(part, str):
+        return "\n".join(map(_paragraph, part.split("\n")))
+    return "\n".join(_html(each, level) for each in part)
 
 
 def html_table(table: Table) -> str:
@@ -192,14 +177,14 @@ def html_table(table: Table) -> str:
     and the tone of a cell."""
     columns = [["words"] if _are_words([row[i] for row in table.rows]) else [] for i in range(len(table.header))]
     head = "".join(
-        f'<th scope="col"{_class(words)}>{html.escape(str(cell))}</th>'
+        f'<th scope="col"{_class(words)}>{_escaped(cell)}</th>'
         for cell, words in zip(table.header, columns, strict=True)
     )
     body = "\n".join(
-        f'<tr><th scope="row">{html.escape(str(row[0]))}</th>' + "".join(map(_td, row[1:], columns[1:])) + "</tr>"
+        f'<tr><th scope="row">{_escaped(row[0])}</th>' + "".join(map(_td, row[1:], columns[1:])) + "</tr>"
         for row in table.rows
     )
-    box = f'<div class="table" role="group" tabindex="0" aria-label="table: {html.escape(str(table.header[0]))}">'
+    box = f'<div class="table" role="group" tabindex="0" aria-label="table: {_escaped(table.header[0])}">'
     return f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
 
 
@@ -210,28 +195,24 @@ def _are_words(cells: Sequence[Any]) -> bool:
 
 
 def _td(cell: Any, column: list[str]) -> str:
-    return f"<td{_class([*column, *([cell.tone] if isinstance(cell, Toned) else [])])}>{html.escape(str(cell))}</td>"
+    return (
+        f"<td{_class([*column, *([cell.tone] if isinstance(cell, Cell) and cell.tone else [])])}>{_escaped(cell)}</td>"
+    )
 
 
 def _class(names: list[str]) -> str:
     return f' class="{" ".join(names)}"' if names else ""
 
 
-def _latex(part: Part, level: int) -> str:
-    from hfa_support.reporting.latex import latex_table, latex_text
-
-    if isinstance(part, Report):
-        return part.latex(level + 1)
-    if isinstance(part, Block):
-        return "\n\n".join(_latex(each, level) for each in part.parts)
-    if isinstance(part, Picture):
-        return f"\\includegraphics[width=\\linewidth]{{{part.name}}}"
-    return latex_table(part) if isinstance(part, Table) else "\n\n".join(map(latex_text, part.split("\n")))
-
-
 def _cell(cell: Any) -> str:
-    return str(cell).replace("|", "\\|")
+    """A cell of Markdown, where no name begins a column, a tag or a link."""
+    text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
+    return text.replace("|", "\\|").replace("](", "]\\(")
+
+
+def _escaped(text: Any) -> str:
+    return html.escape(printable(str(text), lines=False))
 
 
 def _paragraph(line: str) -> str:
-    return f"<p>{html.escape(line)}</p>"
+    return f"<p>{_escaped(line)}</p>"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -27,46 +28,42 @@ class Table(NamedTuple):
     rows: Sequence[tuple[Any, ...]]
 
 
-class _Marked(str):
-    """A cell that says one thing more; it reads as the plain text, and keeps both when it is pickled or copied."""
+class Cell(str):
+    """A cell that also says how good it is (tone, one of `TONES`), or where its number lies in its range (place, 0 at
+    the lower end and 1 at the upper). It reads as the plain text, and is the same pickled or copied."""
 
-    mark: Any
+    tone: str
+    place: float | None
 
-    def __new__(cls, text: str, mark: Any) -> Self:
-        """The text with its mark."""
+    def __new__(cls, text: str, tone: str = "", place: float | None = None) -> Self:
+        """The text with what it says beside."""
         cell = super().__new__(cls, text)
-        cell.mark = mark
+        cell.tone, cell.place = tone, place
         return cell
 
-    def __getnewargs__(self) -> tuple[str, Any]:  # type: ignore[override]  # the words that make it again
-        return str(self), self.mark
-
-
-class Toned(_Marked):
-    """A cell that also says how good it is."""
-
-    @property
-    def tone(self) -> str:
-        """One of `TONES`."""
-        return str(self.mark)
-
-
-class Placed(_Marked):
-    """A number that also says where it lies in its range."""
-
-    @property
-    def place(self) -> float:
-        """0 at the lower end, 1 at the upper; outside, beyond them."""
-        return float(self.mark)
+    def __getnewargs__(self) -> tuple[str, str, float | None]:  # type: ignore[override]  # the words that make it again
+        return str(self), self.tone, self.place
 
     @property
     def bar(self) -> str:
-        """[--o-------], the mark outside where the place is."""
+        """[--o-------], the mark outside where the place is; "" without a place."""
+        if self.place is None:
+            return ""
         if not 0.0 <= self.place <= 1.0:
             bar = f"[{'-' * _BAR}]"
-            return f"o{bar} " if self.place < 0.0 else f" {bar}o"
+            return f" o{bar} " if self.place < 0.0 else f"  {bar}o"
         mark = min(int(self.place * _BAR), _BAR - 1)
-        return f" [{'-' * mark}o{'-' * (_BAR - 1 - mark)}] "
+        return f"  [{'-' * mark}o{'-' * (_BAR - 1 - mark)}] "
+
+
+#: What a terminal would obey or not show: control characters but line breaks, marks of direction, half characters.
+_OBEYED = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str, lines: bool = True) -> str:
+    """The text with control characters spelled, as in \\x1b; line breaks stay unless there are to be none."""
+    spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
+    return spelled if lines else spelled.replace("\n", " ")
 
 
 class Style(NamedTuple):
@@ -195,23 +192,24 @@ def four_decimals(value: float) -> str:
     return "0.0000" if text == "-0.0000" else text
 
 
-def columns(header: tuple[str, ...], rows: Sequence[tuple[str, ...]], style: Style = PLAIN) -> str:
-    """Rows of text in aligned columns: the first to the left, the others to the right."""
-    table = [header, *(_with_bars(row) if style.bars else row for row in rows)]
+def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], style: Style = PLAIN) -> str:
+    """Rows of cells in aligned columns: the first to the left, the others to the right."""
+    table = [[_shown(cell, style) for cell in row] for row in (header, *rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    lines = [
-        "  ".join(
-            _colored(cell, cell.ljust(width) if i == 0 else cell.rjust(width), style)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in table
-    ]
-    return "\n".join(line.rstrip() for line in lines)
+    lines = []
+    for row, cells in zip(table, (header, *rows), strict=True):
+        aligned = [text.rjust(width) for text, width in zip(row, widths, strict=True)]
+        aligned[0] = row[0].ljust(widths[0])
+        if style.color:
+            tones = [TONES.get(getattr(cell, "tone", ""), "") for cell in cells]
+            aligned = [
+                f"\033[{tone}m{text}\033[0m" if tone else text for tone, text in zip(tones, aligned, strict=True)
+            ]
+        lines.append("  ".join(aligned).rstrip())
+    return "\n".join(lines)
 
 
-def _with_bars(row: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{cell} {cell.bar}" if isinstance(cell, Placed) else cell for cell in row)
-
-
-def _colored(cell: str, shown: str, style: Style) -> str:
-    return f"\033[{TONES[cell.tone]}m{shown}\033[0m" if style.color and isinstance(cell, Toned) else shown
+def _shown(cell: Any, style: Style) -> str:
+    """The text of a cell, here and nowhere else: on one line, with nothing that a terminal would obey."""
+    text = printable(str(cell), lines=False)
+    return text + cell.bar if style.bars and isinstance(cell, Cell) else text

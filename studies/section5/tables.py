@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hfa_support.reporting.report import Report, markdown_table
-from hfa_support.reporting.text import Table, Toned
+from hfa_support.reporting.text import Cell, Table
 from studies.section5.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT_FF, MODIFIED
 
 
@@ -80,12 +80,12 @@ def _cell(finding: dict[str, Any] | None) -> str:
     if finding["value"] is None:
         return "lost" if finding["note"] else "∞"
     number = f"{finding['value']:.3g}"
-    return Toned(number, "good") if finding["holds"] else number
+    return Cell(number, "good") if finding["holds"] else number
 
 
 def _as_toned(form: str, cell: str) -> str:
     text = form.format(cell)
-    return Toned(text, cell.tone) if isinstance(cell, Toned) else text
+    return Cell(text, cell.tone) if isinstance(cell, Cell) else text
 
 
 def _in_bold(table: Table) -> Table:
@@ -95,4 +95,4 @@ def _in_bold(table: Table) -> Table:
 
 def _bold(cell: str) -> str:
     subject, colon, number = cell.rpartition(": ")
-    return f"{subject}{colon}**{number}**" if isinstance(cell, Toned) else cell
+    return f"{subject}{colon}**{number}**" if isinstance(cell, Cell) else cell

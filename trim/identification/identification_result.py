@@ -10,7 +10,7 @@ import numpy as np
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
 from hfa_model.vectors import Input
 from hfa_support.by_value import ByValue
-from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table
 from trim.linear.compare import EntryRow, entries_records, entries_table
 
@@ -68,20 +68,18 @@ class Fit(ByValue, Reported):
             f"{self.expected_sum:.1f} on average), largest difference {self.largest:.2f} half units"
         )
 
-    def determination(self) -> Block:
+    def determination(self) -> Part:
         """Singular values: a combination of relative parameters known to 1/(s sqrt 3)."""
         rows = []
         for value, direction in zip(self.singular_values, self.directions, strict=True):
             largest = np.argsort(-np.abs(direction))[:4]
             combination = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
             rows.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", combination))
-        return Block(
-            (
-                Table(("singular value", "known to", "combination of relative parameters"), rows),
-                "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
-                "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients "
-                "(fixed by chord).",
-            )
+        return (
+            Table(("singular value", "known to", "combination of relative parameters"), rows),
+            "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
+            "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients "
+            "(fixed by chord).",
         )
 
 
@@ -178,7 +176,7 @@ def _structures(result: Identification) -> Table:
     return Table(("structure", "sum of squares", "largest, half units"), rows)
 
 
-def _left_out(result: Identification) -> Block:
+def _left_out(result: Identification) -> Part:
     rows = [
         (
             f"{row.predicted_deg:g} from {row.fitted_deg:g} deg",
@@ -189,10 +187,8 @@ def _left_out(result: Identification) -> Block:
         for row in result.left_out
     ]
     header = ("predicted", "determined", "speed", "alpha", "pitch_rate", "dihedral_rate", "pitch_rate, up to a factor")
-    return Block(
-        (
-            Table(header, rows),
-            "One angle alone does not split the pitch inertia into its constant and its sin² η part:\n"
-            "it leaves one factor on the whole pitch-rate row open, and nothing else.",
-        )
+    return (
+        Table(header, rows),
+        "One angle alone does not split the pitch inertia into its constant and its sin² η part:\n"
+        "it leaves one factor on the whole pitch-rate row open, and nothing else.",
     )

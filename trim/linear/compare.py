@@ -13,7 +13,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import TONES, Table, Toned, four_decimals
+from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.linear.linear_model import LinearModel, level_model
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
@@ -128,7 +128,7 @@ def _toned(entry: EntryRow) -> str:
     if entry.is_zero:
         return shown
     tones = zip(TONES, (*MOST_HALF_UNITS, math.inf), strict=True)
-    return Toned(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
+    return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:

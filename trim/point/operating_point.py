@@ -26,7 +26,7 @@ from hfa_support.errors import BadInputError, shortened, shown
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table, Toned, angle_text, degrees
+from hfa_support.reporting.text import Cell, Table, angle_text, degrees
 from hfa_support.reporting.unit_system import english, in_force, unit_in_force
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 
@@ -121,7 +121,7 @@ class OperatingPoint(Reported):
                 f"{in_force(tolerance(name), getattr(RATE_UNITS, name)):.2e}",
                 unit_in_force(getattr(RATE_UNITS, name)),
                 f"{self.scaled_residuals[name]:.2e}",
-                Toned("PASS", "good") if self.balances(name) else Toned("FAIL", "bad"),
+                Cell("PASS", "good") if self.balances(name) else Cell("FAIL", "bad"),
             )
             for name, value in failing_first
         ]

@@ -12,9 +12,8 @@ from hfa_model.vectors import INPUTS, RATE_UNITS, STATES
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import (
-    Placed,
+    Cell,
     Table,
-    Toned,
     degrees,
     four_decimals,
     in_degrees,
@@ -74,7 +73,7 @@ def _margin(each: Margin) -> str:
         return ""
     shown = degrees(each.distance, each.unit)[0]
     width = each.highest - each.lowest
-    return shown if math.isinf(width) else Placed(shown, (each.value - each.lowest) / width)
+    return shown if math.isinf(width) else Cell(shown, place=(each.value - each.lowest) / width)
 
 
 def _nearest(nearest: list[Margin]) -> Table:
@@ -85,7 +84,7 @@ def _nearest(nearest: list[Margin]) -> Table:
             degrees(each.distance, each.unit)[0],
             shown_unit(each.unit),
             f"{100 * each.share:.1f} %",
-            Toned("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
+            Cell("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
         )
         for each in nearest
     ]

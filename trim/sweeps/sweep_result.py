@@ -11,7 +11,7 @@ from hfa_model.vectors import INPUT_UNITS, INPUTS, STATE_UNITS, STATES, entry_un
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Block, Picture, Report, Reported
+from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
 from trim.point.operating_point import Status
 from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
@@ -155,7 +155,7 @@ class Sweep(ByValue, Reported):
         failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
         return Report(
             title=f"Sweep, {self.dynamics} dynamics: {int(self.trimmed.sum())} of {count} points trimmed",
-            parts=(Block((Table(header, RowsMade(count, row)), *failures)), *self._picture()),
+            parts=(((Table(header, RowsMade(count, row)), *failures)), *self._picture()),
             notes=warnings,
             data=self.to_dict() | {"warnings": warnings},
             records=_records(self),

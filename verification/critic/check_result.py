@@ -14,7 +14,7 @@ from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import Check, Checked, checks_block
-from hfa_support.reporting.report import Block, Part, Report, Reported
+from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows, numbered
 from hfa_support.reporting.unit_system import in_force
 from verification.critic.candidate import Candidate
@@ -142,7 +142,7 @@ def check_report(
     )
 
 
-def _failures(checks: tuple[Check, ...]) -> Block:
+def _failures(checks: tuple[Check, ...]) -> Part:
     """What failed and why, a line each: the loops, P and K, then the other errors; the rest in one line."""
 
     def order(check: Check) -> tuple[bool, bool]:
@@ -152,7 +152,7 @@ def _failures(checks: tuple[Check, ...]) -> Block:
     lines = [f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})" for check in failed]
     more = [f"FAIL too: {', '.join(check.name for check in failed[FAILURES:])}"] if len(failed) > FAILURES else []
     passed = len(checks) - len(failed)
-    return Block((*lines[:FAILURES], *more, f"{passed} check{'s' * (passed != 1)} passed; --json has all"))
+    return (*lines[:FAILURES], *more, f"{passed} check{'s' * (passed != 1)} passed; --json has all")
 
 
 def _in_short(check: CriticCheck) -> str:
@@ -167,7 +167,7 @@ def _in_short(check: CriticCheck) -> str:
     )
 
 
-def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: int) -> Block:
+def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: int) -> Part:
     """The `most` entries that are farthest off, each relative to the largest of its matrix, in their order; and a line
     that says so where there are more."""
     largest = {"P": float(np.abs(check.exact.P).max()) or 1.0, "K": float(np.abs(check.exact.K).max()) or 1.0}
@@ -180,7 +180,7 @@ def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: in
         left, right, difference = (in_force(value, unit) for value in (learned, exact, learned - exact))
         shown.append((f"{name}({row}, {column})", f"{left:.8g}", f"{right:.8g}", f"{difference:+.2e}"))
     left_out = [f"the {most} of {len(rows)} entries that are farthest off; -o FILE has all"] * (len(rows) > most)
-    return Block((Table(("entry", "learned", "exact", "difference"), shown), *left_out))
+    return (Table(("entry", "learned", "exact", "difference"), shown), *left_out)
 
 
 def _margins(check: CriticCheck) -> Table:

@@ -17,7 +17,7 @@ from controller.riccati.gare import GameSolution
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_most
-from hfa_support.reporting.report import Block
+from hfa_support.reporting.report import Part
 from hfa_support.reporting.text import Table
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import Box, critic_errors
@@ -61,12 +61,12 @@ class HistoryErrors:
         late = f"{self.said}; T_w is {self.predefined_time:g} s"
         return (at_most("settling_time", self.settling_time, self.predefined_time, late),)
 
-    def block(self) -> Block:
+    def block(self) -> Part:
         """The errors at some of the times, evenly spread over the rows, and when they settle."""
         rows = np.unique(np.linspace(0, len(self.times) - 1, _SHOWN).round().astype(int))
         cells = [[f"{self.times[row]:.4g}", *(_shown(each[row]) for each in self._columns())] for row in rows]
         header = ("time, s", "error of P", "error of K", "Riccati residual", "largest error")
-        return Block((Table(header, [tuple(row) for row in cells]), self.said))
+        return (Table(header, [tuple(row) for row in cells]), self.said)
 
     def records(self) -> Table:
         """One row a time, all digits."""

@@ -10,7 +10,7 @@ import numpy as np
 from controller.flight.envelope import Envelope
 from controller.flight.trials import Trials
 from hfa_model.vectors import LINEAR_STATES, STATE_UNITS, STATES
-from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -92,7 +92,7 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
     ]
     return Report(
         title=f"How far u = -K z holds, dihedral {dihedral:g} deg" + (f", law {law}" if law else ""),
-        parts=(*map(_edges, maps), Block(("envelope", Table(("state", "unit", "limits"), limits)))),
+        parts=(*map(_edges, maps), (("envelope", Table(("state", "unit", "limits"), limits)))),
         data={
             "schema": MAP_SCHEMA,
             "states": list(STATES),
@@ -102,18 +102,16 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
     )
 
 
-def _edges(each: RecoverableMap) -> Block:
+def _edges(each: RecoverableMap) -> Part:
     header = ("from trim", "unit", "held", "then leaves", "comes back", "held, linear model", "then leaves")
     counts = ", ".join(
         f"{plant} {int(each.held(plant).sum())} held and {int(each.returned(plant).sum())} came back"
         for plant in ("nonlinear", "linear")
     )
-    return Block(
-        (
-            f"{each.dynamics} dynamics",
-            Table(header, [_edge_row(edge, other) for edge, other in _pairs(each.edges)]),
-            f"of {each.speeds.size * each.dihedrals.size} starts: {counts}",
-        )
+    return (
+        f"{each.dynamics} dynamics",
+        Table(header, [_edge_row(edge, other) for edge, other in _pairs(each.edges)]),
+        f"of {each.speeds.size * each.dihedrals.size} starts: {counts}",
     )
 
 

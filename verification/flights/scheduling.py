@@ -24,7 +24,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import LINEAR_STATES, UNITS
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.report import Block, Report, Reported
+from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
@@ -61,7 +61,7 @@ class CertifiedSchedule(Reported):
         """The grid, and what holds between its points."""
         return Report("Schedule of certified gains", (self.block(),))
 
-    def block(self) -> Block:
+    def block(self) -> Part:
         """One row a grid point, and what holds between them."""
         rows = [
             (
@@ -75,7 +75,7 @@ class CertifiedSchedule(Reported):
         ]
         header = ("dihedral deg", "abscissa A-BK 1/s", "abscissa A-SP 1/s", "K off the exact", "certificates")
         between = f"halfway between the points, interpolated gain: largest abscissa of A-BK {self.between:.4f} 1/s"
-        return Block((Table(header, rows), between))
+        return (Table(header, rows), between)
 
     def at(self, dihedral: float) -> GridPoint:
         """The grid point at a dihedral, rad; BadInputError when there is none."""

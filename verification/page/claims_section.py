@@ -10,7 +10,7 @@ import numpy as np
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, Toned
+from hfa_support.reporting.text import Cell, Table
 from verification.page.main_job import StoredClaims
 from verification.regeneration.regeneration import Regeneration
 
@@ -48,7 +48,7 @@ def claims_section(claims: StoredClaims | None, regeneration: Regeneration) -> R
         return Report(_TITLE, (how,))
     table = claims.table
     short = short_table(table)
-    rows = [(*row[:-1], Toned(row[-1], _TONE.get(row[-1], "near"))) for row in short.rows]
+    rows = [(*row[:-1], Cell(row[-1], _TONE.get(row[-1], "near"))) for row in short.rows]
     same = "the same matrices as" if flies_the_same(table, regeneration) else "OTHER matrices than"
     said = (
         f"Read from {claims.path}, which `python -m studies.section5` wrote. {counts_text(table)}.",
@@ -73,7 +73,7 @@ def _cell(finding: dict[str, Any], before: str = "") -> str:
     if finding["value"] is None:
         return before + ("lost" if finding["note"] else "∞")
     text = f"{before}{finding['value']:.3g}"
-    return Toned(text, "good") if finding["holds"] else text
+    return Cell(text, "good") if finding["holds"] else text
 
 
 def counts_text(table: dict[str, Any]) -> str:

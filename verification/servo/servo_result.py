@@ -13,7 +13,7 @@ import numpy as np
 from controller.design.design import signal_unit
 from controller.flight.tracking import Tracked
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Block, Report
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
 from hfa_support.reporting.unit_system import in_force
 from verification.servo.reference_model import REGULATED
@@ -126,7 +126,7 @@ def _alike(one: ServoFlight, other: ServoFlight) -> bool:
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
     """Root mean square errors, surface rates, and what was lost, law by law."""
-    blocks = [Block((_title(result), _table(result))) for result in results]
+    blocks = [((_title(result), _table(result))) for result in results]
     title = "Servos through the commands and the actuator faults of SimVFA"
     return Report(title, tuple(blocks), data={"schema": SCHEMA, "cases": list(results)})
 

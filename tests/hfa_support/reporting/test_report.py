@@ -1,4 +1,4 @@
-"""A report says the same as text, Markdown, HTML, LaTeX and data; every word is escaped; a picture is drawn once."""
+"""A report says the same as text, Markdown, HTML and data; every word is escaped; a picture is drawn once."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from hfa_support import Report
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Block, Picture
-from hfa_support.reporting.text import RowsMade, Style, Table, Toned
+from hfa_support.reporting.report import Picture
+from hfa_support.reporting.text import Cell, RowsMade, Style, Table
 
 
 def picture(drawn: list[str]) -> Picture:
@@ -27,7 +27,7 @@ def picture(drawn: list[str]) -> Picture:
 
 def report(drawn: list[str]) -> Report:
     table = Table(("load", "value"), [("lift <1>", "2.5"), ("a|b", "10")])
-    inner = Report("Inner", (Block((table, "below the table")), picture(drawn)))
+    inner = Report("Inner", (((table, "below the table")), picture(drawn)))
     return Report(
         title="Title & more\nof it",
         parts=("first", inner),
@@ -66,21 +66,11 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert drawn == ["drawn"]
 
 
-def test_latex_has_sections_tabulars_and_pictures_by_name() -> None:
-    assert report([]).latex() == (
-        "\\section*{Title \\& more}\n\nof it\n\nfirst\n\n\\subsection*{Inner}\n\n"
-        "\\noindent\\begin{tabular}{lr}\nload & value \\\\\n\\hline\n"
-        "lift \\textless{}1\\textgreater{} & 2.5 \\\\\na\\textbar{}b & 10 \\\\\n\\end{tabular}\n\n"
-        "below the table\n\n\\includegraphics[width=\\linewidth]{a.png}\n\nNote: take care"
-    )
-
-
 def test_a_text_draws_no_picture() -> None:
     drawn: list[str] = []
     found = report(drawn)
     assert found.text()
     assert found.markdown()
-    assert found.latex()
     assert [each.name for each in found.pictures()] == ["a.png"]
     assert drawn == []
 
@@ -114,14 +104,36 @@ def test_rows_that_are_made_are_counted_and_end() -> None:
 
 
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
-    table = Table(("check", "value", "verdict"), [("a", "1.5", Toned("pass", "good")), ("longer", "2", "-")])
+    table = Table(("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")])
     plain, shown = Report("", (table,)).text(), Report("", (table,)).text(Style(color=True))
     assert plain.splitlines()[1] == "a         1.5     pass"
     assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
     assert "\033[32m   pass\033[0m" in shown
     assert '<td>1.5</td><td class="words good">pass</td>' in Report("", (table,)).html()
-    assert "good" not in Report("", (table,)).markdown() + Report("", (table,)).latex()
-    assert pickle.loads(pickle.dumps(Toned("pass", "good"))).tone == "good"
+    assert "good" not in Report("", (table,)).markdown()
+    assert pickle.loads(pickle.dumps(Cell("pass", "good"))).tone == "good"
+
+
+@pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
+def test_no_name_reaches_a_terminal_that_it_would_obey(name: str, tmp_path: Path) -> None:
+    found = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
+    for text in (found.text(), found.markdown(), found.html()):
+        lines = text.replace("\n", "")
+        assert lines.isprintable()
+        assert lines.encode()
+    assert sum("value" in line or line.endswith(" 1") for line in found.text().splitlines()) == 2  # a cell is one line
+
+
+def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
+    names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
+    table = Table(("name", "value"), [(name, 1.0) for name in names])
+    Report("", records=table).save(tmp_path / "a.csv")
+    cells = [row["name"] for row in csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())]
+    assert cells == [f"'{name}" for name in names[:4]] + list(names[4:])
+    markdown = Report("", (table,)).markdown()
+    assert "&lt;script>" in markdown
+    assert "[a]\\(b)" in markdown
+    assert "=cmd\\|" in markdown
 
 
 def test_a_column_of_words_has_fewer_numbers_than_words_in_what_it_says() -> None:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from hfa_support.reporting.text import (
-    Placed,
+    Cell,
     Style,
-    Toned,
     angle_text,
     columns,
     degrees,
@@ -46,10 +45,10 @@ def test_a_range_has_a_number_once() -> None:
 
 
 def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
-    ends = {0.0: " [o---------] ", 1.0: " [---------o] "}
-    marks = ends | {0.5: " [-----o----] ", -0.1: "o[----------] ", 1.1: " [----------]o"}
-    assert {place: Placed("1", place).bar for place in marks} == marks
-    rows = [("a", Placed("1.5", 0.5)), ("b", "")]
+    ends = {0.0: "  [o---------] ", 1.0: "  [---------o] "}
+    marks = ends | {0.5: "  [-----o----] ", -0.1: " o[----------] ", 1.1: "  [----------]o"}
+    assert {place: Cell("1", place=place).bar for place in marks} == marks
+    rows = [("a", Cell("1.5", place=0.5)), ("b", "")]
     assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
     assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
 
@@ -59,9 +58,9 @@ def test_what_has_no_name_is_counted() -> None:
 
 
 def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
-    for cell in (Toned("pass", "good"), Placed("1.5", 0.25)):
+    for cell in (Cell("pass", "good"), Cell("1.5", place=0.25)):
         for again in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
-            assert (type(again), again, again.mark) == (type(cell), str(cell), cell.mark)
+            assert (again, again.tone, again.place) == (str(cell), cell.tone, cell.place)
 
 
 @pytest.mark.parametrize(
