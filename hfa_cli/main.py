@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import importlib
 import io
+import itertools
 import os
 import sys
 import warnings
@@ -105,16 +106,29 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 def _run(words: list[str]) -> int:
     """Parse the words and run the command that they name."""
-    try:
-        module, arguments = _parsed(words)
-    except SystemExit:
-        return DONE  # how argparse leaves after --help and --version
-    _refuse_same_file(words, arguments)
-    from hfa_cli.options.shared_options import units_of
+    with _units_of(words):
+        try:
+            module, arguments = _parsed(words)
+        except SystemExit:
+            return DONE  # how argparse leaves after --help and --version
+        _refuse_same_file(words, arguments)
+        return _run_parsed(module, arguments, words)
 
+
+def _units_of(words: list[str]) -> contextlib.AbstractContextManager[None]:
+    """The units that --units names, in which the other options are read; wrong ones are refused when it is parsed."""
+    named = [value for word, value in itertools.pairwise(words) if word == "--units"]
+    named += [word.removeprefix("--units=") for word in words if word.startswith("--units=")]
+    if named[-1:] != ["si"]:
+        return contextlib.nullcontext()
+    from hfa_support.reporting.unit_system import shown_in
+
+    return shown_in("si")
+
+
+def _run_parsed(module: Any, arguments: argparse.Namespace, words: list[str]) -> int:
     with contextlib.ExitStack() as around:
         around.enter_context(run_of(words, arguments))
-        around.enter_context(units_of(arguments))
         if arguments.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         return int(module.run(arguments))

@@ -15,6 +15,7 @@ from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
+from hfa_support.reporting.unit_system import shown_in
 from trim.linear.linear_model import linearize
 
 _MOST_POINTS = 1000
@@ -34,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_stored(parser)
     for name, (about, unit, text) in _RANGES.items():
         about_it = f"off trim, {unit}; default {text}"
-        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=text)
+        with shown_in("english"):
+            default = value_range(about, text)
+        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=default)
     add_envelope(parser)
     options.add_picture(parser, "the map")
     options.add_output(parser)

@@ -25,6 +25,7 @@ from hfa_cli.options.law_options import (
 )
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.scenario_options import (
+    OF_TURBULENCE,
     TURBULENCE,
     actuators_of,
     add_actuators,
@@ -69,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(
         drawn,
         "--turbulence",
-        numbers(TURBULENCE, 2, 3),
+        numbers(TURBULENCE, 2, *OF_TURBULENCE),
         TURBULENCE,
         "Dryden turbulence, ft/s, ft and s",
     )

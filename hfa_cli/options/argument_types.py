@@ -1,7 +1,7 @@
 """Types of options: one word of a command line becomes a value in internal units, or the reason why not.
 
-A reason is the rest of a sentence that begins with the option: "--speed" and "is 'fast'; give a number". Angles are
-given in degrees and become radians here and nowhere else.
+A reason is the rest of a sentence that begins with the option: "--speed" and "is 'fast'; give a number". Degrees become
+radians, and what is typed in m, kg, N with --units si becomes ft, slug, lbf, here and nowhere else.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from hfa_model.parameters import FIELDS
 from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.data_files import SUFFIXES
+from hfa_support.reporting.unit_system import typed
 
 Parsed = TypeVar("Parsed")
 PICTURES = (".png", ".svg", ".pdf")
@@ -53,8 +55,20 @@ def one_angle(text: str) -> float:
 
 
 def quantity(name: str, text: str) -> float:
-    """The value of a named variable; a parameter of the aircraft is given in its own unit, whatever that is."""
-    return angle(text) if UNITS.get(name, "").startswith("rad") else number(text)
+    """The value of a state, an input or a parameter of the aircraft, typed in its shown unit."""
+    return in_unit(_unit(name), text)
+
+
+def in_unit(unit: str, text: str) -> float:
+    """The number typed in the shown unit of an internal one: degrees of rad, m of ft with --units si."""
+    return angle(text) if unit.startswith("rad") else typed(number(text), unit)
+
+
+def _unit(name: str) -> str:
+    """Internal unit of a name; those of parameters are not shown in degrees."""
+    if name in UNITS:
+        return UNITS[name]
+    return str(getattr(FIELDS, name).unit) if name in FIELDS._fields else "1"
 
 
 def span(name: str, text: str) -> tuple[float, float]:
@@ -170,13 +184,13 @@ def check_folder(path: str) -> Path:
     return folder
 
 
-def numbers(form: str, *counts: int) -> Callable[[str], tuple[float, ...]]:
-    """The type of numbers between colons, as many as one of `counts`."""
+def numbers(form: str, least: int, *units: str) -> Callable[[str], tuple[float, ...]]:
+    """The type of numbers between colons: as many as `units`, the internal unit of each, but at least `least`."""
 
     def convert(text: str) -> tuple[float, ...]:
         parts = text.split(":")
-        if len(parts) not in counts:
+        if not least <= len(parts) <= len(units):
             raise ArgumentTypeError(f"is {text!r}; give {form}")
-        return tuple(number(part) for part in parts)
+        return tuple(typed(number(part), unit) for part, unit in zip(parts, units, strict=False))
 
     return convert

@@ -17,8 +17,10 @@ from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
+from hfa_model.vectors import LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.reporting.text import numbered
+from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import linearize
 
 
@@ -74,22 +76,24 @@ def add_weights(parser: argparse.ArgumentParser) -> None:
         add_value(parser, f"--{name}", diagonal, "a,b,...", f"diagonal of {name}; default: the paper's")
 
 
-def weights_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Changes of the published game that the options name."""
-    return {name: value for name in ("Q", "R", "delta") if (value := getattr(arguments, name)) is not None}
+def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = LINEAR_UNITS) -> dict[str, Any]:
+    """Changes of the published game that the options name; Q, typed in `unit_in_force`, in these units."""
+    found = {name: value for name in ("Q", "R", "delta") if (value := getattr(arguments, name)) is not None}
+    if "Q" in found and len(found["Q"]) == len(state_units):
+        found["Q"] = entries_in_force(found["Q"], (state_units, 1), (state_units, 1))
+    return found
 
 
 def game_of(arguments: argparse.Namespace) -> NamedGame:
     """The game that the options name."""
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    changes = weights_of(arguments)
     if arguments.model is not None:
         of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
         of_the_aircraft += ("units",) * hasattr(arguments, "units")
         of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
         options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-        game, notes, names, provenance = stored_game(arguments.model, **changes)
+        game, notes, names, provenance = stored_game(arguments.model, **weights_of(arguments))
         n, m = game.B.shape
         plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
         labels = plain | {"input_units": ("",) * m} | names
@@ -99,8 +103,9 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     model = linearize(aircraft, point)
     origin = f"the aircraft at dihedral {math.degrees(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
     if arguments.design is not None:
-        return _designed(design_model(aircraft, model, arguments.design), origin, changes)
-    game = published_game(model.A, model.B, **changes)
+        built = design_model(aircraft, model, arguments.design)
+        return _designed(built, origin, weights_of(arguments, built.state_units))
+    game = published_game(model.A, model.B, **weights_of(arguments))
     units = model.state_units, model.input_units
     return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings))
 

@@ -16,8 +16,10 @@ from hfa_cli.options.argument_types import input_file, number, quantity, whole
 from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
+from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.reporting.unit_system import typed
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -181,6 +183,10 @@ def commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]
     return CommandSteps(tuple(given), np.array(times), values, *command_filter)
 
 
+def _output_unit(name: str) -> str:
+    return OUTPUTS[name].unit if name in OUTPUTS else "1"
+
+
 def _steps(name: str, text: str) -> list[tuple[float, float]]:
     """The type of --command: (time, value) pairs, increasing."""
     found = []
@@ -188,7 +194,9 @@ def _steps(name: str, text: str) -> list[tuple[float, float]]:
         time, colon, value = part.partition(":")
         if not colon:
             raise argparse.ArgumentTypeError(f"is {text!r}; give {_STEPS}")
-        found.append((number(time), quantity(name, value) if name in STATES else number(value)))
+        found.append(
+            (number(time), quantity(name, value) if name in STATES else typed(number(value), _output_unit(name)))
+        )
     if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
         raise argparse.ArgumentTypeError(f"is {text!r}; the times must increase, from 0 on")
     return found

@@ -26,6 +26,7 @@ from trim.point.operating_point import OperatingPoint
 #: How help shows colon-separated numbers.
 _OUTER = "PEAK[:DELAY]"
 _GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
+OF_TURBULENCE = ("ft/s", "ft", "s")
 _TICK = 0.01
 #: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
@@ -42,13 +43,19 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     missed = "factor on a parameter of the simulated aircraft, unknown to the design"
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
     add_actuators(parser)
-    add_value(parser, "--gust", numbers(_GUST, 2, 3), _GUST, "1-cosine updraft, ft, ft/s and s")
-    add_value(parser, "--outer-gust", numbers(_OUTER, 1, 2), _OUTER, "other peak at the outer panels, ft/s; s later")
+    add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s"), _GUST, "1-cosine updraft, ft, ft/s and s")
+    add_value(
+        parser, "--outer-gust", numbers(_OUTER, 1, "ft/s", "s"), _OUTER, "other peak at the outer panels, ft/s; s later"
+    )
     parser.add_argument(
         "--spanwise", action="store_true", help="turbulence that differs between center and outer panels"
     )
     add_value(
-        parser, "--turbulence", numbers(TURBULENCE, 2, 3), TURBULENCE, "Dryden turbulence, ft/s, ft and s, from --seed"
+        parser,
+        "--turbulence",
+        numbers(TURBULENCE, 2, *OF_TURBULENCE),
+        TURBULENCE,
+        "Dryden turbulence, ft/s, ft and s, from --seed",
     )
     add_envelope(parser)
 
@@ -193,8 +200,14 @@ def _check_state(name: str, names: tuple[str, ...]) -> None:
 def add_actuators(parser: argparse._ActionsContainer, faults: bool = True) -> None:
     """--actuators, --engine, and --fault unless there are none."""
     about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
-    add_value(parser, "--actuators", numbers(_ACTUATORS, 2, 3), _ACTUATORS, about)
-    add_value(parser, "--engine", numbers(_LAG_RATE, 2), _LAG_RATE, "another lag and rate for the throttle, s and 1/s")
+    add_value(parser, "--actuators", numbers(_ACTUATORS, 2, "s", "deg/s", "1"), _ACTUATORS, about)
+    add_value(
+        parser,
+        "--engine",
+        numbers(_LAG_RATE, 2, "s", "1/s"),
+        _LAG_RATE,
+        "another lag and rate for the throttle, s and 1/s",
+    )
     if not faults:
         parser.set_defaults(fault=None)
         return

@@ -7,14 +7,13 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hfa_cli.options.argument_types import (
     PICTURES,
     angle,
-    number,
     one_angle,
     one_of,
     output_file,
@@ -29,7 +28,7 @@ from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_p
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.unit_system import SYSTEMS, shown_in
+from hfa_support.reporting.unit_system import SYSTEMS
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition, describe, release
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
@@ -71,8 +70,8 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """What a trim imposes and leaves free, the dihedral angle apart."""
-    add_value(parser, "--speed", number, "FT/S", "default: the paper's 68")
-    add_value(parser, "--altitude", number, "FT", "default: the paper's 40000")
+    add_value(parser, "--speed", partial(quantity, "speed"), "FT/S", "default: the paper's 68 ft/s")
+    add_value(parser, "--altitude", partial(quantity, "altitude"), "FT", "default: the paper's 40000 ft")
     add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
     add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
     add_changes(parser, quantity, "VALUE", "hold a variable, degrees for angles; repeatable")
@@ -231,14 +230,9 @@ def _parameters(text: str) -> ParameterSet:
 
 
 def add_units(parser: argparse.ArgumentParser) -> None:
-    """--units: of what is printed, drawn and written; what is typed stays in feet."""
-    about = "units of what is printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
+    """--units: of what is typed, printed, drawn and written."""
+    about = "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
     add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
-
-
-def units_of(arguments: argparse.Namespace) -> AbstractContextManager[None]:
-    """What is said inside is said in the units that --units names."""
-    return shown_in(getattr(arguments, "units", None) or SYSTEMS[0])
 
 
 def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:

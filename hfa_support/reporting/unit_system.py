@@ -47,6 +47,11 @@ def in_force(value: Any, unit: str) -> Any:
     return value * si_factor(unit) if _SYSTEM.get() == "si" else value
 
 
+def typed(value: float, unit: str) -> float:
+    """A number that was typed in `unit_in_force`, in the English unit."""
+    return value / si_factor(unit) if _SYSTEM.get() == "si" else value
+
+
 def entries_in_force(matrix: np.ndarray, *axes: tuple[tuple[str, ...], int]) -> np.ndarray:
     """An array whose last axes have units, each a (unit of every entry, power): (m/s)/(rad) of A is +1 and -1."""
     if _SYSTEM.get() != "si":

@@ -20,7 +20,7 @@ COMMANDS = {
     "trim": ("trim", "--dihedral", "12"),
     "linearize": ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha"),
     "solve": ("solve", "--dihedral", "12"),
-    "sweep": ("sweep", "--dihedral", "10", "--speed", "60,68", "--game"),
+    "sweep": ("sweep", "--dihedral", "10", "--speed", "18.288,20.7264", "--game"),
     "validate": ("validate",),
 }
 ENGLISH = ("ft", "lbf", "slug")
@@ -127,12 +127,13 @@ def test_every_unit_is_si_in_text_and_files(name: str, tmp_path: Path) -> None:
 
 def test_a_sweep_is_its_points(tmp_path: Path) -> None:
     data = answer(*COMMANDS["sweep"], "--units", "si")
-    single = answer("linearize", "--dihedral", "10", "--speed", "60", "--units", "si")
+    single = answer("linearize", "--dihedral", "10", "--speed", "18.288", "--units", "si")
     np.testing.assert_allclose(data["A"][0], single["A"], rtol=1e-9, atol=1e-9)
-    assert data["values"][0] == [np.radians(10.0), 60 * FOOT]
-    assert data["grid"]["speed"] == {"values": [60 * FOOT, 68 * FOOT], "unit": "m/s"}
+    assert data["values"][0] == pytest.approx([np.radians(10.0), 18.288])
+    assert data["grid"]["speed"]["values"] == pytest.approx([18.288, 20.7264])
+    assert data["grid"]["speed"]["unit"] == "m/s"
     assert data["operating_states"][0][2] == pytest.approx(40_000 * FOOT)
-    gain = answer("solve", "--dihedral", "10", "--speed", "60", "--units", "si")["K"]
+    gain = answer("solve", "--dihedral", "10", "--speed", "18.288", "--units", "si")["K"]
     np.testing.assert_allclose(data["game"]["K"][0], gain, rtol=1e-6, atol=1e-9)
 
 
@@ -149,6 +150,29 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
     data["operating_point"]["state_units"]["speed"] = "km/h"
     Path(point).write_text(json.dumps(data), encoding="utf-8")
     assert_refused(hfa("trim", "--dihedral", "12", "--start", point), 2, "is in km/h, not in ft/s or m/s")
+
+
+def test_the_trim_that_was_printed_can_be_typed() -> None:
+    """A flight in m and m/s: what --units si prints, typed again, is the same trim; in feet it is another."""
+    words = ("trim", "--dihedral", "10", "--units", "si", "--free", "alpha")
+    first = answer(*words, "--altitude", "12000", "--speed", "21")["operating_point"]["states"]
+    assert (first["altitude"], first["speed"]) == pytest.approx((12000.0, 21.0))
+    again = answer(*words, "--altitude", str(first["altitude"]), "--hold", f"speed={first['speed']!r}")
+    assert again["operating_point"]["states"] == pytest.approx(first, rel=1e-12, abs=1e-12)
+    english = answer(
+        "trim", "--dihedral", "10", "--altitude", repr(12000 / FOOT), "--speed", repr(21 / FOOT), *words[5:]
+    )
+    assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
+    beyond = hfa(*words, "--altitude", "30000")
+    assert beyond.code != 0  # m; feet would be within the limits
+
+
+def test_weights_and_gusts_that_are_typed_are_those_of_the_units() -> None:
+    words = ("solve", "--dihedral", "10", "--json")
+    Q = "1000,1000,0.01,0.01,1000,0.01"
+    si = Q.replace("1000", repr(1000 / FOOT**2), 1)
+    before, after = answer(*words, "--Q", Q), answer(*words, "--Q", si, "--units", "si")
+    np.testing.assert_allclose(after["closed_loop_eigenvalues"], before["closed_loop_eigenvalues"], rtol=1e-9)
 
 
 def test_what_it_does_not_go_with(tmp_path: Path) -> None:

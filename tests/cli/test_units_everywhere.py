@@ -23,16 +23,16 @@ FLIGHT = ("--law", "exact", "--duration", "0.5")
 RUNS: dict[str, tuple[str, ...]] = {
     "trim": AT,
     "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
-    "sweep": ("--dihedral", "10,12", "--speed", "60,68", "--game"),
+    "sweep": ("--dihedral", "10,12", "--speed", "60ft,68ft", "--game"),
     "validate": (),
     "solve": (*AT, "--design", "servo", "--delta", "inf"),
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),
-    "fly": (*AT, *FLIGHT, "--gust", "200:5", "--reference", "speed=0.01"),
+    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--reference", "speed=0.01ft"),
     "schedule": ("--dihedral", "5", "--to", "6", "--over", "1", "--points", "2", "--law", "exact", "--duration", "7"),
-    "map": (*AT, "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "0", "--commands", "0"),
-    "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3:200"),
+    "map": (*AT, "--law", "exact", "--speeds", "-1ft:1ft:1ft", "--dihedrals", "0", "--commands", "0"),
+    "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3ft:200ft"),
     "identify": (),
     "servo": ("order-1", "--duration", "0.5", "--law", "servo"),
     "report": (*AT, "--sweep", "10,12"),
@@ -91,10 +91,17 @@ def complaints(command: str, before: dict[str, Any], after: dict[str, Any]) -> l
     return found
 
 
+def typed(words: tuple[str, ...], system: str) -> tuple[str, ...]:
+    """The words with each length, as in 5ft, in the units of the system."""
+    factor = FOOT if system == "si" else 1.0
+    in_system = (re.sub(r"([\d.]+)ft\b", lambda found: repr(float(found[1]) * factor), word) for word in words)
+    return (*in_system, "--units", system)
+
+
 def in_both(name: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     words = (name, *RUNS[name], *(("-o", str(folder)) if name == "servo" else ()))
     again = ("--resume",) if name == "servo" else ()
-    return answer(*words), answer(*words, *again, "--units", "si")
+    return answer(*typed(words, "english")), answer(*typed((*words, *again), "si"))
 
 
 def test_every_command_is_here() -> None:
@@ -121,14 +128,14 @@ def test_what_is_forgotten_is_seen(table: str, key: str, monkeypatch: pytest.Mon
         ("fly", *RUNS["fly"], "--picture"),
         pytest.param(("map", *RUNS["map"], "--picture"), marks=pytest.mark.slow),
         ("trim", *AT, "--picture"),
-        ("sweep", "--dihedral", "10", "--speed", "60,68", "--picture"),
+        ("sweep", "--dihedral", "10", "--speed", "18,20", "--picture"),
     ],
     ids=lambda words: words[0],
 )
 def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -> None:
     """Matplotlib writes each text of an .svg beside it, as a comment."""
     picture = tmp_path / "p.svg"
-    result = hfa(*words, str(picture), "--units", "si")
+    result = hfa(*typed((*words, str(picture)), "si"))
     assert result.code == 0, result.err
     drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
     assert any(re.search(r"\bm(/s)?\b", each) for each in drawn)
