@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     add_weights(parser)
     about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
-    add_value(parser, "--gain", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
     add_scenario(parser, "20 more than the change takes")
     options.add_picture(parser, "the flight")
     options.add_output(parser)
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     check_learning(arguments)
-    gains = None if arguments.gain is None else load_gains(arguments.gain)
+    gains = None if arguments.weights is None else load_gains(arguments.weights)
     aircraft = options.aircraft_of(arguments)
     start, end, over = arguments.dihedral, arguments.to, arguments.over
     change = change_over(start, end, over)
@@ -77,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
-    report = schedule_report(result, certified, change, arguments.law if gains is None else f"gain of {arguments.gain}")
+    report = schedule_report(
+        result, certified, change, arguments.law if gains is None else f"gain of {arguments.weights}"
+    )
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
     return 0 if result.departure is None else 1

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 #: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
 LAWS = ("exact", "certified", "irl")
-_FILES = ("gain", "weights")
 _STEPS = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
 
@@ -73,48 +72,37 @@ def seed_of(arguments: argparse.Namespace) -> int:
 
 
 def add_stored(parser: argparse.ArgumentParser) -> None:
-    """--gain and --weights."""
-    suffixes = " ".join(MATRIX_FILES)
-    about = f"use the gain K in this file instead of a law ({suffixes})"
-    add_value(parser, "--gain", input_file(*MATRIX_FILES), "FILE", about)
-    about = f"use the policy of the critic in this file: quadratic weights W, or P, or K ({suffixes})"
+    """--weights."""
+    about = f"use this gain K, or the policy of the critic W or P, instead of a law ({' '.join(MATRIX_FILES)})"
     add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
 
 
 def check_stored(arguments: argparse.Namespace) -> bool:
     """Whether a file takes the place of a law; BadInputError for options that then would change nothing."""
-    given = [name for name in _FILES if getattr(arguments, name, None) is not None]
-    if not given:
+    if getattr(arguments, "weights", None) is None:
         return False
-    if len(given) == 2:
-        raise BadInputError("--gain and --weights do not go together; give one of them")
-    option = f"--{given[0]}"
     if arguments.law != "certified" or arguments.set or getattr(arguments, "online", False):
-        raise BadInputError(f"{option} takes the place of a law; leave out --law, --set and --online")
-    of_the_game = ("delta", "Q", "R") if given[0] == "gain" else ("delta", "Q")
-    options.refuse(arguments, of_the_game, f"belongs to the game of a law; leave it out with {option}")
+        raise BadInputError("--weights takes the place of a law; leave out --law, --set and --online")
+    options.refuse(arguments, ("delta", "Q"), "belongs to the game of a law; leave it out with --weights")
     return True
 
 
 def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> FlownLaw:
-    """u = -K z of the file that the options name. game: whose B and R make K of a value; plant: of its states."""
+    """u = -K z of the file that the options name: its K, or that of its P or W with the game's B and R."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
     from controller.policy.flown_law import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
-    path = arguments.weights if arguments.gain is None else arguments.gain
-    functions = basis("quadratic", len(game.A))
+    path, functions = arguments.weights, basis("quadratic", len(game.A))
     stored = load_critic(path, plant, functions)
-    if arguments.gain is not None and stored.K is None:
-        raise BadInputError(f"{path}: there is no K; --gain needs a file that holds one")
-    if arguments.gain is None and stored.W is not None and stored.W.size != functions.size:
+    if stored.W is not None and stored.W.size != functions.size:
         raise BadInputError(
             f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
         )
     with said_of(path):
         K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
-    return gain_law(f"{'weights' if arguments.gain is None else 'gain'} of {path}", K)
+    return gain_law(f"{'weights' if stored.K is None else 'gain'} of {path}", K)
 
 
 def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
@@ -160,7 +148,7 @@ def controlled(
         return None, scenario
     if arguments.law != "certified" or arguments.set or getattr(arguments, "online", False):
         raise BadInputError("--controller takes the place of a law; leave out --law, --set and --online")
-    others = ("reference", "check", "gain", "weights", "delta", "Q", "R")
+    others = ("reference", "check", "weights", "delta", "Q", "R")
     known = tuple(name for name in others if hasattr(arguments, name))
     options.refuse(arguments, known, "belongs to a gain; leave it out with --controller")
     if arguments.actuators is None:

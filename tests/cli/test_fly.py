@@ -126,9 +126,9 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     stored("W.mat", W=basis("quadratic", 6).weights(exact.P))
     flight = ("fly", "--dihedral", "15", "--duration", "0.5", "--initial", "speed=0.1", "--json")
     expected = json.loads(hfa(*flight, "--law", "exact").out)
-    for option, file in (("--gain", "K.json"), ("--weights", "P.npz"), ("--weights", "W.mat"), ("--weights", "K.json")):
-        data = json.loads(hfa(*flight, option, file).out)
-        assert data["policy"]["law"] == f"{option[2:]} of {file}"
+    for kind, file in (("gain", "K.json"), ("weights", "P.npz"), ("weights", "W.mat")):
+        data = json.loads(hfa(*flight, "--weights", file).out)
+        assert data["policy"]["law"] == f"{kind} of {file}"
         np.testing.assert_allclose(data["policy"]["K"], expected["policy"]["K"], rtol=1e-9)
         assert data["final"]["alpha"] == pytest.approx(expected["final"]["alpha"], rel=1e-6)
     costlier = json.loads(hfa(*flight, "--weights", "P.npz", "--R", "200,800,800,800,100").out)
@@ -136,13 +136,11 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     stored("V.npz", W=np.ones(25))
     stored("small.npz", K=np.eye(2))
     for words, named in (
-        ("--gain P.npz", "P.npz: there is no K; --gain needs a file that holds one"),
-        ("--gain K.json --weights P.npz", "--gain and --weights do not go together"),
-        ("--gain K.json --law exact", "--gain takes the place of a law; leave out --law, --set and --online"),
+        ("--weights K.json --law exact", "--weights takes the place of a law; leave out --law, --set and --online"),
         ("--weights P.npz --online", "--weights takes the place of a law"),
         ("--weights P.npz --delta 300", "--delta belongs to the game of a law; leave it out with --weights"),
-        ("--gain K.json --seed 3", "here nothing is random"),
-        ("--gain small.npz", "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6"),
+        ("--weights K.json --seed 3", "here nothing is random"),
+        ("--weights small.npz", "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6"),
         ("--weights V.npz", "V.npz: there are 25 weights; a simulation takes the 21 of the quadratic basis"),
         ("--weights none.npz", "there is no such file"),
     ):

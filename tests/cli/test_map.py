@@ -33,7 +33,7 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
 
 
 def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndarray) -> None:
-    words = (*MAP[:3], *MAP[5:], "--commands", "0", "--gain", stored(tmp_path / "K.npz", K=gain))
+    words = (*MAP[:3], *MAP[5:], "--commands", "0", "--weights", stored(tmp_path / "K.npz", K=gain))
     result = hfa(*words, "-o", str(tmp_path / "map.json"))
     told = result.out
     assert result.err == ""

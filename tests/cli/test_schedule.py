@@ -47,7 +47,7 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
             savemat(path, content)
         else:
             path.write_text(json.dumps({key: value.tolist() for key, value in content.items()}), encoding="utf-8")
-        result = hfa(*words, "--gain", str(path), *steps, "-o", str(flown))
+        result = hfa(*words, "--weights", str(path), *steps, "-o", str(flown))
         assert result.code == 0, result.err
         assert f"law gain of {path}, scheduled" in result.out
         data = json.loads(flown.read_text("utf-8"))
@@ -74,7 +74,7 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
 def test_gains_that_do_not_fit_are_refused(content: dict[str, Any], named: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.json"
     path.write_text(json.dumps(content), encoding="utf-8")
-    assert_refused(hfa(*SCHEDULE[:-2], "--gain", str(path)), 2, named)
+    assert_refused(hfa(*SCHEDULE[:-2], "--weights", str(path)), 2, named)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_gains_that_do_not_fit_are_refused(content: dict[str, Any], named: str, 
 def test_a_gain_has_no_law(word: tuple[str, ...], named: str, tmp_path: Path) -> None:
     path = tmp_path / "gain.json"
     path.write_text(json.dumps({"K": [[0.0] * 6] * 5}), encoding="utf-8")
-    assert_refused(hfa(*SCHEDULE[:-2], "--gain", str(path), *word), 2, named)
+    assert_refused(hfa(*SCHEDULE[:-2], "--weights", str(path), *word), 2, named)
 
 
 def test_gains_of_a_table_between_the_points(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
         ("--to 20 --reference speed=1", "--reference"),
         ("--to 20 --law exact --seed 1", "here nothing is random"),
         ("--over 5", "--to"),
-        ("--to 20 --gain k.json", "k.json: there is no such file"),
+        ("--to 20 --weights k.json", "k.json: there is no such file"),
     ],
 )
 def test_the_command_refuses_in_one_line(words: str, named: str) -> None:

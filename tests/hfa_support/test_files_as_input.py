@@ -28,7 +28,7 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
         ("trim", "--dihedral", "15", "--start"),
         ("solve", "--model"),
         ("verify", "--dihedral", "15", "--weights"),
-        ("monte-carlo", "--dihedral", "15", "--gain"),
+        ("monte-carlo", "--dihedral", "15", "--weights"),
         ("solve", "--dihedral", "15", "--design"),
         ("design", "--tune"),
         ("design", "--dihedral", "11", "-o", "a.npz", "--design"),
