@@ -77,9 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
-    report = schedule_report(
-        result, certified, change, arguments.law if gains is None else f"gain of {arguments.weights}"
-    )
+    law = arguments.law if gains is None else f"gain of {arguments.weights}"
+    report = schedule_report(result, certified, change, law)
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
     return 0 if result.departure is None else 1

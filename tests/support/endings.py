@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
-import random
 import signal
 import subprocess
 import time
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +23,6 @@ LONG: dict[str, tuple[str, ...]] = {
         *("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "1500", "--duration", "1"),
         *("--workers", "2", "-o", "a.zarr"),
     ),
-    "servo": ("servo", "order-1", "-o", "folder", "--duration", "3", "--law", "simvfa-1", "--law", "servo"),
     "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),
 }
 SIGNALS = {signal.SIGKILL: None, signal.SIGTERM: "hfa: terminated\n", signal.SIGINT: "hfa: interrupted\n"}
@@ -69,18 +65,10 @@ def run(folder: Path, *words: str, number: signal.Signals | None = None, after: 
 
     Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was started.
     """
-    (folder / "temporary").mkdir(exist_ok=True)
+    (folder / "temporary").mkdir(parents=True, exist_ok=True)
     place = {**os.environ, "TMPDIR": str(folder / "temporary")}
-    begun, seen = time.monotonic(), set[int]()
-    process = subprocess.Popen(
-        [SCRIPT, *words],
-        cwd=folder,
-        env=place,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    begun, seen, streams = time.monotonic(), set[int](), {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([SCRIPT, *words], cwd=folder, env=place, text=True, start_new_session=True, **streams)
     try:
         if number is not None:
             until(lambda: process.poll() is not None or time.monotonic() - begun > after, after + 1.0)
@@ -93,74 +81,19 @@ def run(folder: Path, *words: str, number: signal.Signals | None = None, after: 
     return Ended(process.returncode, err, time.monotonic() - begun, seen)
 
 
-def ended_wrongly(
-    folder: Path, name: str, moment: random.Random, expected: dict[str, Any], longest: float
-) -> list[str]:
-    """What is wrong with a command that is ended at a random moment by each signal in turn, and then continued."""
-    words, faults = LONG[name], list[str]()
-    again: tuple[str, ...] = ()
-    for number, said in SIGNALS.items():
-        before = _temporary(folder)  # a run that is killed may leave some
-        ended = run(folder, *words, *again, number=number, after=moment.uniform(0.0, longest))
-        what = f"{name}, {number.name} after {ended.seconds:.2f} s"
-        if not until(lambda left=ended.workers: all(stat(each)[0] in "XZ" for each in left), 10.0):
-            faults.append(f"{what}: workers are left")
-        if said is not None and not (_said(ended, said) or _by_python(ended) or _finished(ended, folder, expected)):
-            faults.append(f"{what}: exit code {ended.code}, {ended.err[-400:]!r}")
-        elif said is not None and (left := _temporary(folder) - before):
-            faults.append(f"{what}: left {sorted(left)}")
-        again = _again(folder)
-    last = run(folder, *words, *again)
-    if last.code not in (0, 1) or result_of(folder) != expected:
-        faults.append(f"{name}: continued to exit code {last.code}, {last.err[-400:]!r}, and another result")
-    return faults
-
-
-def _again(folder: Path) -> tuple[str, ...]:
-    """--resume where there is something to continue."""
-    return ("--resume",) if any((folder / each).exists() for each in ("a.zarr", "a.json", "folder")) else ()
-
-
-def _said(ended: Ended, said: str) -> bool:
-    lines = [line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")]
-    return lines == [said]
-
-
-def _by_python(ended: Ended) -> bool:
-    """Ended before Python came to the first line of the project."""
-    return ended.code in (1, -signal.SIGINT, -signal.SIGTERM) and not ended.workers and "hfa_cli/" not in ended.err
-
-
-def _finished(ended: Ended, folder: Path, expected: dict[str, Any]) -> bool:
-    """Ended after all was done; Python itself may then be what ends."""
-    return ended.code in (0, 1, -signal.SIGINT, -signal.SIGTERM) and result_of(folder) == expected
-
-
-def _temporary(folder: Path) -> set[str]:
-    inside = {*(folder / "temporary").glob("*"), *folder.rglob(".hfa-*")}
-    return {str(path.relative_to(folder)) for path in inside}
-
-
 def result_of(folder: Path) -> dict[str, Any]:
     """File -> what is in it, without when and by which words it was made."""
-    found: dict[str, Any] = {}
-    for path in sorted(folder.rglob("*")):
-        name = str(path.relative_to(folder))
-        if not path.is_file() or name.startswith(("temporary", ".")) or path.name in ("digest", "session"):
-            continue  # the digest is also of the provenance
-        if path.suffix == ".json":
-            found[name] = _plain(json.loads(path.read_bytes()))
-        elif path.suffix == ".npz":
-            with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
-                names = [each for each in archive.namelist() if not each.startswith("provenance.")]
-                found[name] = {each: archive.read(each) for each in names}
-        elif path.suffix not in (".png", ".partial"):
-            found[name] = path.read_bytes()
-    return found
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and "temporary" not in path.parts]
+    return {
+        str(path.relative_to(folder)): _plain(json.loads(path.read_bytes()))
+        if path.suffix == ".json"
+        else path.read_bytes()
+        for path in files
+    }
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
-        left = ("provenance", "digest", "checksum")
+        left = ("provenance", "digest", "checksum", "session")
         return {key: _plain(each) for key, each in value.items() if key not in left}
     return [_plain(each) for each in value] if isinstance(value, list) else value

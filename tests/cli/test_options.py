@@ -1,0 +1,90 @@
+"""Options: words as numbers, what they mean together, and long work announced."""
+
+from __future__ import annotations
+
+import json
+import math
+from argparse import ArgumentTypeError
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_cli import progress
+from hfa_cli.main import COMMANDS
+from hfa_cli.options.argument_types import angle, quantity, whole
+from hfa_cli.options.ranges import Span, array_of, value_range
+from hfa_cli.progress import ProgressLine
+from hfa_support.jobs.store import open_store
+from trim import Steps
+
+
+def test_degrees_become_radians_and_nothing_else_does() -> None:
+    assert angle("180") == quantity("dihedral", "180") == quantity("pitch_rate", "180") == math.pi
+    assert (quantity("speed", "68"), quantity("panel_mass", "2")) == (68.0, 2.0)
+
+
+def test_a_large_whole_number_is_not_rounded() -> None:
+    assert (whole(0)("9007199254740993"), whole(0)("1e3")) == (9007199254740993, 1000)
+    with pytest.raises(ArgumentTypeError, match="give a whole number from 1 to 5"):
+        whole(1, 5)("6")
+
+
+def test_ranges_of_every_form() -> None:
+    assert value_range("speed", "60,70") == (60.0, 70.0)
+    assert value_range("speed", "60:70") == Span(60.0, 70.0)
+    assert value_range("speed", "60:70:4") == Steps(60.0, 4.0, 3)
+    assert value_range("dihedral", "0:180:90") == Steps(0.0, math.pi / 2, 3)
+    assert array_of("speed", value_range("speed", "60:70:5"), 3).tolist() == [60.0, 65.0, 70.0]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_can_be_quiet(command: str) -> None:
+    assert "-q, --quiet" in hfa(command, "--help").out
+
+
+@pytest.mark.parametrize("words", ["-4:4:4", "-4,4"])
+def test_a_range_may_begin_with_a_minus(words: str) -> None:
+    assert hfa("sweep", "--dihedral", words, "-q").code == 0
+
+
+def test_of_an_option_that_comes_twice_the_last_value_holds() -> None:
+    assert hfa("trim", "--dihedral", "5", "--dihedral", "15").out == hfa("trim", "--dihedral", "15").out.replace(
+        "hfa trim --dihedral 15", "hfa trim --dihedral 5 --dihedral 15"
+    )
+
+
+def test_what_takes_more_than_a_minute_is_announced_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = iter(range(0, 1000, 2))
+    monkeypatch.setattr(progress.time, "monotonic", lambda: float(next(clock)))
+    long, short = ProgressLine("fly"), ProgressLine("fly")
+    for done in range(1, 10):
+        long(done, 183)
+    assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"
+    for done in range(1, 10):
+        short(done, 20)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_number_beside_random_samples_is_a_constant() -> None:
+    result = hfa("sweep", "--dihedral", "15", "--speed", "60:70", "--samples", "10", "-o", "a.zarr", "--json")
+    assert (result.code, json.loads(result.out)["points"]) == (0, 10)
+    dihedral, speed = open_store(Path("a.zarr")).read("values").T
+    np.testing.assert_array_equal(dihedral, np.full(10, np.radians(15.0)))
+    assert len(set(np.floor(speed - 60.0))) == 10
+
+
+def test_a_flight_takes_no_disturbance_as_the_solution_does() -> None:
+    words = ("--dihedral", "15", "--delta", "inf", "--json")
+    K = json.loads(hfa("solve", *words).out)["K"]
+    flown = hfa("fly", *words, "--law", "exact", "--duration", "0.1")
+    assert flown.code == 0
+    np.testing.assert_allclose(json.loads(flown.out)["policy"]["K"], K, rtol=1e-9)
+
+
+def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trim.sweeps.points._newton", lambda *_, **__: np.empty(10**15))
+    assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")
