@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import FOLDER
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.integrator import integrate
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.integrator import RungeKutta, integrate
 from controller.flight.plants import LinearPlant
+from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
 from controller.policy.signals import Harmonic, Signal, zero
@@ -75,16 +76,8 @@ class FlightCase:
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
         """Our loop: every state at every step."""
-        path = integrate(
-            self.compiled.rate,
-            self.start,
-            lambda tick: np.ones(1),
-            step=STEP,
-            steps_per_tick=min(steps, 1000),
-            ticks=max(1, steps // 1000),
-            compile_code=compile_code,
-        )
-        return path.states
+        method = RungeKutta(self.compiled.rate, STEP, min(steps, 1000), compile_code=compile_code)
+        return integrate(method, self.start, lambda tick: np.ones(1), max(1, steps // 1000))[:, 1:]
 
     def data(self) -> dict[str, Any]:
         """Everything that the loop depends on, as arrays."""

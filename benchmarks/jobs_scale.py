@@ -22,12 +22,10 @@ import numpy as np
 from benchmarks.flight_case import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.scenario import Scenario
-from controller.flight.uncertain import Uncertainty
+from controller.flight.monte_carlo import MonteCarlo, MonteCarloJob, fly_member, stream_monte_carlo
+from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
-from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-from controller.monte_carlo.stored_members import MonteCarloJob, fly_member, stream_monte_carlo
-from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.policies import FlownLaw, gain_law
 from controller.policy.signals import zero
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft

@@ -16,9 +16,9 @@ from .flight.gusts import (
     side_by_side as side_by_side,
     spanwise_dryden as spanwise_dryden,
 )
-from .flight.scenario import Scenario as Scenario
-from .flight.simulate import fly as fly
-from .flight.uncertain import Uncertainty as Uncertainty
+from .flight.monte_carlo import MonteCarlo as MonteCarlo, stream_monte_carlo as stream_monte_carlo
+from .flight.nonlinear_flight import fly as fly
+from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .game.basis import Basis as Basis, basis as basis
 from .game.critic_file import History as History, load_critic as load_critic, load_history as load_history
 from .game.learning_result import LearningResult as LearningResult
@@ -28,11 +28,9 @@ from .laws.certified import CertifiedSettings as CertifiedSettings
 from .laws.integral_rl import IrlSettings as IrlSettings
 from .laws.learn import LAWS as LAWS, learn as learn
 from .laws.run import Process as Process, Run as Run, run as run
-from .monte_carlo.monte_carlo_plan import MonteCarlo as MonteCarlo
-from .monte_carlo.stored_members import stream_monte_carlo as stream_monte_carlo
 from .policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
-from .policy.flown_law import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.gain_table import GainTable as GainTable, load_gains as load_gains
+from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.servo_policy import servo_law as servo_law
 from .policy.signals import Harmonic as Harmonic, Signal as Signal
 from .training_data.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from hfa_support.streams import say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
     from verification.regeneration.regeneration import Regeneration
     from verification.validation.comparison import Validation
@@ -77,6 +79,24 @@ def tell(
     told = report.with_data(warnings=notes)
     show(told, arguments, target=target, only_in_files=only_in_files)
     say_notes(notes)
+
+
+@contextmanager
+def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft) -> Iterator[None]:
+    """With --json a trim that fails is printed as data too: the nearest point within the limits, which limits bind,
+    and the reason."""
+    from trim.point.solve import TrimError
+
+    try:
+        yield
+    except TrimError as error:
+        if arguments.json:
+            from hfa_cli.options.shared_options import condition_of
+            from trim.point.trim_report import trim_report
+
+            report = trim_report(aircraft, condition_of(arguments), error.attempt)
+            show(report.with_data(reason=str(error)), arguments, target=None)
+        raise
 
 
 def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
-from hfa_model.atmosphere import HIGHEST_ALTITUDE, density
+from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.dynamics import by_name, state_rates, symbols
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Variant, variant_named
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     import control
     from numpy.typing import ArrayLike
 
+#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may come out negative.
+_SIZES = ("panel_mass", "panel_span", "chord")
 _AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
 
 
@@ -146,14 +148,15 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
+        if name in _SIZES and value < 0.0:
+            raise BadInputError(f"parameter {name} is {value:g}; it must be positive")
     return parameters
 
 
 def check_in_range(x: State) -> None:
     """BadInputError when a state lies where the equations mean nothing."""
     if x.speed <= 0.0:
-        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
-    if not 0.0 <= x.altitude <= HIGHEST_ALTITUDE:
-        raise BadInputError(f"altitude is {x.altitude:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
+        raise BadInputError(f"speed is {x.speed:g} ft/s; it must not be negative")
+    refuse_beyond_the_atmosphere(x.altitude)
     if not abs(x.dihedral) < np.pi / 2:
         raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")

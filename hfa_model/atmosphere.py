@@ -31,8 +31,8 @@ def density(altitude: Quantity) -> Quantity:
     Returns the density in slug/ft^3. BadInputError for a number outside of that range.
     Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
-    if isinstance(altitude, (int, float)) and not 0.0 <= altitude <= HIGHEST_ALTITUDE:
-        raise BadInputError(f"altitude is {altitude:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
+    if not isinstance(altitude, (ca.SX, ca.MX)):
+        refuse_beyond_the_atmosphere(altitude)
     geopotential = _geopotential(altitude)
     kelvin = _temperature(geopotential)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
@@ -43,6 +43,13 @@ def density(altitude: Quantity) -> Quantity:
         * ca.exp(-_GRAVITY * above / (_GAS_CONSTANT * kelvin))
     )
     return pressure / (_GAS_CONSTANT * kelvin) * _METRE_PER_FOOT**3 / _KILOGRAM_PER_SLUG
+
+
+def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
+    """BadInputError for an altitude, ft, or one of several, that the layers do not cover."""
+    for each in ca.DM(altitude).full().ravel().tolist():
+        if not 0.0 <= each <= HIGHEST_ALTITUDE:
+            raise BadInputError(f"altitude is {each:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
 
 
 def temperature(altitude: Quantity) -> Quantity:

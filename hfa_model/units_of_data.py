@@ -18,7 +18,7 @@ _STATE, _INPUT, _OUTPUT, _GUST = "state_units", "input_units", "output_units", "
 _SENSOR, _SIGNAL = "sensor_units", "signal_units"
 _Axes = tuple[tuple[str | tuple[str, ...], int], ...]
 _ARRAYS: dict[str, _Axes] = {
-    **dict.fromkeys(("A", "A_band"), ((_STATE, 1), (_STATE, -1))),
+    **dict.fromkeys(("A", "A_band", "A_difference"), ((_STATE, 1), (_STATE, -1))),
     **dict.fromkeys(("B", "B_band"), ((_STATE, 1), (_INPUT, -1))),
     "C": ((_OUTPUT, 1), (_STATE, -1)),
     "D": ((_OUTPUT, 1), (_INPUT, -1)),

@@ -1,8 +1,7 @@
 """The exact game solution and its analysis, which the checks compare with, offered under the package's own name."""
 
 from controller.analysis.linear_flight import simulate as simulate
-from controller.analysis.margins import loop_margins as loop_margins
-from controller.analysis.solution_report import analyse_game as analyse_game
+from controller.analysis.solution_report import analyse_game as analyse_game, loop_margins as loop_margins
 from controller.riccati.feedforward import (
     exosystem_feedforward as exosystem_feedforward,
     paper_reference as paper_reference,

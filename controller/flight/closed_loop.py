@@ -1,6 +1,6 @@
-"""Plant, policy and signals as one loop y' = f(t, y, p), compiled, and the flight that it makes.
+"""Plant, policy, actuators, signals and gust as one loop y' = f(t, y, p).
 
-Nobody else knows how the loop is laid out:
+Only this module knows how the loop is laid out:
 
     y = [x; actuators; memory of the policy; filter of the gust],
     p = [the plant's; the actuators'; the policy's; noise samples; the gust's].
@@ -8,31 +8,23 @@ Nobody else knows how the loop is laid out:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import Gust
-from controller.flight.integrator import integrate, integrate_stiff
+from controller.flight.integrator import Constants
 from controller.flight.plants import Plant
 from controller.policy.policies import Policy, Seen
 from controller.policy.signals import TimeVector
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError
-from hfa_support.native.bound import RowsFunction
-from hfa_support.reporting.fields import Shown
-
-#: Tick -> constants that are held during the tick.
-Constants = Callable[[int], np.ndarray]
 
 _NOTHING = np.zeros(0)
 _Z = len(LINEAR_STATES)
-#: Steps whose outputs are computed in one go.
-_BLOCK = 10_000
 
 
 class Expressions(NamedTuple):
@@ -155,80 +147,3 @@ class ClosedLoop:
         noise = _Z if self.samples is not None else 0
         air = 0 if self.gust is None else self.gust.constants_size
         return self.plant.constants_size, moved, self.policy.constants_size, noise, air
-
-
-@dataclass(frozen=True, repr=False)
-class Flight(Shown):
-    """What was flown, one row a step.
-
-    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.
-    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s,
-    or (N, 2) at the center panel and at the outer panels.
-    """
-
-    times: np.ndarray
-    states: np.ndarray
-    errors: np.ndarray
-    inputs: np.ndarray
-    disturbances: np.ndarray
-    memory: np.ndarray
-    updrafts: np.ndarray
-
-
-class CompiledLoop:
-    """The loop as CasADi Functions of (t, y, p), compiled once, flown many times."""
-
-    def __init__(self, loop: ClosedLoop) -> None:
-        self.loop = loop
-        arguments = loop.symbols()
-        now = loop.at(*arguments)
-        self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
-        self._seen = RowsFunction(ca.Function("loop_seen", [*arguments], seen))
-        self._updraft = RowsFunction(ca.Function("loop_updraft", [*arguments], [ca.densify(now.updraft)]))
-
-    def fly(
-        self,
-        initial: np.ndarray,
-        constants: Constants,
-        *,
-        step: float,
-        steps_per_tick: int,
-        ticks: int,
-        memory: np.ndarray | None = None,
-        stiff: bool = False,
-        **options: Any,
-    ) -> Flight:
-        """Integrate from x(0) = `initial`, memory(0) = `memory`; constants: of the policy. stiff: `integrate_stiff`.
-
-        The other arguments as in `integrator.integrate`.
-        """
-        start, every = self.loop.start(initial, memory), self.loop.constants(constants)
-        method = integrate_stiff if stiff else integrate
-        path = method(self.rate, start, every, step=step, steps_per_tick=steps_per_tick, ticks=ticks, **options)
-        # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
-        last = (len(path.times) - 1) // steps_per_tick - 1
-        rows = np.minimum(np.arange(len(path.times)) // steps_per_tick, last)
-        table = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
-        errors, inputs, disturbances, updrafts = self._watched(path.times, path.states, table)
-        states, own = self.loop.parts(path.states)
-        return Flight(path.times, states, errors, inputs, disturbances, own, _by_panel(updrafts))
-
-    def updrafts(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-        """w at times (N,) and rows y (N, n) under the constants p of one tick, as in `Flight`; None in still air."""
-        if self.loop.gust is None:
-            return None
-        return _by_panel(*self._updraft(len(times), times[:, None], y, p))
-
-    def _watched(self, times: np.ndarray, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Errors, inputs, disturbances and updrafts, a row a step, in blocks: one map of all steps takes a gigabyte."""
-        blocks = []
-        for begin in range(0, len(times), _BLOCK):
-            rows = slice(begin, begin + _BLOCK)
-            blocks.append(self._seen(len(times[rows]), times[rows, None], states[rows], constants[rows]))
-        return tuple(np.vstack(parts) for parts in zip(*blocks, strict=True))
-
-
-def _by_panel(updrafts: np.ndarray) -> np.ndarray:
-    """(N,) of one column, (N, 2) of two."""
-    return updrafts.ravel() if updrafts.shape[1] == 1 else updrafts

@@ -1,4 +1,4 @@
-"""The flight envelope: between which values each state must stay, and which state left first."""
+"""Limits of a flight: the envelope of the states and which state left it first; inputs beyond their control limits."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 
 from hfa_model.kinematics import angle_of_attack
 from hfa_model.parameters import Parameters
-from hfa_model.vectors import STATE_UNITS, STATES, UNITS, State
+from hfa_model.vectors import INPUTS, STATE_UNITS, STATES, UNITS, State
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.native.bound import RowsFunction, cached_per_thread
-from hfa_support.reporting.text import degrees, short_number
-from trim.point.condition import STATE_LIMITS, describe
+from hfa_support.reporting.text import degrees, short_number, shown_unit
+from trim.point.condition import CONTROL_LIMITS, STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
 
 #: Altitude that a flight may gain or lose, ft.
@@ -38,6 +38,49 @@ class Departure(NamedTuple):
     time: float
     value: float
     limit: float
+
+    def text(self) -> str:
+        """In degrees for angles."""
+        unit = UNITS[self.state]
+        value, limit = short_number(self.value, unit), short_number(self.limit, unit)
+        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {value} {shown_unit(unit)} beyond {limit}"
+
+
+class ControlExcess(NamedTuple):
+    """An input that went beyond one of `CONTROL_LIMITS`: its farthest value and that limit."""
+
+    input: str
+    value: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """How far beyond, as a share of the range between the two limits."""
+        lowest, highest = getattr(CONTROL_LIMITS, self.input)
+        return float(abs(self.value - self.limit) / (highest - lowest))
+
+    def text(self) -> str:
+        """In degrees for angles."""
+        unit = UNITS[self.input]
+        return (
+            f"{self.input} {short_number(self.value, unit)} {shown_unit(unit)} beyond {short_number(self.limit, unit)}"
+        )
+
+
+def control_excesses(lowest: np.ndarray, highest: np.ndarray) -> tuple[ControlExcess, ...]:
+    """Inputs beyond their limits, the farthest first; lowest, highest: of each input in a flight, (5,), absolute."""
+    limits, beyond = np.array(CONTROL_LIMITS).T, beyond_control_limits(np.array([lowest, highest]))
+    found = [
+        ControlExcess(INPUTS[i], float((lowest, highest)[side][i]), float(limits[side, i]))
+        for side, i in zip(*np.nonzero(beyond), strict=True)
+    ]
+    return tuple(sorted(found, key=lambda each: -each.share))
+
+
+def beyond_control_limits(inputs: np.ndarray) -> np.ndarray:
+    """Whether each of inputs (.., 5), absolute, lies beyond `CONTROL_LIMITS`, by more than rounding."""
+    low, high = np.array(CONTROL_LIMITS).T
+    return np.asarray((inputs < low - 1e-9 * (1 + np.abs(low))) | (inputs > high + 1e-9 * (1 + np.abs(high))))
 
 
 def limited_names(moving_air: bool) -> tuple[str, ...]:

@@ -1,12 +1,9 @@
-"""A compiled rate integrated, with the whole history in one array: fixed-step Runge-Kutta 4, in chunks; and backward
-differentiation (CVODES) for loops with modes far faster than what is looked at, observers mostly."""
+"""One loop over the ticks of a flight, and two methods for a tick: Runge-Kutta 4 and backward differentiation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -18,164 +15,165 @@ from hfa_support.progress import Progress
 
 #: Runs at least this long are worth compiling to machine code.
 COMPILE_FROM_STEPS = 50_000
-#: Relative and absolute tolerance of each step.
+#: Relative and absolute tolerance of each step of CVODES.
 RELATIVE, ABSOLUTE = 1e-7, 1e-10
-#: Ticks in one go, while nothing is handed over anew in between.
-_STRETCH = 200
+
+#: Tick -> constants that are held during the tick.
+Constants = Callable[[int], np.ndarray]
+#: Asked after each tick with its rows [t, y] and its constants: whether the run ends there.
+Stop = Callable[[np.ndarray, np.ndarray], bool]
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """times: (N + 1,), s. states: (N + 1, n), y at each step, the first row being the start."""
+class Method(Protocol):
+    """y' = f(t, y, p) over ticks. step: s. rows_per_tick: that are made of a tick. stretch: ticks in one go at most."""
 
-    times: np.ndarray
-    states: np.ndarray
+    step: float
+    steps_per_tick: int
+    rows_per_tick: int
+    stretch: int
+
+    def rows(self, tick: int, count: int, now: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+        """Rows [t, y] of `count` ticks from y = `now`; None where the method cannot go on."""
 
 
 def integrate(
-    rate: ca.Function,
+    method: Method,
     initial: np.ndarray,
-    constants: Callable[[int], np.ndarray],
-    *,
-    step: float,
-    steps_per_tick: int,
+    constants: Constants,
     ticks: int,
-    compile_code: bool | None = None,
+    *,
+    stop: Stop | None = None,
     progress: Progress | None = None,
-    stop: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
-) -> Trajectory:
-    """y' = f(t, y, p) by the classical Runge-Kutta method of order 4.
+) -> np.ndarray:
+    """Rows [t, y], (N, 1 + n), the start first; of a method that makes one row a tick only the start and the last one.
 
-    rate: (t, y (n,), p (k,)) -> y' (n,). initial: y(0). constants: tick number -> p, held during the tick.
-    step: s. ticks: number of ticks of `steps_per_tick` steps. compile_code: run as machine code; by default for
-    `COMPILE_FROM_STEPS` steps and more. stop: asked after every tick with its times (steps_per_tick,), states
-    (steps_per_tick, n) and p; the run ends with the first tick for which it says yes. Raises NoSolutionError, naming
-    the time, when a state is no longer finite, and BadInputError when a number is not positive.
+    initial: y(0). The run ends with the first tick for which `stop` says yes. BadInputError when there is no tick;
+    NoSolutionError, naming the time, when a number is no longer finite and no `stop` asks about it.
+    """
+    if not ticks > 0:
+        raise BadInputError(f"ticks is {ticks}; it must be positive")
+    each, whole = method.rows_per_tick, method.rows_per_tick == method.steps_per_tick
+    path = np.empty((1 + (ticks * each if whole else 1), 1 + len(initial)))
+    path[0, 0], path[0, 1:] = 0.0, initial
+    tick, end, stretch, over = 0, 0, method.stretch, False
+    while tick < ticks and not over:
+        p, ahead = constants(tick), 1
+        if stretch > 1:
+            p = p.copy()
+            while ahead < min(stretch, ticks - tick) and np.array_equal(constants(tick + ahead), p):
+                ahead += 1
+        rows = method.rows(tick, ahead, path[end, 1:], p)
+        if rows is None and ahead > 1:  # tick by tick to the one where it ends
+            stretch = 1
+            continue
+        if rows is None or (stop is None and not np.isfinite(rows[-1]).all()):
+            begin = tick * method.steps_per_tick
+            first = 0 if rows is None else int(np.argmin(np.isfinite(rows).all(axis=1))) + 1
+            raise NoSolutionError(
+                f"the flight left every bound at t = {(begin + first) * method.step:.6g} s; the loop is unstable or the"
+                " step too long"
+            )
+        if stop is not None and stop(rows, p):
+            over = True
+            rows = rows[: each * next(n for n in range(1, ahead + 1) if n == ahead or stop(rows[: n * each], p))]
+        end, begin = (end + len(rows), end + 1) if whole else (1, 1)
+        path[begin : end + 1] = rows
+        tick += ahead
+        if progress is not None:
+            progress(ticks if over else tick, ticks)
+    return path[: end + 1]
+
+
+class RungeKutta:
+    """The classical method of order 4 with a fixed step, s, as one compiled function of a tick.
+
+    rate: (t, y (n,), p (k,)) -> y' (n,). after_step: ([t; y], p, [t; y] one step later, kept) -> kept, numbers that
+    stand behind y and take the place of the history: one row a tick is made. compile_code: run as machine code.
+    BadInputError when a number is not positive.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
-    for name, value in (("step", step), ("steps_per_tick", steps_per_tick), ("ticks", ticks)):
-        if not value > 0:
-            raise BadInputError(f"{name} is {value}; it must be positive")
-    total = steps_per_tick * ticks
-    use_machine_code = total >= COMPILE_FROM_STEPS if compile_code is None else compile_code
-    chunk = BoundFunction(_chunk(rate, steps_per_tick, use_machine_code))
-    start, p, h = chunk.inputs
-    h[:] = step
-    n = len(initial)
-    states = np.empty((total + 1, n))
-    states[0] = initial
-    for tick in range(ticks):
-        begin = tick * steps_per_tick
-        start[0], start[1:], p[:] = begin * step, states[begin], constants(tick)
-        chunk()
-        rows = chunk.results[0].reshape(steps_per_tick, n + 1)[:, 1:]
-        states[begin + 1 : begin + 1 + steps_per_tick] = rows
-        if stop is not None and stop(step * np.arange(begin + 1, begin + 1 + steps_per_tick), rows, p):
-            total = begin + steps_per_tick
-            if progress is not None:
-                progress(ticks, ticks)
-            break
-        if not np.isfinite(rows[-1]).all():
-            first = int(np.argmin(np.isfinite(rows).all(axis=1)))
-            raise NoSolutionError(
-                f"the flight left every bound at t = {(begin + first + 1) * step:.6g} s; the loop is unstable "
-                "or the step too long"
-            )
-        if progress is not None:
-            progress(tick + 1, ticks)
-    return Trajectory(step * np.arange(total + 1), states[: total + 1])
+
+    stretch = 1
+
+    def __init__(
+        self,
+        rate: ca.Function,
+        step: float,
+        steps_per_tick: int,
+        *,
+        after_step: ca.Function | None = None,
+        compile_code: bool = False,
+    ) -> None:
+        _check(step, steps_per_tick)
+        self.step, self.steps_per_tick = step, steps_per_tick
+        one = _runge_kutta_step(rate, step, after_step)
+        if after_step is None:
+            self.rows_per_tick, many = steps_per_tick, one.mapaccum("ticks", steps_per_tick)
+        else:
+            self.rows_per_tick, many = 1, one.fold(steps_per_tick)
+        self._tick = BoundFunction(machine_code(many) if compile_code else many)
+
+    def rows(self, tick: int, count: int, now: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Rows of one tick."""
+        whole, n = self._tick.inputs[0], 1 + len(now)
+        whole[0], whole[1:n], whole[n:] = tick * self.steps_per_tick * self.step, now, p
+        self._tick()
+        return self._tick.results[0].reshape(-1, len(whole))[:, :n]
 
 
-@lru_cache(maxsize=64)
-def _chunk(rate: ca.Function, steps: int, use_machine_code: bool) -> ca.Function:
-    """([t; y], p, h) -> [t; y] after each of `steps` steps, one column a step."""
-    step = runge_kutta_step(rate)
-    many = step.mapaccum("many_steps", steps)
-    n, k = rate.numel_in(1), rate.numel_in(2)
-    start, p, h = ca.MX.sym("start", n + 1), ca.MX.sym("p", k), ca.MX.sym("h")
-    columns = many(start, ca.repmat(p, 1, steps), ca.repmat(h, 1, steps))
-    function = ca.Function("flight", [start, p, h], [columns])
-    return machine_code(function) if use_machine_code else function
-
-
-def runge_kutta_step(rate: ca.Function) -> ca.Function:
-    """([t; y], p, h) -> [t; y] one step of h later."""
+def _runge_kutta_step(rate: ca.Function, h: float, after_step: ca.Function | None) -> ca.Function:
+    """[t; y; kept; p] -> the same one step later."""
     kind: Any = ca.SX if rate.is_a("SXFunction") else ca.MX
-    n, k = rate.numel_in(1), rate.numel_in(2)
-    start, p, h = kind.sym("start", n + 1), kind.sym("p", k), kind.sym("h")
-    t, y = start[0], start[1:]
+    t, y, p = kind.sym("t"), kind.sym("y", rate.numel_in(1)), kind.sym("p", rate.numel_in(2))
     k1 = rate(t, y, p)
     k2 = rate(t + h / 2, y + h / 2 * k1, p)
     k3 = rate(t + h / 2, y + h / 2 * k2, p)
     k4 = rate(t + h, y + h * k3, p)
-    after = ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
-    return ca.Function("step", [start, p, h], [after])
+    before, after = ca.vertcat(t, y), ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    kept = kind.sym("kept", 0 if after_step is None else after_step.numel_in(3))
+    later = kept if after_step is None else after_step(before, p, after, kept)
+    return ca.Function("step", [ca.vertcat(before, kept, p)], [ca.densify(ca.vertcat(after, later, p))], {"cse": True})
 
 
-def integrate_stiff(
-    rate: ca.Function,
-    initial: np.ndarray,
-    constants: Callable[[int], np.ndarray],
-    *,
-    step: float,
-    steps_per_tick: int,
-    ticks: int,
-    progress: Progress | None = None,
-    stop: Callable[[np.ndarray, np.ndarray, np.ndarray], bool] | None = None,
-) -> Trajectory:
-    """y' = f(t, y, p) at multiples of `step`, s; arguments as in `integrator.integrate`.
+class BackwardDifferentiation:
+    """CVODES, whose steps and orders are its own: for modes far faster than what is looked at, observers mostly.
 
-    Steps and orders are chosen by the method, which starts anew where p changes. NoSolutionError, naming the time, when
-    it cannot go on. Source: Hindmarsh et al., SUNDIALS, ACM Trans. Math. Software 31 (2005), 363-396.
+    Arguments as of `RungeKutta`; the rows are at multiples of `step`.
+    Source: Hindmarsh et al., SUNDIALS, ACM Trans. Math. Software 31 (2005), 363-396.
     """
-    made: dict[int, ca.Function] = {}
 
-    def stretch(tick: int, count: int, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-        if count not in made:
-            made[count] = _integrator(rate, step, steps_per_tick * count)
+    stretch = 200
+
+    def __init__(self, rate: ca.Function, step: float, steps_per_tick: int) -> None:
+        _check(step, steps_per_tick)
+        self.step, self.steps_per_tick, self.rows_per_tick = step, steps_per_tick, steps_per_tick
+        self._rate = rate
+        self._made: dict[int, ca.Function] = {}
+
+    def rows(self, tick: int, count: int, now: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+        """Rows of `count` ticks with the same constants."""
+        begin = tick * self.steps_per_tick * self.step
+        times = self.step * np.arange(1, count * self.steps_per_tick + 1)
+        if count not in self._made:
+            self._made[count] = self._integrator(times)
         try:
-            found = made[count](x0=y, p=np.append(p, tick * steps_per_tick * step))
+            found = self._made[count](x0=now, p=np.append(p, begin))
         except RuntimeError:
             return None
-        rows = np.array(found["xf"]).T
+        rows = np.column_stack([begin + times, np.array(found["xf"]).T])
         return rows if np.isfinite(rows).all() else None
 
-    parts, y, tick, count = [np.asarray(initial, dtype=float)[None]], np.asarray(initial, dtype=float), 0, _STRETCH
-    while tick < ticks:
-        p = constants(tick).copy()
-        ahead = 1
-        while ahead < min(count, ticks - tick) and np.array_equal(constants(tick + ahead), p):
-            ahead += 1
-        rows = stretch(tick, ahead, y, p)
-        if rows is None:
-            if ahead == 1:
-                raise NoSolutionError(
-                    f"the flight left every bound at t = {tick * steps_per_tick * step:.6g} s; the loop is unstable"
-                )
-            count = 1
-            continue
-        times = step * (tick * steps_per_tick + np.arange(1, len(rows) + 1))
-        over = False
-        if stop is not None and stop(times, rows, p):
-            over, first = True, 1
-            while not stop(times[: first * steps_per_tick], rows[: first * steps_per_tick], p):
-                first += 1
-            rows = rows[: first * steps_per_tick]
-        parts.append(rows)
-        y, tick = rows[-1], tick + ahead
-        if progress is not None:
-            progress(ticks if over else tick, ticks)
-        if over:
-            break
-    states = np.vstack(parts)
-    return Trajectory(step * np.arange(len(states)), states)
+    def _integrator(self, times: np.ndarray) -> ca.Function:
+        """(y, [p; t0]) -> y at t0 + each of `times`, one column each."""
+        t, y = ca.SX.sym("t"), ca.SX.sym("y", self._rate.numel_in(1))
+        p = ca.SX.sym("p", self._rate.numel_in(2) + 1)
+        dae = {"t": t, "x": y, "p": p, "ode": self._rate(p[-1] + t, y, p[:-1])}
+        quiet = {"disable_internal_warnings": True, "show_eval_warnings": False}
+        options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **quiet}
+        return ca.integrator("stiff", "cvodes", dae, 0.0, times.tolist(), options)
 
 
-def _integrator(rate: ca.Function, step: float, steps: int) -> ca.Function:
-    """(y, [p; t0]) -> y at t0 + step, .., t0 + steps step, one column each."""
-    t, y = ca.SX.sym("t"), ca.SX.sym("y", rate.numel_in(1))
-    p = ca.SX.sym("p", rate.numel_in(2) + 1)
-    dae = {"t": t, "x": y, "p": p, "ode": rate(p[-1] + t, y, p[:-1])}
-    quiet = {"disable_internal_warnings": True, "show_eval_warnings": False}
-    options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **quiet}
-    return ca.integrator("stiff", "cvodes", dae, 0.0, (step * np.arange(1, steps + 1)).tolist(), options)
+def _check(step: float, steps_per_tick: int) -> None:
+    for name, value in (("step", step), ("steps_per_tick", steps_per_tick)):
+        if not value > 0:
+            raise BadInputError(f"{name} is {value}; it must be positive")

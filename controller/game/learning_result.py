@@ -152,3 +152,10 @@ class LearningResult(Reported):
         structured = {"excitation": asdict(self.excitation), "certificates": certificates, "status": self.outcome}
         plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)
         return plain
+
+
+def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
+    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one does not."""
+    above = np.flatnonzero(~(sizes <= limit))
+    first = int(above[-1]) + 1 if len(above) else 0
+    return float(times[first]) if first < len(times) else np.inf

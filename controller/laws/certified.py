@@ -1,11 +1,17 @@
-"""The certified law: recorded data to the exact game solution within a predefined time."""
+"""The certified law: recorded data to the exact game solution within a predefined time.
+
+Newton (policy-iteration) steps on the recorded stack, guarded where theory says that they keep stability, lead from the
+discounted LQ problem to the game: the discount is removed first, then 1/δ² is raised. In between the law of one number,
+y' = -k (y^(1-η) + y^(1+η)), makes the residual of the stack vanish at the predefined time.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,21 +19,192 @@ from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import law_settings
-from controller.laws.certify import conclude
-from controller.laws.policy_iteration import (
-    Point,
-    discount_at,
-    iterate,
-    lower_discount,
-    raise_disturbance,
-    stabilizing_step,
-)
-from controller.laws.refinement import refine
+from controller.laws.certify import conclude, refine
 from controller.laws.run import Memory, Run
-from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
 from controller.training_data import recording
 from controller.training_data.recording import Stack
 from controller.training_data.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from hfa_support.errors import NoSolutionError
+
+
+def decay_rate(time: float, eta: float, theta: float) -> float:
+    """k = π / (2 η θ T): with it y' = -k (y^(1-η) + y^(1+η)) is 0 from θT on, whatever y(0)."""
+    return math.pi / (2.0 * eta * theta * time)
+
+
+def after(y: float, rate: float, eta: float, step: float) -> float:
+    """Exact value of y' = -rate (y^(1-η) + y^(1+η)) after `step` seconds from y >= 0.
+
+    x = y^η obeys x' = -η rate (1 + x²), so that y₊ = tan(max(0, atan(y^η) - η rate step))^(1/η).
+    """
+    return math.tan(max(0.0, math.atan(y**eta) - eta * rate * step)) ** (1.0 / eta)
+
+
+def fraction_to_reach(constant: np.ndarray, linear: np.ndarray, quadratic: np.ndarray, target: float) -> float:
+    """The smallest f in (0, 1] with |constant + f linear + f² quadratic| = target, else the best f in (0, 1].
+
+    The vectors are residuals along a Newton direction, (N_h,). When no f reaches the target, the f with the
+    smallest norm is returned (exact line search; Benner & Byers 1998), or 1 when no step lowers it.
+    """
+    square = np.array(
+        [
+            quadratic @ quadratic,
+            2.0 * linear @ quadratic,
+            linear @ linear + 2.0 * constant @ quadratic,
+            2.0 * constant @ linear,
+            constant @ constant,
+        ]
+    )
+    reached = _roots_in_unit_interval(square - np.array([0.0, 0.0, 0.0, 0.0, target**2])) if target > 0.0 else []
+    if reached:
+        return reached[0]
+    lowest = min([1.0, *_roots_in_unit_interval(np.polyder(square))], key=lambda f: float(np.polyval(square, f)))
+    return lowest
+
+
+def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
+    """Roots f in (0, 1] of a polynomial, ascending; found as 1/f, whose leading coefficient is never the small one."""
+    reversed_ = polynomial[::-1] / np.abs(polynomial).max()
+    if not np.all(np.isfinite(reversed_)):
+        return []
+    inverse = np.roots(reversed_)
+    real = inverse.real[np.abs(inverse.imag) <= 1e-9 * np.abs(inverse)]
+    return sorted(1.0 / float(root) for root in real if root >= 1.0)
+
+
+#: A Newton correction below this fraction of |W| ends the iteration on the way (the next one is its square).
+TRACKING = 1e-5
+#: Below this fraction of |W| a correction that no longer halves is rounding, or noise in the data.
+SETTLED = 1e-6
+#: How often a step that loses stability is halved.
+MOST_HALVINGS = 30
+#: The smallest relative step of β and of the share of 1/δ²: below it the ramp has reached the end of its road.
+SMALLEST_STEP = 1e-9
+#: A first step of the share that is too large even here belongs to no plant.
+NO_STEP = 1e-30
+
+
+class Point(NamedTuple):
+    """Where the learning stands. weights: (M,), scaled coordinates. solves: linear solves spent so far."""
+
+    weights: np.ndarray
+    problem: PartialGame
+    solves: int
+
+
+def iterate(
+    equations: StackEquations, here: Point, normaliser: np.ndarray, *, to_the_floor: bool, most: int = 100
+) -> tuple[Point, bool]:
+    """Full Newton steps W <- W - N at a fixed problem; the last point and whether it converged.
+
+    to_the_floor: go on until the correction no longer halves, otherwise stop at TRACKING. On an LQ problem
+    (share 0) the steps are those of Kleinman (1968), which converge from every stabilizing policy, and each is
+    guarded by `stabilizing_step`.
+    """
+    last = np.inf
+    for _ in range(most):
+        try:
+            step = newton_step(equations.at(here.weights, here.problem), normaliser)
+        except np.linalg.LinAlgError:
+            return here, False
+        correction = float(np.linalg.norm(step) / np.linalg.norm(here.weights - step))
+        if not np.isfinite(correction):
+            return here, False
+        if last < SETTLED and correction > 0.5 * last:
+            return here, True
+        if here.problem.share == 0.0:
+            here = stabilizing_step(equations, here, step, 1.0)
+        else:
+            here = Point(here.weights - step, here.problem, here.solves + 1)
+        last = correction
+        if not to_the_floor and correction <= TRACKING:
+            return here, True
+    return here, last < SETTLED
+
+
+def stabilizing_step(equations: StackEquations, here: Point, step: np.ndarray, fraction: float) -> Point:
+    """W - f N, with f halved until the policy stabilizes the recorded plant.
+
+    On the LQ problem every f in (0, 1] does so in exact arithmetic with exact data; rounding and noise can
+    break it. Raises NoSolutionError when no step does.
+    """
+    for _ in range(MOST_HALVINGS):
+        trial = here.weights - fraction * step
+        if equations.margin(trial, here.problem) > 0.0:
+            return Point(trial, here.problem, here.solves + 1)
+        fraction *= 0.5
+    raise NoSolutionError(
+        "no step of the learning law keeps the recorded plant stable; check that the recorded drifts are F = A z"
+        " of one linear plant, without the reference forcing and with little noise"
+    )
+
+
+def discount_at(progress: float, start: float) -> float:
+    """β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s: β₀ at p = 0, 0 at p = 1, and slow where P changes (β below 1)."""
+    return start * (1.0 - progress) / (1.0 + 2.0 * start * progress)
+
+
+def lower_discount(equations: StackEquations, here: Point, target: float, normaliser: np.ndarray) -> Point:
+    """Follow the LQ solution to a smaller discount β.
+
+    A step of at most half the stability margin keeps the policy stabilizing, and from a stabilizing policy the
+    full Newton iteration of an LQ problem converges, so only a plant that no input can stabilize stops this:
+    NoSolutionError.
+    """
+    while here.problem.discount > target:
+        discount = here.problem.discount
+        lower = max(target, discount - 0.5 * equations.margin(here.weights, here.problem))
+        if lower > target and discount - lower <= SMALLEST_STEP * min(discount, 1.0):
+            raise _not_brought_to_rest(discount)
+        there = here._replace(problem=here.problem._replace(discount=lower))
+        here, converged = iterate(equations, there, normaliser, to_the_floor=False)
+        if not converged:
+            raise _not_brought_to_rest(lower)
+    return here
+
+
+def _not_brought_to_rest(discount: float) -> NoSolutionError:
+    return NoSolutionError(
+        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not bring a mode to"
+        " rest; check that (A, B) is stabilizable and that Q sees the mode"
+    )
+
+
+def raise_disturbance(
+    equations: StackEquations, here: Point, target: float, normaliser: np.ndarray, delta: float
+) -> Point:
+    """Follow the game solution to a larger share s of 1/δ².
+
+    For δ above its minimum the solution exists for every s in [0, 1] and grows with s (monotonicity of the
+    H-infinity Riccati equation in δ; Basar & Bernhard 1995). A step is taken only when the iteration converged
+    to P >= 0 with A - S_s P Hurwitz, of which there is one, and is halved otherwise.
+
+    Raises NoSolutionError with the δ at which the solution is lost.
+    """
+    step = target - here.problem.share
+    while here.problem.share < target:
+        share = min(target, here.problem.share + step)
+        trial = here._replace(problem=here.problem._replace(share=share))
+        found, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
+        if converged and _is_stabilizing_solution(equations, found):
+            here, step = found, 2.0 * step
+            continue
+        here, step = here._replace(solves=found.solves), 0.5 * step
+        if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
+            end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
+            raise NoSolutionError(
+                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution is lost at"
+                f" delta = {end:.6g}; raise delta above that, unless the smallest possible one (hfa solve) lies below"
+            )
+    return here
+
+
+def _is_stabilizing_solution(equations: StackEquations, point: Point) -> bool:
+    """Whether A - S_s P is Hurwitz and P >= 0 up to rounding."""
+    eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(point.weights))
+    positive = eigenvalues[0] > -1e-12 * eigenvalues[-1]
+    return bool(positive and equations.margin(point.weights, point.problem) > 0.0)
+
 
 #: A start counts as stabilizing when its margin is at least this fraction of the fastest closed-loop rate.
 #: Closer to the edge the regressors are singular to rounding and the first Newton direction is noise.

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.learning_result import Excitation, LearningResult
+from controller.game.learning_result import Excitation, LearningResult, settled_at
 from controller.game.zero_sum import Game
-from controller.laws import refinement
 from controller.training_data.stack_equations import StackEquations, control_root
 from hfa_support.reporting.checks import Check, checked
 
@@ -109,7 +108,7 @@ def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     outer = np.outer(scales, scales)
     terms = (2.0 * game.A.T @ P, game.Q, P @ game.S @ P)
     total = sum(float(np.linalg.norm(term * outer)) for term in terms)
-    left = float(np.linalg.norm(refinement.riccati_residual(*_scaled(game, scales), P * outer)))
+    left = float(np.linalg.norm(riccati_residual(*_scaled(game, scales), P * outer)))
     return left / total if total > 0.0 else left
 
 
@@ -120,7 +119,7 @@ def relative_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     """
     outer = np.outer(scales, scales)
     try:
-        correction = refinement.newton_correction(*_scaled(game, scales), P * outer) / outer
+        correction = newton_correction(*_scaled(game, scales), P * outer) / outer
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.linalg.norm(correction) / np.linalg.norm(P)) if np.any(P) else np.inf
@@ -132,9 +131,50 @@ def _scaled(game: Game, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return game.A * scales / rows, control_root(game) / rows, game.E / game.delta / rows, game.Q * rows * scales
 
 
-def settled_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
-    """The first time from which size <= band to the end, s; inf when it is not so at the end."""
-    outside = np.flatnonzero(~(size <= band))
-    if len(outside) == 0:
-        return float(times[0])
-    return float(times[outside[-1] + 1]) if outside[-1] + 1 < len(times) else np.inf
+#: Most steps of a refinement; each squares the error until rounding stops it.
+MOST_STEPS = 20
+
+
+def riccati_residual(
+    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> np.ndarray:
+    """A'P + PA + Q - PSP with S = G G' - D D', G control (n, m) and D disturbance (n, k); (n, n).
+
+    P S P is taken from its roots: where few inputs hold a large P in check, |G'P| is not a small difference of
+    large numbers, and S P is.
+    """
+    pushed, disturbed = P @ control, P @ disturbance
+    return A.T @ P + P @ A + Q - pushed @ pushed.T + disturbed @ disturbed.T
+
+
+def newton_correction(
+    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> np.ndarray:
+    """N with (A - S P)'N + N (A - S P) = `riccati_residual`, (n, n): P - N is the next policy iteration.
+
+    Solved as n² linear equations. Raises numpy.linalg.LinAlgError when they are singular.
+    """
+    closed = A - control @ (control.T @ P) + disturbance @ (disturbance.T @ P)
+    eye = np.eye(len(P))
+    operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
+    right = riccati_residual(A, control, disturbance, Q, P)
+    found: np.ndarray = np.linalg.solve(operator, right.reshape(-1)).reshape(P.shape)
+    return (found + found.T) / 2.0
+
+
+def refine(
+    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """P - N repeated until the correction no longer halves, which is rounding; the last P and the number of solves."""
+    last, solves = np.inf, 0
+    while solves < MOST_STEPS:
+        try:
+            correction = newton_correction(A, control, disturbance, Q, P)
+        except np.linalg.LinAlgError:
+            break
+        solves += 1
+        size = float(np.linalg.norm(correction))
+        if not size < 0.5 * last:
+            break
+        P, last = P - correction, size
+    return P, solves

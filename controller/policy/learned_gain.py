@@ -11,7 +11,7 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws.certify import abscissa, positivity
 from controller.laws.learn import learn
-from controller.policy.flown_law import FlownLaw, gain_law
+from controller.policy.policies import FlownLaw, gain_law
 from controller.training_data.recording import natural_spread
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import SaidProgress

@@ -1,7 +1,8 @@
 """Simulate a policy on the seven-state nonlinear aircraft and compare with the prediction of its linear model.
 
-Exit code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first). See
-`hfa schedule` for a slow change of dihedral and `hfa map` for how far from trim the policy works.
+Exit code 0 when every state stays inside its envelope and every input within its control limits; else 1, and the report
+names the state that left first and the inputs that exceeded their limits. See `hfa schedule` for a slow change of
+dihedral and `hfa map` for how far from trim the policy works.
 """
 
 from __future__ import annotations
@@ -21,17 +22,10 @@ from hfa_cli.options.law_options import (
 from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
-from hfa_support.errors import BadInputError
-from hfa_support.reporting.text import in_degrees
 from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_support.reporting.checks import Check
-
-#: Options of former versions -> the command that has them now.
-_MOVED = dict.fromkeys(("to", "over", "points"), "schedule") | dict.fromkeys(
-    ("map", "speeds", "dihedrals", "commands"), "map"
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,17 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--check", action="store_true", help="also: slope 2 against the linear model, and an adaptive integrator"
     )
     options.add_picture(parser, "the flight")
-    for name in _MOVED:
-        parser.add_argument(f"--{name}", help=argparse.SUPPRESS)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly and report; exit 1 when the envelope was left or a check failed."""
-    from controller.flight.simulate import fly
+    """Fly and report; exit 1 when a limit was exceeded or a check failed."""
+    from controller.flight.nonlinear_flight import fly
     from verification.flights.flight_figures import flight_figure
 
-    _refuse_moved(arguments)
     check_learning(arguments)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
@@ -80,16 +71,4 @@ def run(arguments: argparse.Namespace) -> int:
     report = result.report(law, checks)
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [point], arguments, arguments.output, result.history())
-    return 0 if result.departure is None and all(check.ok for check in checks) else 1
-
-
-def _refuse_moved(arguments: argparse.Namespace) -> None:
-    """Name the command that has an option now, and the line to type."""
-    for name, command in _MOVED.items():
-        value = getattr(arguments, name)
-        if value is not None:
-            option = "picture" if name == "map" else name
-            raise BadInputError(
-                f"--{name} has become a command: hfa {command} --dihedral {in_degrees(arguments.dihedral):g} "
-                f"--{option} {value} (see `hfa {command} --help`)"
-            )
+    return 0 if result.within_limits and all(check.ok for check in checks) else 1

@@ -9,7 +9,7 @@ from hfa_cli.options.argument_types import whole
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from trim.identification.evidence import run_identification, save_fit
+from trim.identification.identify import run_identification, save_fit
 
 #: Suffix of a parameters file.
 PARAMETERS = ".toml"

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import some_of
 from hfa_cli.options.parser import add_value
-from hfa_cli.output import show
+from hfa_cli.output import failure_as_data, show
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
+from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
 from hfa_model.winds import DISTURBANCES
-from hfa_support.errors import BadInputError
-from trim.linear.bands import trust_in
+from hfa_support.errors import BadInputError, NoSolutionError
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands
-from trim.linear.linear_model import linear_model_report, linearize
+from trim.linear.linear_model import LinearModel, linear_model_report, linearize, truncation_note, trust_in
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
-    point = options.operating_point_of(arguments, aircraft)
+    with failure_as_data(arguments, aircraft):
+        point = options.operating_point_of(arguments, aircraft)
     states = arguments.states or (STATES if arguments.full else LINEAR_STATES)
     model = linearize(
         aircraft,
@@ -55,14 +60,29 @@ def run(arguments: argparse.Namespace) -> int:
         disturbances=arguments.disturbances,
         ground_drag=arguments.ground_drag,
     )
+    six = model.select(LINEAR_STATES)
     model = model.select(states, arguments.inputs)
     # The bands and the print are of the six states and all inputs.
     whole = (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
     bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
+    other = _other_dynamics(aircraft, condition, point) if whole else None
     # The print is in feet.
     printed = printed_at(point) if whole and arguments.units != "si" else None
-    report = linear_model_report(model, bands, trust_in(bands), windy=arguments.disturbances is not None)
+    trust, windy = trust_in(bands, model, other), arguments.disturbances is not None
+    report = linear_model_report(model, bands, trust, other=other, windy=windy)
+    notes = [note for note in (*report.notes, truncation_note(model, six)) if note]
+    report = replace(report, notes=notes).with_data(warnings=notes)
     if printed is not None:
         report = beside_the_print(report, model, printed)
     show(report, arguments, target=arguments.output)
     return 0
+
+
+def _other_dynamics(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint) -> LinearModel | None:
+    """The model of the other dynamics at the same condition; None where they have no trim there."""
+    name = next((each for each in VARIANTS if each != aircraft.variant.name), "")
+    other = Aircraft(aircraft.parameters, name)
+    try:
+        return linearize(other, find_operating_point(other, condition, start))
+    except (BadInputError, NoSolutionError):
+        return None

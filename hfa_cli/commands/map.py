@@ -1,6 +1,7 @@
 """How far from trim u = -K z works: many initial states and commands, simulated nonlinear and linear.
 
-A trial lasts eight time constants of the slowest mode of the linear loop.
+A flight lasts eight time constants of the slowest mode of the linear loop. The report counts the starts that stay
+inside the envelope and within the control limits, and names the limits that the others exceed.
 """
 
 from __future__ import annotations
@@ -48,8 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hfa_model.aircraft import Aircraft
     from hfa_model.variants import VARIANTS
     from verification.flights.flight_figures import map_figure
-    from verification.flights.recoverable import recoverable_map
-    from verification.flights.recoverable_map import map_report
+    from verification.flights.recoverable_map import map_report, recoverable_map
 
     check_learning(arguments)
     speeds, dihedrals, commands = (array_of(f"--{name}", getattr(arguments, name), _MOST_POINTS) for name in _RANGES)

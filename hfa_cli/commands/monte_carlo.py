@@ -1,8 +1,8 @@
 """Simulate many members of one flight, each with its own parameter errors, sensor noise and turbulence.
 
 Member k is decided by --seed and k alone: any number of workers gives the same bits. The members go to a Zarr store
-(-o FILE.zarr), which can be continued after an interruption (--resume). Exit code 0 when at least one member stays in
-its envelope.
+(-o FILE.zarr), which can be continued after an interruption (--resume). Exit code 0 when at least one member stays
+inside its envelope and within the control limits.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from hfa_support.files import temporary_folder
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
-    from controller.flight.uncertain import Uncertainty
-    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
-    from controller.policy.flown_law import FlownLaw
+    from controller.flight.monte_carlo import MonteCarlo
+    from controller.flight.scenario import Uncertainty
+    from controller.policy.policies import FlownLaw
 
 _DEFAULT_MEMBERS = 100
 _MOST_MEMBERS = 10_000_000
@@ -88,9 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly and report; exit 1 when every member left its envelope."""
-    from controller.monte_carlo.monte_carlo_report import MonteCarloResult
-    from controller.monte_carlo.stored_members import stream_monte_carlo
+    """Fly and report; exit 1 when no member stayed within its limits."""
+    from controller.flight.monte_carlo import MonteCarloResult, stream_monte_carlo
 
     options.refuse_files(arguments, ("output",), "a store is in ft")
     target = check_target(arguments.output, (".zarr",))
@@ -109,12 +108,12 @@ def run(arguments: argparse.Namespace) -> int:
         outcome = MonteCarloResult.of(plan, store, "members not kept" if target is None else f"members in {target}")
     report = outcome.report()
     tell(replace(report, data={**report.data, "store": arguments.output}), [plan.point], arguments, None)
-    return 0 if outcome.held else 1
+    return 0 if outcome.within_limits else 1
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
+    from controller.flight.monte_carlo import MonteCarlo
     from controller.flight.scenario import Scenario
-    from controller.monte_carlo.monte_carlo_plan import MonteCarlo
 
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
@@ -142,7 +141,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
 
 
 def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
-    from controller.flight.uncertain import Uncertainty
+    from controller.flight.scenario import Uncertainty
 
     errors, noise = arguments.error or {}, arguments.noise or {}
     return Uncertainty(errors, noise, arguments.turbulence)

@@ -1,7 +1,8 @@
 """Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of gains.
 
 At every point of a grid of dihedrals there is a level trim and a gain, linear in between: certified, or from a file as
-it is. Exit code 0 when every state stays within its envelope, 1 when one leaves it (the report says which left first).
+it is. Exit code 0 when every state stays inside its envelope and every input within its control limits; else 1, and the
+report names the state that left first and the inputs that exceeded their limits.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fly and report; exit 1 when the envelope was left."""
+    """Fly and report; exit 1 when a limit was exceeded."""
     from controller.policy.gain_table import load_gains
     from verification.flights.flight_figures import flight_figure
     from verification.flights.scheduling import (
@@ -81,4 +82,4 @@ def run(arguments: argparse.Namespace) -> int:
     report = schedule_report(result, certified, change, law)
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
-    return 0 if result.departure is None else 1
+    return 0 if result.within_limits else 1

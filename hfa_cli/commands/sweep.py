@@ -1,11 +1,10 @@
 """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
 
-Whatever a trim can hold can be swept: --hold throttle=20:60:10. What else it imposes, frees and limits is said as in
-`hfa trim`.
+Whatever a trim can hold can be swept, --hold throttle=20:60:10, and any parameter of the aircraft, --vary
+panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
 
-A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, any parameter of the
-aircraft (--vary), random samples (--samples), several processes (--workers) or machines (--scheduler), and it can be
-continued after an interruption (--resume).
+A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples (--samples),
+several processes (--workers) or machines (--scheduler), and it can be continued after an interruption (--resume).
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,14 +28,17 @@ from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import shown_unit
-from trim.sweeps.sweep import MOST_POINTS, sweep
+from trim.point.condition import VARIABLES
+from trim.sweeps.points import condition_at
+from trim.sweeps.sweep import MOST_POINTS, run_plan
+from trim.sweeps.sweep_plan import SweepPlan
 
 #: What has an option of its own.
 SWEPT = ("dihedral", *options.OF_THE_CONDITION)
 #: Suffix of a store, and the options that only a store and only a game has.
 STORE = ".zarr"
 OF_A_GAME = ("delta", "Q", "R")
-OF_A_STORE = ("vary", "samples", "seed", "workers", "scheduler", "resume")
+OF_A_STORE = ("samples", "seed", "workers", "scheduler", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
     options.add_output(parser, STORE)
+    add_named(parser, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
-    add_named(store, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
     about = "N points of a Latin hypercube; ranges are LOW:HIGH or one number"
     add_value(store, "--samples", whole(1), "N", about)
     add_value(store, "--seed", whole(0), "N", "seed of the samples; default 0")
@@ -62,46 +64,76 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Sweep and report; exit 1 when no point has a trim."""
     ranges = _ranges(arguments)
-    if arguments.output is not None and arguments.output.suffix.lower() == STORE:
-        return _to_store(arguments, ranges)
-    options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
-    if arguments.game:
-        options.refuse(arguments, ("full",), "does not go with --game, which is played on six states")
+    stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
+    if stored:
+        why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
+        options.refuse(arguments, ("full", "picture", "units", "game", *OF_A_GAME), why)
+        if arguments.seed is not None and arguments.samples is None:
+            raise BadInputError("--seed belongs to --samples; a grid has nothing random")
     else:
-        options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
-    axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
-    axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))  # what stays fixed first: it is not drawn
-    varied = [name for name, values in axes.items() if values.size > 1]
-    if arguments.picture is not None and len(varied) > 1:
-        raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
-    aircraft, condition = options.aircraft_of(arguments), options.swept_condition_of(arguments)
-    result = sweep(
-        aircraft,
-        axes,
-        condition=condition,
-        start=arguments.start,
-        full=arguments.full,
-        progress=ProgressLine("sweep"),
-    )
-    notes = []
-    failed = next((dict(zip(axes, result.values[i], strict=True)) for i in np.flatnonzero(~result.trimmed)), None)
-    if failed is not None:
-        at = condition.at(failed.pop("dihedral", 0.0), failed)
-        if advice := options.freed_alpha(arguments, aircraft, at):
+        options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
+        if arguments.game:
+            options.refuse(arguments, ("full",), "does not go with --game, which is played on six states")
+        else:
+            options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
+    plan = _plan(arguments, ranges, stored)
+    report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
+    # The notes on standard error: the table on standard output stays a table.
+    show(replace(report, notes=()), arguments, target=None if stored else arguments.output)
+    say_notes(report.notes)
+    return 0 if trimmed else 1
+
+
+def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool) -> SweepPlan:
+    """What is swept; what stays fixed comes first, because it is not drawn."""
+    if arguments.samples:
+        if not any(isinstance(values, Span) for values in ranges.values()):
+            raise BadInputError(f"--samples has nothing to draw; give one of {', '.join(ranges)} as LOW:HIGH")
+        axes: dict[str, Any] = {name: sample_limits(name, values) for name, values in ranges.items()}
+    elif stored:
+        axes = {name: grid_values(name, values) for name, values in ranges.items()}
+    else:
+        axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
+        axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
+        varied = [name for name, values in axes.items() if values.size > 1]
+        if arguments.picture is not None and len(varied) > 1:
+            raise BadInputError(
+                f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
+            )
+    condition, parameters = options.swept_condition_of(arguments), options.parameters_of(arguments).values
+    random = arguments.samples or 0, arguments.seed or 0
+    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, arguments.start)
+
+
+def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
+    """The report, with the picture drawn and the games solved, and whether any point has a trim."""
+    result = run_plan(plan, full=arguments.full, progress=ProgressLine("sweep"))
+    notes, failed = [], np.flatnonzero(~result.trimmed)
+    if failed.size and set(plan.variables) <= set(VARIABLES):
+        at = condition_at(plan.condition, plan.variables, result.values[failed[0]])
+        if advice := options.freed_alpha(arguments, plan.aircraft, at):
             notes.append(f"at the first point without a trim {advice}")
     if arguments.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {arguments.picture} is not written")
     else:
         draw(arguments.picture, result.root_locus.figure)
-    games = None
+    report = result.report()
+    report = replace(report, notes=[*report.notes, *notes])
     if arguments.game:
         from controller.analysis.game_sweep import sweep_games, with_games
 
-        games = sweep_games(result, ProgressLine("games"), **weights_of(arguments))
-    report = result.report()
-    report = replace(report, notes=[*report.notes, *notes])
-    _show(report if games is None else with_games(report, result, games), arguments, arguments.output)
-    return 0 if np.any(result.trimmed) else 1
+        report = with_games(report, result, sweep_games(result, ProgressLine("games"), **weights_of(arguments)))
+    return report, bool(result.trimmed.any())
+
+
+def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
+    """The report of the store, and whether any point has a trim."""
+    from trim.sweeps.stored_sweep import stored_sweep_report, stream_sweep
+
+    crew, origin = options.crew_of(arguments), provenance().to_dict()
+    store = stream_sweep(plan, arguments.output, **crew, provenance=origin, progress=ProgressLine("sweep"))
+    report = stored_sweep_report(plan, store, arguments.output)
+    return report, bool(report.data["counts"]["trimmed"])
 
 
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
@@ -116,49 +148,3 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     if not ranges | held:
         raise BadInputError(f"nothing to sweep; give at least one of {', '.join('--' + name for name in SWEPT)}")
     return ranges | held
-
-
-def _to_store(arguments: argparse.Namespace, ranges: dict[str, Range]) -> int:
-    from trim.sweeps.stored_sweep import stored_sweep_report, stream_sweep
-    from trim.sweeps.sweep_plan import SweepPlan
-
-    options.refuse(
-        arguments,
-        ("full", "picture", "units"),
-        "does not go with a store, which holds all seven states, in feet, and no picture",
-    )
-    options.refuse(arguments, ("game", *OF_A_GAME), "does not go with a store, which holds no games")
-    if arguments.seed is not None and arguments.samples is None:
-        raise BadInputError("--seed belongs to --samples; a grid has nothing random")
-    crew = options.crew_of(arguments)
-    axes = {
-        name: sample_limits(name, values) if arguments.samples else grid_values(name, values)
-        for name, values in ranges.items()
-    }
-    if arguments.samples and not any(isinstance(values, Span) for values in ranges.values()):
-        raise BadInputError(f"--samples has nothing to draw; give one of {', '.join(ranges)} as LOW:HIGH")
-    plan = SweepPlan(
-        axes,
-        options.parameters_of(arguments).values,
-        arguments.dynamics,
-        arguments.samples or 0,
-        arguments.seed or 0,
-        options.swept_condition_of(arguments),
-        arguments.start,
-    )
-    store = stream_sweep(
-        plan,
-        arguments.output,
-        **crew,
-        provenance=provenance().to_dict(),
-        progress=ProgressLine("sweep"),
-    )
-    report = stored_sweep_report(plan, store, arguments.output)
-    _show(report, arguments, None)
-    return 0 if report.data["counts"]["trimmed"] else 1
-
-
-def _show(report: Report, arguments: argparse.Namespace, target: Path | None) -> None:
-    """The notes on standard error: the table on standard output stays a table."""
-    show(replace(report, notes=()), arguments, target=target)
-    say_notes(report.notes)

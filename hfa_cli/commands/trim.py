@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.output import draw, show
+from hfa_cli.output import draw, failure_as_data, show
 from trim.point.trim_figure import trim_figure
 from trim.point.trim_report import trim_report
 
@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report."""
     aircraft = options.aircraft_of(arguments)
-    point = options.operating_point_of(arguments, aircraft)
+    with failure_as_data(arguments, aircraft):
+        point = options.operating_point_of(arguments, aircraft)
     draw(arguments.picture, lambda: trim_figure(aircraft, point))
     report = trim_report(aircraft, options.condition_of(arguments), point)
     show(report, arguments, target=arguments.output)

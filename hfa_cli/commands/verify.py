@@ -20,8 +20,7 @@ from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
-from verification.critic.check_figure import check_figure
-from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.check_result import CriticCheck, check_figure, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
 

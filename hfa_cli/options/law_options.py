@@ -25,7 +25,7 @@ from trim.linear.linear_model import LinearModel
 if TYPE_CHECKING:
     from controller.flight.scenario import Scenario
     from controller.policy.commands import CommandSteps
-    from controller.policy.flown_law import FlownLaw
+    from controller.policy.policies import FlownLaw
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
@@ -91,7 +91,7 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
     """u = -K z of the file that the options name: its K, or that of its P or W with the game's B and R."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from controller.policy.flown_law import gain_law
+    from controller.policy.policies import gain_law
     from verification.critic.candidate import from_gain, from_stored
 
     path, functions = arguments.weights, basis("quadratic", len(game.A))
@@ -107,8 +107,8 @@ def stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> 
 
 def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
     """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
-    from controller.policy.flown_law import gain_law
     from controller.policy.learned_gain import frozen_law, learned_value, online_law
+    from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game
 
     game = game_on(model, arguments)

@@ -42,8 +42,11 @@ def value_range(name: str, text: str) -> Range:
     if intervals >= MOST_POINTS:
         said = f"{np.floor(intervals) + 1.0:,.15g}"
         raise ArgumentTypeError(f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step")
-    unit = quantity(name, "1")
-    return Steps(start * unit, step * unit, math.floor(intervals + 1e-9) + 1)
+    unit, count = quantity(name, "1"), math.floor(intervals + 1e-9) + 1
+    spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
+    while start * unit + spacing * (count - 1) > stop * unit:  # by rounding: stop may be a limit
+        spacing = np.nextafter(spacing, 0.0)
+    return Steps(start * unit, float(spacing), count)
 
 
 def grid_values(name: str, values: Range) -> tuple[float, ...] | Steps:

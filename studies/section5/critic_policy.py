@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.policy.flown_law import FlownLaw
-from controller.policy.policies import Seen
+from controller.policy.policies import FlownLaw, Seen
 from controller.policy.signals import Signal
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw

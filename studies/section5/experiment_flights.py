@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
-from controller.policy.flown_law import FlownLaw
+from controller.flight.simulation import CompiledLoop, Flight
+from controller.policy.policies import FlownLaw
 from controller.policy.signals import Signal, zero
 from hfa_model.vectors import LINEAR_STATES
 from studies.section5.flown_laws import Critic, law_of
@@ -122,7 +123,7 @@ def _flown(setting: Setting, loop: CompiledLoop, flown: FlownLaw, start: np.ndar
             steps_per_tick=settings.steps_per_tick,
             ticks=settings.ticks,
             memory=flown.memory,
-            stop=lambda _, rows, __: not (np.all(np.abs(rows[:, :n]) <= limit) and np.all(np.isfinite(rows))),
+            stop=lambda rows, _: not (np.all(np.abs(rows[:, 1 : 1 + n]) <= limit) and np.all(np.isfinite(rows))),
         )
         sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
         sound &= np.all(np.isfinite(flight.memory), axis=1)

@@ -11,9 +11,8 @@ import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.laws.learn import learn
-from controller.policy.flown_law import FlownLaw
 from controller.policy.learned_gain import baseline_weights, online_law
-from controller.policy.policies import TrackingPolicy, tracking_constants
+from controller.policy.policies import FlownLaw, TrackingPolicy, tracking_constants
 from controller.policy.signals import Signal, zero
 from controller.riccati.gare import solve_game
 from controller.training_data.recording import Stack, random_pool

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.closed_loop import Flight
+from controller.flight.simulation import Flight
 from controller.game.basis import Basis
+from controller.game.learning_result import settled_at
 from controller.game.zero_sum import Game
-from controller.laws.certify import settled_at
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 if TYPE_CHECKING:

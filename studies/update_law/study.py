@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import Game, LearningResult, learn, published_game, random_pool, run
-from controller.laws.certify import settled_at
+from controller.game.learning_result import settled_at
 from hfa_model import published_models
 from hfa_support import NoSolutionError
 from hfa_support.jsonable import jsonable

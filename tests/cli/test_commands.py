@@ -136,7 +136,7 @@ def test_linearize_text(angle: str) -> None:
     for mode in ("short period", "phugoid", "dihedral"):
         assert re.search(rf"^{mode}.* -?\d+\.\d{{4}}", said, re.M)
     assert ("half units" in said) == (angle != "10")
-    assert "Largest uncertainty band of an entry: " in said
+    assert "Largest band of an entry from the rounding of the print: " in said
     assert "\nA and B in rad, ft, s; the offsets X0 and U0 in the units beside them\n" in said
 
 
@@ -254,7 +254,7 @@ def test_without_covariance_there_are_no_bands(tmp_path: Path) -> None:
     path = tmp_path / "bare.toml"
     save_parameters(ParameterSet(shipped.values, dict.fromkeys(shipped.sources, "assumed")), path, "")
     words = ("linearize", "--dihedral", "10", "--parameters", str(path))
-    assert "No uncertainty bands: they are known for the six printed states" in text(*words)
+    assert "No bands of the rounding of the print: they are known for the six printed states" in text(*words)
     data, with_bands = answer(*words), answer("linearize", "--dihedral", "10")
     assert "A_band" not in data
     np.testing.assert_array_equal(data["A"], with_bands["A"])

@@ -15,7 +15,7 @@ from project import ROOT
 from hfa_cli.commands import identify
 from hfa_model import default_parameters, load_parameters
 from trim import Identification, run_identification
-from trim.identification.evidence import ALTERNATIVES, save_fit
+from trim.identification.identify import ALTERNATIVES, save_fit
 
 COMMITTED = ROOT / "hfa_model"
 FILE = "parameters.toml"

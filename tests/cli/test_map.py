@@ -10,7 +10,7 @@ import pytest
 from cli import assert_refused, hfa
 from game_files import stored
 
-from verification.flights import recoverable
+from verification.flights import recoverable_map as recoverable
 
 MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "-10:10:10")
 
@@ -18,7 +18,7 @@ MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dih
 @pytest.fixture(autouse=True)
 def _coarse_edges(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recoverable, "_SCAN", 6)
-    monkeypatch.setattr(recoverable, "_HALVINGS", 3)  # test_recoverable.py has them as fine as they are
+    monkeypatch.setattr(recoverable, "_HALVINGS", 3)  # test_recoverable_map.py has them as fine as they are
 
 
 def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndar
     result = hfa(*words, "-o", str(tmp_path / "map.json"))
     told = result.out
     assert result.err == ""
-    assert told.startswith(f"How far u = -K z holds, dihedral 15 deg, law gain of {tmp_path / 'K.npz'}\n")
+    assert told.startswith(f"How far from trim u = -K z works, dihedral 15 deg, law gain of {tmp_path / 'K.npz'}\n")
     said = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
     assert (said["schema"], said["warnings"]) == ("hfa.recoverable-map/1", [])
     assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]

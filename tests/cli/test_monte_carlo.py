@@ -36,7 +36,7 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     assert "angle_of_attack" in data["left"]
     assert data["errors"]["panel_mass"]["deviation"] == pytest.approx(kept.read("factors").std(ddof=1))
     again = hfa(*words, "--resume", "-o", store)
-    assert "held their envelope: 8 of 8" in again.out
+    assert "stayed within limits: 8 of 8" in again.out
     assert f"{np.degrees(data['peak_error']['alpha'][3]):.4g}" in again.out
     assert "members not kept" in hfa(*words).out
 
@@ -46,8 +46,8 @@ def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) 
     np.savez(file, K=-gain)
     away = hfa("monte-carlo", "--dihedral", "15", "--members", "2", "--weights", str(file), "--initial", "alpha=1")
     assert away.code == 1
-    assert "held their envelope: 0 of 2" in away.out
-    assert "left it, by the state that left first: " in away.out
+    assert "stayed within limits: 0 of 2" in away.out
+    assert "left the envelope, by the state that left first: " in away.out
 
 
 @pytest.mark.parametrize(

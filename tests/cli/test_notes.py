@@ -35,7 +35,7 @@ def sweep_note(beyond: int, points: int) -> str:
 def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.setattr("verification.flights.recoverable._SCAN", 2)
+    monkeypatch.setattr("verification.flights.recoverable_map._SCAN", 2)
     beyond = hfa(*COMMANDS[name], "--dihedral", "16", "--json")
     assert beyond.err == f"hfa: note: {NOTE}\n"
     assert json.loads(beyond.out)["warnings"] == [NOTE]

@@ -21,7 +21,7 @@ def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:
     result = hfa(*SCHEDULE, "--step", "0.01", "-o", str(table), "--picture", str(picture))
     assert (result.code, result.err) == (0, "")
     title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 20 s, law exact, scheduled"
-    assert result.out.startswith(f"{title}\nheld: 40 s inside the envelope\n")
+    assert result.out.startswith(f"{title}\nstayed within limits: 40 s inside the envelope and the control limits\n")
     assert result.out.count("8 hold") == 3
     data = json.loads(table.read_text(encoding="utf-8"))
     np.testing.assert_allclose(data["schedule"]["dihedrals"], np.radians([5.0, 10.0, 15.0]))

@@ -16,7 +16,7 @@ from benchmarks.jobs_models import peer_point, peer_system
 from benchmarks.jobs_scale import critic_plan, gain_plan, growth
 from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Comparison, Row, Size, in_turn
-from controller.monte_carlo.stored_members import fly_member
+from controller.flight.monte_carlo import fly_member
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_support.native import machine_code as generated
 from trim import find_operating_point, level_flight, linearize

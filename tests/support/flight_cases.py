@@ -9,7 +9,7 @@ import numpy as np
 from known_models import exact_gain, game_at, model_at
 
 from controller import Envelope, FlownLaw, Game, Scenario, Signal, flight_envelope, fly, gain_law
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.policy.policies import Seen
 from hfa_model import LINEAR_STATES, Aircraft, Parameters
 from trim import OperatingPoint

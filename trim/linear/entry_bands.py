@@ -12,8 +12,7 @@ from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
-from trim.linear.bands import Bands
-from trim.linear.linear_model import LinearModel
+from trim.linear.linear_model import Bands, LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 

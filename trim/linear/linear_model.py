@@ -1,4 +1,4 @@
-"""A linear model at an operating point: how it is made, and what it says."""
+"""A linear model at an operating point: how it is made, and what it says; how uncertain its entries are."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, RATE_UNITS, STATE_UNITS, STATES, UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, STATES, UNITS
 from hfa_model.winds import DISTURBANCE_UNIT
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
-from hfa_support.reporting.unit_system import unit_in_force
-from trim.linear.bands import Bands
+from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
 from trim.linear.modes import modes_of, modes_table
 from trim.linear.output_model import UPDRAFT, OutputModel, output_model
 from trim.point.condition import level_flight
@@ -24,6 +23,79 @@ from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
+
+#: Why a model comes without bands.
+NO_BANDS = (
+    "No bands of the rounding of the print: they are known for the six printed states of the identified aircraft only"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(ByValue, Reported):
+    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
+
+    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
+    equations are taken as they are: `docs/validation.md` says where they were tested.
+    """
+
+    A_rounding: np.ndarray
+    B_rounding: np.ndarray
+
+    @property
+    def A(self) -> np.ndarray:
+        """Half width of the band on A: two standard errors."""
+        return 2 * self.A_rounding
+
+    @property
+    def B(self) -> np.ndarray:
+        """Half width of the band on B: two standard errors."""
+        return 2 * self.B_rounding
+
+    def report(self) -> Report:
+        """Half width of the band of every entry of A and B."""
+        tables = [
+            Table(
+                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
+            )
+            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
+        ]
+        return Report("Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s", tables)
+
+
+def trust_in(bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None) -> str:
+    """How far the entries of a six-state model may be off: by the rounding of the print, and by the choice of the
+    dynamics, `other` being the model of the other ones at the same condition."""
+    said = NO_BANDS
+    if bands is not None:
+        said = f"Largest band of an entry from the rounding of the print: {_largest(bands.A, bands.B)}"
+    if model is not None and other is not None:
+        difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
+        said += f"\nLargest difference of an entry to {other.point.dynamics} dynamics: {difference}"
+    return f"{said} (every entry: --json or -o)" if said != NO_BANDS else said
+
+
+def _largest(A: np.ndarray, B: np.ndarray) -> str:
+    """The largest entry of both, in the units in force, and which it is."""
+    A = entries_in_force(A, (LINEAR_UNITS, 1), (LINEAR_UNITS, -1))
+    B = entries_in_force(B, (LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
+    row, column = np.unravel_index(largest.argmax(), largest.shape)
+    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
+
+
+def truncation_note(model: LinearModel, whole: LinearModel) -> str:
+    """What a model of fewer states does to the eigenvalues of the six-state one; "" where no state of it is missing."""
+    missing = [name for name in whole.states if name not in model.states]
+    if not missing:
+        return ""
+    reference = np.linalg.eigvals(whole.A)
+    nearest = [(value, min(reference, key=lambda each: abs(each - value))) for value in np.linalg.eigvals(model.A)]
+    off = [abs(value - known) / max(abs(known), 1e-12) for value, known in nearest]
+    return (
+        f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} held at the trim: the model is truncated, "
+        f"and its eigenvalues lie up to {100 * max(off):.2g} % from those of all six states"
+    )
+
 
 #: Matrix -> names of its rows, names of its columns, values.
 _Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
@@ -135,10 +207,16 @@ class LinearModel(ByValue, Reported):
 
 
 def linear_model_report(
-    model: LinearModel, bands: Bands | None = None, trust: str = "", *, windy: bool = False
+    model: LinearModel,
+    bands: Bands | None = None,
+    trust: str = "",
+    *,
+    other: LinearModel | None = None,
+    windy: bool = False,
 ) -> Report:
     """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for.
 
+    other: the model of the other dynamics at the same condition; the data then has the differences.
     windy: E, and F where the outputs are not the states, stand in the text and in the records too.
     """
     point, shown = model.point, _shown(model, windy)
@@ -155,7 +233,7 @@ def linear_model_report(
             modes_table(modes_of(model.A, model.states)),
         ),
         notes=point.warnings,
-        data=_data(model, bands),
+        data=_data(model, bands, other),
         records=_records(model, bands, shown),
     )
 
@@ -180,7 +258,7 @@ def _shown(model: LinearModel, windy: bool) -> _Shown:
     return found
 
 
-def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
+def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) -> dict[str, Any]:
     """A linear model with names, units, offsets, modes and, where known, the bands of its entries."""
     point = model.point
     data: dict[str, Any] = {
@@ -208,6 +286,9 @@ def _data(model: LinearModel, bands: Bands | None) -> dict[str, Any]:
         data |= {"E": part.E.tolist(), "F": part.F.tolist(), "output_offsets": part.offsets.tolist()}
     if bands is not None:
         data["A_band"], data["B_band"] = bands.A.tolist(), bands.B.tolist()
+    if other is not None:
+        data["other_dynamics"] = other.point.dynamics
+        data["A_difference"], data["B_difference"] = (other.A - model.A).tolist(), (other.B - model.B).tolist()
     return data
 
 

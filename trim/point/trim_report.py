@@ -1,14 +1,16 @@
-"""What a trim says."""
+"""What a trim says: every variable between its limits, each equation, loads, and the numbers of a flight manual."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, RATE_UNITS, STATES
+from hfa_model.atmosphere import density, speed_of_sound
+from hfa_model.outputs import moment_of, outputs_of
+from hfa_model.vectors import INPUTS, RATE_UNITS, STATES, UNITS
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import (
@@ -22,10 +24,160 @@ from hfa_support.reporting.text import (
     shown_value,
 )
 from hfa_support.reporting.unit_system import in_force, unit_in_force
-from trim.point.condition import TrimCondition
+from trim.point.condition import SCALES, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, tolerance
-from trim.point.performance import PERFORMANCE_UNITS, Performance, performance
-from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
+
+
+class Performance(NamedTuple):
+    """Steady flight in numbers; units in `PERFORMANCE_UNITS`.
+
+    weight: W = 3 m g. wing_area: S = 3 s c, without the tails. The coefficients are C_L = L / (q S) and
+    C_D = D / (q S) of the whole aircraft, tails included, with q = ρ V² / 2. hinge_moment_total: of loads and weight
+    about a hinge, with spring and damper, zero in balance. The others as in `OUTPUTS` of `hfa_model/outputs.py`.
+    """
+
+    weight: float
+    wing_area: float
+    density: float
+    dynamic_pressure: float
+    speed_of_sound: float
+    mach: float
+    lift_coefficient: float
+    drag_coefficient: float
+    lift_over_drag: float
+    load_factor: float
+    gamma: float
+    climb_rate: float
+    hinge_moment_total: float
+
+
+PERFORMANCE_UNITS: dict[str, str] = {
+    "weight": "lbf",
+    "wing_area": "ft^2",
+    "density": "slug/ft^3",
+    "dynamic_pressure": "lbf/ft^2",
+    "speed_of_sound": "ft/s",
+    "mach": "1",
+    "lift_coefficient": "1",
+    "drag_coefficient": "1",
+    "lift_over_drag": "1",
+    "load_factor": "1",
+    "gamma": "rad",
+    "climb_rate": "ft/s",
+    "hinge_moment_total": "ft lbf",
+}
+
+_WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
+
+
+def performance(aircraft: Aircraft, point: OperatingPoint) -> Performance:
+    """The numbers at a point, trimmed or not."""
+    p, x = aircraft.parameters, point.states
+    moment = moment_of(x, point.inputs, p, aircraft.variant)
+    watched = dict(zip(_WATCHED, map(float, outputs_of(moment, _WATCHED)), strict=True))
+    lift, drag = float(moment.loads.lift), float(moment.loads.drag)
+    wing_area = 3 * p.panel_span * p.chord
+    pressure_area = watched["dynamic_pressure"] * wing_area
+    sound = float(speed_of_sound(x.altitude))
+    return Performance(
+        weight=3 * p.panel_mass * p.gravity,
+        wing_area=wing_area,
+        density=float(density(x.altitude)),
+        speed_of_sound=sound,
+        mach=x.speed / sound,
+        lift_coefficient=lift / pressure_area,
+        drag_coefficient=drag / pressure_area,
+        lift_over_drag=lift / drag,
+        **watched,
+    )
+
+
+#: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
+_CLOSE = 1e-6
+
+
+class Margin(NamedTuple):
+    """A variable between its limits, in its own unit: rad, ft, lbf.
+
+    role: "free", "held", or "alpha + gamma" for the pitch angle where one of these is free. A limit that does not
+    exist is infinite.
+    """
+
+    name: str
+    value: float
+    role: str
+    lowest: float
+    highest: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and limits."""
+        return UNITS[self.name]
+
+    @property
+    def distance(self) -> float:
+        """min(value - lowest, highest - value): to the nearer limit; negative beyond it, infinite without one."""
+        return min(self.value - self.lowest, self.highest - self.value)
+
+    @property
+    def nearer(self) -> str:
+        """Which limit the distance is to: "lowest" or "highest"; empty where there is none."""
+        if math.isinf(self.distance):
+            return ""
+        return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
+
+    @property
+    def nearer_limit(self) -> float:
+        """The value of the nearer limit."""
+        return self.lowest if self.nearer == "lowest" else self.highest
+
+    @property
+    def share(self) -> float:
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway; 0 where the range is infinite."""
+        return self.distance / (self.highest - self.lowest)
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the variable is at its nearer limit or beyond it."""
+        return bool(self.nearer) and self.distance <= _CLOSE * (SCALES[self.name] + abs(self.nearer_limit))
+
+    @property
+    def binds(self) -> bool:
+        """Whether a limit keeps the variable where it is: one that is held stands where it was put."""
+        return self.at_limit and self.role != "held"
+
+
+def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
+    """Every state, input and the flight-path angle, in this order: states, gamma, inputs."""
+    role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
+    role["pitch"] = "alpha + gamma" if {"alpha", "gamma"} & set(condition.free) else "held"
+    return {
+        name: Margin(name, point.values[name], role[name], *condition.limits_of(name))
+        for name in (*STATES, "gamma", *INPUTS)
+    }
+
+
+def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
+    """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
+
+    The pitch angle is there when alpha or gamma is free. What has no limits has no margin.
+    """
+    return {each.name: each.distance for each in margins_that_count(condition, point)}
+
+
+def margins_that_count(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
+    """The limited inputs and free variables: what the trim used up, or could."""
+    every = all_margins(condition, point)
+    pitch = ("pitch",) if every["pitch"].role != "held" else ()
+    names = dict.fromkeys((*INPUTS, *condition.free, *pitch))
+    return [every[name] for name in names if every[name].nearer]
+
+
+def nearest_limits(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
+    """The three margins that are the least share of their range, and all others that are at a limit; least first."""
+    ordered = sorted(margins_that_count(condition, point), key=lambda each: each.share)
+    return [each for index, each in enumerate(ordered) if index < 3 or each.at_limit]
+
 
 TRIM_SCHEMA = "hfa.trim/1"
 
@@ -141,6 +293,7 @@ def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads, numbers
     nearest = nearest_limits(condition, point)
     return {
         "schema": TRIM_SCHEMA,
+        "status": str(point.status),
         "dihedral_deg": in_degrees(point.states.dihedral),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
-from controller.game.basis import basis
+from controller.game.basis import Basis, basis
 from controller.game.critic_file import History
-from controller.game.learning_result import LearningResult
+from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS, relative_residual
@@ -25,7 +25,6 @@ from verification.critic.check_result import CriticCheck
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
 from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
-from verification.critic.run_checks import poor_data, run_checks, worthless_start
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
@@ -162,3 +161,51 @@ def _explained(checks: Iterable[Check], diagnosis: str) -> Iterable[Check]:
             yield check._replace(reason=f"{check.reason}: {diagnosis}")
         else:
             yield check
+
+
+#: Relative Riccati residual, in balanced units, below which a run counts as settled.
+SETTLED = 1e-9
+
+
+def run_checks(game: Game, run: LearningResult, functions: Basis, predefined_time: float | None) -> tuple[Check, ...]:
+    """The richness of the data, as the run says it; the settling time only of a law that promises one."""
+    rank = run.excitation
+    rich = at_least("data_rank", rank.rank, rank.size, f"the data have rank {rank.rank} of {rank.size}")
+    if predefined_time is None:
+        return (rich,)
+    settled = settling_time(game, run, functions)
+    late = f"the residual settles at {settled:.4g} s" if math.isfinite(settled) else "the residual does not settle"
+    return (rich, at_most("settling_time", settled, predefined_time, f"{late}, not within T_w = {predefined_time:g} s"))
+
+
+def settling_time(game: Game, run: LearningResult, functions: Basis) -> float:
+    """First time from which the Riccati residual of the run's P(t) stays within `SETTLED`, s; inf when it does not.
+
+    Computed from the recorded weights, with `certificate.relative_residual` in balanced units: whatever the law
+    measures is not asked.
+    """
+    units = balanced_units(game)
+    balanced, squared = in_units(game, units), np.outer(units, units)
+    residuals = np.array([relative_residual(balanced, functions.matrix(weights) * squared) for weights in run.weights])
+    return settled_at(run.times, residuals, SETTLED)
+
+
+def poor_data(run: LearningResult) -> str:
+    """What a rank below the number of weights means, or ""."""
+    if run.excitation.rank >= run.excitation.size:
+        return ""
+    return (
+        f"the data have rank {run.excitation.rank} of {run.excitation.size}: whatever their residual, they do not "
+        "determine the weights"
+    )
+
+
+def worthless_start(game: Game, run: LearningResult, functions: Basis) -> str:
+    """What a start without a value means for every law but `certified`, which discounts it, or ""."""
+    start = spectrum(game.A - game.B @ game.gain(functions.matrix(run.weights[0]))).abscissa
+    if start < 0.0 or run.law == "certified":
+        return ""
+    return (
+        f"the run starts from a policy that does not stabilize (abscissa of A - B K {start:+.3g} 1/s) and has "
+        "no value to learn from; give initial_weights of a stabilizing one"
+    )

@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.basis import basis
 from controller.game.critic_file import History
+from controller.game.learning_result import settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.certificate import relative_residual
@@ -21,7 +22,6 @@ from hfa_support.reporting.report import Part
 from hfa_support.reporting.text import Table
 from verification.critic.candidate import from_stored
 from verification.critic.critic_errors import Box, critic_errors
-from verification.critic.run_checks import settled_at
 
 #: Rows of the table in a report; files have all.
 _SHOWN = 9

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
-from controller.policy.flown_law import FlownLaw, gain_law
-from controller.policy.policies import Policy
+from controller.flight.simulation import CompiledLoop
+from controller.policy.policies import FlownLaw, Policy, gain_law
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES

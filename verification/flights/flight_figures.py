@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.flight.envelope import ANGLE_OF_ATTACK
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
 from hfa_support.reporting.figure import enlarge_first_second, new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 #: One color a state, the same in every map.
 COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
 _PALE = 0.3
+#: One gray an input that exceeds its limits.
+_GRAYS = ("0.95", "0.75", "0.8", "0.85", "0.9")
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
@@ -101,67 +103,74 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
-    """One column a set of equations: the recoverable set over the start, and over dihedral commands."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
+    """One column a set of equations: what becomes of the starts, and of dihedral commands."""
     figure = new_figure(5.2 * len(maps), 9.0)
     panels = figure.subplots(2, len(maps), squeeze=False, height_ratios=(1.25, 1.0))
-    seen: set[tuple[int, bool]] = set()
+    handles: dict[str, Any] = {}
     for column, each in enumerate(maps):
-        seen |= _start_map(panels[0, column], each)
+        handles |= _start_map(panels[0, column], each)
         _command_map(panels[1, column], each)
-    handles: list[Any] = [Patch(facecolor="white", edgecolor="gray", label="held")]
-    for index, back in sorted(seen):
-        name = STATES[index] if index >= 0 else "no state"
-        label = f"came back, {name} had left" if back else f"lost, {name} left first"
-        handles.append(Patch(color=COLORS.get(name, "0.6"), alpha=_PALE if back else 1.0, label=label))
-    handles.append(Line2D([], [], color="black", linestyle="--", label="linear model held"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=8, title=title)
+    figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=3, fontsize=8, title=title)
     return figure
 
 
-def _start_map(axes: Axes, each: RecoverableMap) -> set[tuple[int, bool]]:
-    from matplotlib.colors import to_rgba
+def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
+    """Label -> what stands for it in the legend."""
+    from matplotlib.colors import to_rgb
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    held, returned, left = each.held("nonlinear"), each.returned("nonlinear"), each.left("nonlinear")
-    picture = np.ones((*held.shape, 4))
-    seen = set(zip(left[~held].tolist(), returned[~held].tolist(), strict=True))
-    for index, back in seen:
-        color = to_rgba(COLORS[STATES[index]] if index >= 0 else "0.6")
-        picture[~held & (left == index) & (returned == back)] = _over_white(color, _PALE if back else 1.0)
+    inside, returned = each.inside("nonlinear"), each.returned("nonlinear")
+    left, exceeded = each.left("nonlinear"), each.exceeded("nonlinear")
+    picture = np.ones((*inside.shape, 3))
+    handles: dict[str, Any] = {}
+
+    def fill(where: np.ndarray, color: Any, label: str) -> None:
+        picture[where] = to_rgb(color)
+        handles[label] = Patch(facecolor=color, edgecolor="gray", label=label)
+
+    fill(each.within_limits("nonlinear"), "white", "stayed within limits")
+    for index in np.unique(exceeded[inside & (exceeded >= 0)]).tolist():
+        label = f"{INPUTS[index]} exceeded its limits, inside the envelope"
+        fill(inside & (exceeded == index), _GRAYS[index], label)
+    for index, back in sorted(set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))):
+        name = STATES[index] if index >= 0 else "no state"
+        label = f"came back, {name} had left" if back else f"lost, {name} left first"
+        color = np.array(to_rgb(COLORS.get(name, "0.6")))
+        fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
     speeds, dihedrals = shown_values(each.speeds, "ft/s"), np.degrees(each.dihedrals)
     axes.pcolormesh(speeds, dihedrals, picture, shading="nearest")
-    linear = each.held("linear").astype(float)
+    linear = each.inside("linear").astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
         axes.contour(speeds, dihedrals, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
+    label = "linear model inside the envelope"
+    handles[label] = Line2D([], [], color="black", linestyle="--", label=label)
     axes.plot(0, 0, "+", color="black")
     axes.set_xlabel(f"initial speed off trim, {shown_unit('ft/s')}")
     axes.set_ylabel("initial dihedral off trim, deg")
     trimmed = np.degrees(each.point.states.dihedral)
     axes.set_title(f"{each.dynamics} dynamics, trim at {trimmed:.4g} deg", fontsize=10)
-    return seen
-
-
-def _over_white(color: tuple[float, float, float, float], alpha: float) -> np.ndarray:
-    return np.array([*(alpha * part + 1.0 - alpha for part in color[:3]), 1.0])
+    return handles
 
 
 def _command_map(axes: Axes, each: RecoverableMap) -> None:
     asked = np.degrees(each.commands)
-    linear, trials = each.linear_commands, each.nonlinear_commands
+    linear, flights = each.commanded["linear"], each.commanded["nonlinear"]
     offset = np.degrees(linear.final[:, _DIHEDRAL]) - asked
-    if not linear.held.all():
+    if not linear.inside.all():
         axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
-    axes.plot(asked[linear.held], offset[linear.held], color="black", linewidth=2.0, label="linear model, held")
-    missed = np.degrees(trials.final[:, _DIHEDRAL]) - asked
-    arrived = trials.arrived(each.commands)
-    held, late = trials.held & arrived, ~trials.held & arrived
-    for chosen, fill, label in ((held, "full", "held"), (late, "none", "arrived, had left")):
+    axes.plot(asked[linear.inside], offset[linear.inside], color="black", linewidth=2.0, label="linear, in envelope")
+    missed = np.degrees(flights.final[:, _DIHEDRAL]) - asked
+    arrived = flights.arrived(each.commands)
+    for chosen, color, fill, label in (
+        (arrived & flights.within_limits, "C0", "full", "within limits"),
+        (arrived & flights.inside & ~flights.within_limits, "0.5", "full", "exceeded control limits"),
+        (arrived & ~flights.inside, "C0", "none", "arrived, had left"),
+    ):
         if chosen.any():
-            axes.plot(asked[chosen], missed[chosen], "o", color="C0", markersize=4, fillstyle=fill, label=label)
-    for index in np.unique(trials.left[~arrived]).tolist():
-        rows = ~arrived & (trials.left == index)
+            axes.plot(asked[chosen], missed[chosen], "o", color=color, markersize=4, fillstyle=fill, label=label)
+    for index in np.unique(flights.left[~arrived]).tolist():
+        rows = ~arrived & (flights.left == index)
         name = STATES[index] if index >= 0 else "no state"
         label = f"lost, {name} left first"
         axes.plot(asked[rows], offset[rows], "x", color=COLORS.get(name, "black"), markersize=5, label=label)

@@ -1,47 +1,202 @@
-"""How far from trim a linear policy holds, and what a map of it says."""
+"""How far from trim a linear policy works: many starts and dihedral commands, nonlinear and linear, and the report."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
-from controller.flight.envelope import Envelope
-from controller.flight.trials import Trials
-from hfa_model.vectors import LINEAR_STATES, STATE_UNITS, STATES
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.envelope import Envelope, beyond_control_limits
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.simulation import SummedLoop
+from controller.policy.policies import Memoryless, Seen, gain_constants
+from controller.policy.signals import zero
+from controller.riccati.balancing import spectrum
+from hfa_model.aircraft import Aircraft
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_SCALES, STATE_UNITS, STATES
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
+from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 MAP_SCHEMA = "hfa.recoverable-map/1"
+#: Step of a flight, s: the fastest closed loop of the paper's weights (45 rad/s) is followed to 1e-5 of itself. And how
+#: often it is asked whether the flight is lost.
+STEP, TICK = 0.005, 1.0
+#: Length of a flight in time constants of the slowest mode of the linear loop.
+TIME_CONSTANTS = 8.0
+#: A map holds at most this many points, about ten minutes of flights.
+MOST_POINTS = 50_000
+#: Flights along a ray before the bisection between the last that succeeds and the first that fails, and its halvings.
+_SCAN, _HALVINGS = 24, 12
+#: A flight is lost, and ends, this many envelope widths away or below this part of the slowest speed: seen never to
+#: come back from there.
+_LOST_WIDTHS, _LOST_SPEED = 100.0, 0.1
+#: A flight is at rest on its target when each state is this close to it, as a fraction of its scale.
+CLOSE = 0.01
+PLANTS = ("nonlinear", "linear")
+_N, _M = len(LINEAR_STATES), len(INPUTS)
+_SPEED, _DIHEDRAL = STATES.index("speed"), STATES.index("dihedral")
+_COMMANDED = LINEAR_STATES.index("dihedral")
+
+
+class _CommandedGain(Memoryless):
+    """u = -K (z - c): the gain K and a constant command c (6,) are constants of each flight."""
+
+    constants_size = _M * _N + _N
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        return -ca.mtimes(ca.reshape(p[: _M * _N], _M, _N), seen.error - p[_M * _N :])
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What became of N flights.
+
+    left: (N,), index into `STATES` of the state that left the envelope first, -1 when none did. when: (N,), s, inf
+    when none did. exceeded: (N,), index into `INPUTS` of the input that went farthest beyond its control limits inside
+    the envelope, -1 when none did. final: (N, 7), the last deviation from trim; not finite when the flight was lost.
+    settled: (N,), whether the rates of the six controlled states had died out at the end.
+    """
+
+    left: np.ndarray
+    when: np.ndarray
+    exceeded: np.ndarray
+    final: np.ndarray
+    settled: np.ndarray
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Which flights stayed inside the envelope."""
+        return self.left < 0
+
+    @property
+    def within_limits(self) -> np.ndarray:
+        """Which flights stayed inside the envelope and within the control limits."""
+        return self.inside & (self.exceeded < 0)
+
+    def arrived(self, dihedrals: np.ndarray) -> np.ndarray:
+        """Which flights ended at rest nearer to their dihedral command, (N,), rad, than to trim.
+
+        Feedback alone leaves an offset from a command; but rest at another equilibrium is no arrival.
+        """
+        off = np.abs(self.final[:, _DIHEDRAL] - dihedrals)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.settled & (off <= np.maximum(np.abs(dihedrals) / 2, CLOSE * STATE_SCALES.dihedral)))
+
+    def returned(self) -> np.ndarray:
+        """Which flights ended at rest within `CLOSE` of the trim, wherever they went in between."""
+        error = np.abs(self.final[:, LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.settled & (error <= CLOSE).all(axis=1))
+
+
+class ManyFlights:
+    """A plant under u = -K (x - c), flown from many starts to many commands, wherever it goes."""
+
+    def __init__(self, plant: NonlinearPlant | LinearizedAircraft, point: OperatingPoint, envelope: Envelope) -> None:
+        nothing = zero(_N)
+        loop = ClosedLoop(plant, _CommandedGain(), nothing, nothing, nothing)
+        each = round(TICK / STEP)
+        self._loop = SummedLoop(loop, point, envelope, step=STEP, steps_per_tick=each, stops=False, compile_code=True)
+        offsets = np.array(point.states)
+        lowest, highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
+        self._far_below = lowest - _LOST_WIDTHS * (highest - lowest)
+        self._far_above = highest + _LOST_WIDTHS * (highest - lowest)
+        self._far_below[_SPEED] = _LOST_SPEED * envelope.lowest.speed - offsets[_SPEED]
+
+    def fly(
+        self,
+        gain: np.ndarray,
+        starts: np.ndarray,
+        commands: np.ndarray,
+        seconds: float,
+        progress: Callable[[], None] | None = None,
+    ) -> Outcomes:
+        """N flights of `seconds` (rounded up to whole seconds).
+
+        gain: K (5, 6). starts: (N, 7), deviations from trim. commands: (N, 6), deviations of `LINEAR_STATES`.
+        progress: called after each flight.
+        """
+        count = len(starts)
+        left, when, exceeded = np.full(count, -1), np.full(count, np.inf), np.full(count, -1)
+        final, settled = np.empty((count, len(STATES))), np.zeros(count, dtype=bool)
+        flat, rounded = gain_constants(gain), TICK * np.ceil(seconds / TICK - 1e-9)
+        for index in range(count):
+            p = np.concatenate([flat, commands[index]])
+            flown = self._loop.fly(starts[index], partial(_constant, p), rounded, self._lost)
+            final[index] = np.nan if self._lost(flown.final) else flown.final
+            if flown.left >= 0:
+                left[index], when[index] = flown.left, flown.flown
+            exceeded[index] = _farthest(flown.lowest_input, flown.highest_input)
+            settled[index] = self._at_rest(final[index], p)
+            if progress is not None:
+                progress()
+        return Outcomes(left, when, exceeded, final, settled)
+
+    def _lost(self, x: np.ndarray) -> bool:
+        return not bool(((x >= self._far_below) & (x <= self._far_above)).all())
+
+    def _at_rest(self, x: np.ndarray, p: np.ndarray) -> bool:
+        rates = np.abs(self._loop.rate(x, p)[LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
+        with np.errstate(invalid="ignore"):
+            return bool((rates <= CLOSE).all())
+
+
+def _constant(p: np.ndarray, tick: int) -> np.ndarray:
+    return p
+
+
+def _farthest(lowest: np.ndarray, highest: np.ndarray) -> int:
+    """Index of the input farthest beyond its limits, as a share of the range between them; -1 when none is."""
+    if not (beyond_control_limits(lowest) | beyond_control_limits(highest)).any():
+        return -1
+    low, high = np.array(CONTROL_LIMITS).T
+    return int(np.argmax(np.maximum(low - lowest, highest - high) / (high - low)))
 
 
 class Edge(NamedTuple):
     """How far one can go along a ray from trim: what is varied and in which direction, and on which plant.
 
-    held: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
-    which one leaves it just beyond, and when, s. returned: up to where every flight comes to rest on its target,
-    whether or not it left the envelope. reach: the end of the scanned range; a value that equals it met no failure,
-    and `state` is then "".
+    inside: the largest deviation (ft/s or rad, absolute value) up to which every flight stays in the envelope. state:
+    which one leaves it just beyond, and when, s. within_limits: up to where every flight also stays within the control
+    limits, and `control` the input that exceeds its limit just beyond, "" where the envelope is left first. returned:
+    up to where every flight comes to rest on its target, whether or not it left the envelope. reach: the end of the
+    scanned range; a value that equals it met no failure, and `state` is then "".
     """
 
     axis: str
     sign: int
     plant: str
-    held: float
+    inside: float
     state: str
     time: float
+    within_limits: float
+    control: str
     returned: float
     reach: float
+
+    @property
+    def unit(self) -> str:
+        """Of the deviations."""
+        return "ft/s" if self.axis == "speed" else "rad"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecoverableMap(Reported):
-    """Trials from a grid of initial deviations and of a line of dihedral commands, by both plants.
+    """Flights from a grid of initial deviations and to a line of dihedral commands, by both plants.
 
-    speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; nonlinear, linear: trials of all pairs, the
-    speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim, with their trials.
+    speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; starts: of each of `PLANTS` the flights of all
+    pairs, the speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim; commanded: of each
+    plant their flights.
     """
 
     dynamics: str
@@ -49,39 +204,134 @@ class RecoverableMap(Reported):
     envelope: Envelope
     speeds: np.ndarray
     dihedrals: np.ndarray
-    nonlinear: Trials
-    linear: Trials
+    starts: dict[str, Outcomes]
     commands: np.ndarray
-    nonlinear_commands: Trials
-    linear_commands: Trials
+    commanded: dict[str, Outcomes]
     edges: tuple[Edge, ...]
 
     def report(self) -> Report:
         """See `map_report`."""
         return map_report((self,))
 
-    def held(self, plant: str) -> np.ndarray:
-        """Which starts stay in the envelope and come back, (D, S); plant: "nonlinear" or "linear"."""
-        trials: Trials = getattr(self, plant)
-        return self._grid(trials.held & self._returned(trials))
+    def inside(self, plant: str) -> np.ndarray:
+        """Which starts stay in the envelope and come back, (D, S); plant: one of `PLANTS`."""
+        return self._grid(self.starts[plant].inside) & self.returned(plant)
+
+    def within_limits(self, plant: str) -> np.ndarray:
+        """Which starts stay in the envelope and within the control limits, and come back, (D, S)."""
+        return self._grid(self.starts[plant].within_limits) & self.returned(plant)
+
+    def exceeded(self, plant: str) -> np.ndarray:
+        """Index of the input that went farthest beyond its control limits, -1 for none, (D, S)."""
+        return self._grid(self.starts[plant].exceeded)
 
     def returned(self, plant: str) -> np.ndarray:
         """Which starts come back, in or out of the envelope, (D, S)."""
-        return self._grid(self._returned(getattr(self, plant)))
+        return self._grid(self.starts[plant].returned())
 
     def left(self, plant: str) -> np.ndarray:
         """Index of the state that left first, -1 for none, (D, S)."""
-        return self._grid(getattr(self, plant).left)
-
-    def _returned(self, trials: Trials) -> np.ndarray:
-        return trials.returned(np.zeros((len(trials.left), len(LINEAR_STATES))))
+        return self._grid(self.starts[plant].left)
 
     def _grid(self, flat: np.ndarray) -> np.ndarray:
         return flat.reshape(len(self.dihedrals), len(self.speeds))
 
 
+def recoverable_map(
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    gain: np.ndarray,
+    envelope: Envelope,
+    *,
+    speeds: np.ndarray,
+    dihedrals: np.ndarray,
+    commands: np.ndarray,
+    progress: Progress | None = None,
+) -> RecoverableMap:
+    """Fly u = -K z from every start and to every command on the nonlinear aircraft and on its linear model.
+
+    gain: K (5, 6). speeds (ft/s), dihedrals (rad): deviations at the start. commands: rad, dihedral beyond trim. A
+    flight lasts `TIME_CONSTANTS` of the slowest mode of A - B K. BadInputError when a list is empty or not finite, the
+    map too large, or A - B K not Hurwitz.
+    """
+    for name, values in (("speeds", speeds), ("dihedrals", dihedrals), ("commands", commands)):
+        if len(values) == 0 or not np.all(np.isfinite(values)):
+            raise BadInputError(f"the map's {name} are empty or not finite; give numbers")
+    if len(speeds) * len(dihedrals) > MOST_POINTS:
+        raise BadInputError(f"the map has {len(speeds) * len(dihedrals)} points; at most {MOST_POINTS} are allowed")
+    model = LinearizedAircraft.at(aircraft, point)
+    abscissa = spectrum(model.A[np.ix_(LINEAR_ROWS, LINEAR_ROWS)] - model.B[LINEAR_ROWS] @ gain).abscissa
+    if abscissa >= 0.0:
+        raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
+    grid = np.stack(np.meshgrid(speeds, dihedrals), axis=-1).reshape(-1, 2)
+    seconds, total, done = TIME_CONSTANTS / -abscissa, 2 * (len(grid) + len(commands)), itertools.count(1)
+    each_done = None if progress is None else lambda: progress(next(done), total)
+    found, edges = [], list[Edge]()
+    plants: tuple[NonlinearPlant | LinearizedAircraft, ...] = NonlinearPlant(aircraft, point), model
+    for name, plant in zip(PLANTS, plants, strict=True):
+        flights = ManyFlights(plant, point, envelope)
+
+        def from_starts(values: np.ndarray, states: list[int], *done: Any, flights: ManyFlights = flights) -> Outcomes:
+            starts = np.zeros((len(values), len(STATES)))
+            starts[:, states] = values
+            return flights.fly(gain, starts, np.zeros((len(values), _N)), seconds, *done)
+
+        def to_commands(values: np.ndarray, *done: Any, flights: ManyFlights = flights) -> Outcomes:
+            orders = np.zeros((len(values), _N))
+            orders[:, _COMMANDED] = values
+            return flights.fly(gain, np.zeros((len(values), len(STATES))), orders, seconds, *done)
+
+        found.append((from_starts(grid, [_SPEED, _DIHEDRAL], each_done), to_commands(commands, each_done)))
+        for axis, values, fly in (
+            ("speed", speeds, lambda v: from_starts(v[:, None], [_SPEED])),
+            ("dihedral", dihedrals, lambda v: from_starts(v[:, None], [_DIHEDRAL])),
+            ("dihedral command", commands, to_commands),
+        ):
+            far = float(np.abs(values).max())
+            edges += [_edge(axis, sign, name, fly, far) for sign in (-1, 1) if far > 0.0]
+    starts, commanded = (dict(zip(PLANTS, each, strict=True)) for each in zip(*found, strict=True))
+    return RecoverableMap(
+        aircraft.variant.name, point, envelope, speeds, dihedrals, starts, commands, commanded, tuple(edges)
+    )
+
+
+def _edge(axis: str, sign: int, plant: str, fly: Callable[[np.ndarray], Outcomes], far: float) -> Edge:
+    def back(outcomes: Outcomes, values: np.ndarray) -> np.ndarray:
+        return outcomes.arrived(values) if axis == "dihedral command" else outcomes.returned()
+
+    values = sign * far * np.arange(1, _SCAN + 1) / _SCAN
+    scan = fly(values)
+    inside, failure = _bisected(values, scan.inside, lambda v: fly(v).inside)
+    limits, excess = _bisected(values, scan.within_limits, lambda v: fly(v).within_limits)
+    returned, _ = _bisected(values, back(scan, values), lambda v: back(fly(v), v))
+    state, time, control = "", np.inf, ""
+    if failure is not None:
+        beyond = fly(np.array([failure]))
+        state, time = STATES[int(beyond.left[0])], float(beyond.when[0])
+    if excess is not None and (number := int(fly(np.array([excess])).exceeded[0])) >= 0:
+        control = INPUTS[number]
+    return Edge(axis, sign, plant, abs(inside), state, time, abs(limits), control, abs(returned), far)
+
+
+def _bisected(
+    values: np.ndarray, good: np.ndarray, judge: Callable[[np.ndarray], np.ndarray]
+) -> tuple[float, float | None]:
+    """The last good and the first bad value, between the first bad one of the scan and the good one before it.
+
+    Where all are good the last one, and None.
+    """
+    if good.all():
+        return float(values[-1]), None
+    first = int(np.argmin(good))
+    low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if judge(np.array([middle]))[0] else (low, middle)
+    return low, high
+
+
 def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
-    """How far along each axis the policy holds, nonlinear beside linear; maps: about the same dihedral.
+    """How far along each axis the policy works, nonlinear beside linear; maps: about the same dihedral.
 
     law: whose gain it is.
     """
@@ -91,11 +341,12 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
         for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True))
     ]
     return Report(
-        title=f"How far u = -K z holds, dihedral {dihedral:g} deg" + (f", law {law}" if law else ""),
-        parts=(*map(_edges, maps), (("envelope", Table(("state", "unit", "limits"), limits)))),
+        title=f"How far from trim u = -K z works, dihedral {dihedral:g} deg" + (f", law {law}" if law else ""),
+        parts=(*map(_edges, maps), ("envelope", Table(("state", "unit", "limits"), limits))),
         data={
             "schema": MAP_SCHEMA,
             "states": list(STATES),
+            "inputs": list(INPUTS),
             "maps": {each.dynamics: _one_map(each) for each in maps},
         },
         records=_records(maps),
@@ -103,63 +354,58 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
 
 
 def _edges(each: RecoverableMap) -> Part:
-    header = ("from trim", "unit", "held", "then leaves", "comes back", "held, linear model", "then leaves")
-    counts = ", ".join(
-        f"{plant} {int(each.held(plant).sum())} held and {int(each.returned(plant).sum())} came back"
-        for plant in ("nonlinear", "linear")
-    )
+    parts: list[str | Table] = []
+    header = ("from trim", "unit", "inside the envelope", "then leaves", "within control limits", "then exceeds")
+    for plant in PLANTS:
+        rows = [_edge_row(edge) for edge in each.edges if edge.plant == plant]
+        parts.append(Table((*header, "comes back"), rows))
+        count = each.speeds.size * each.dihedrals.size
+        text = f"{plant}: of {count} starts {int(each.within_limits(plant).sum())} stayed within limits"
+        over = each.inside(plant) & ~each.within_limits(plant)
+        if over.any():
+            names, counts = np.unique(each.exceeded(plant)[over], return_counts=True)
+            listed = ", ".join(f"{INPUTS[name]} {n}" for name, n in zip(names, counts, strict=True))
+            text += f", {int(over.sum())} stayed inside the envelope and exceeded control limits ({listed})"
+        parts.append(f"{text}, {int(each.returned(plant).sum())} came back")
+    return (f"{each.dynamics} dynamics", *parts)
+
+
+def _edge_row(edge: Edge) -> tuple[str, ...]:
+    def reached(value: float) -> str:
+        return f"{'+' if edge.sign > 0 else '-'}{short_number(value, edge.unit)}" + " (all)" * (value == edge.reach)
+
+    leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
+    limits = edge.within_limits, edge.control
     return (
-        f"{each.dynamics} dynamics",
-        Table(header, [_edge_row(edge, other) for edge, other in _pairs(each.edges)]),
-        f"of {each.speeds.size * each.dihedrals.size} starts: {counts}",
+        edge.axis,
+        shown_unit(edge.unit),
+        reached(edge.inside),
+        leaving,
+        reached(limits[0]),
+        limits[1],
+        reached(edge.returned),
     )
 
 
 def _records(maps: tuple[RecoverableMap, ...]) -> Table:
-    """One row a start and plant."""
+    """One row a start and plant. held: whether it stayed inside the envelope and came back."""
     rows: list[tuple[Any, ...]] = []
     for each in maps:
-        for plant in ("nonlinear", "linear"):
-            held, returned, left = each.held(plant), each.returned(plant), each.left(plant)
-            for i, dihedral in enumerate(each.dihedrals.tolist()):
-                for j, speed in enumerate(each.speeds.tolist()):
-                    first = STATES[left[i, j]] if left[i, j] >= 0 else ""
-                    rows.append((each.dynamics, plant, speed, dihedral, int(held[i, j]), int(returned[i, j]), first))
-    return Table(("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first"), rows)
-
-
-def _pairs(edges: tuple[Edge, ...]) -> list[tuple[Edge, Edge]]:
-    """Each nonlinear edge with the linear one of the same ray."""
-    linear = {(edge.axis, edge.sign): edge for edge in edges if edge.plant == "linear"}
-    return [(edge, linear[edge.axis, edge.sign]) for edge in edges if edge.plant == "nonlinear"]
-
-
-def _edge_row(edge: Edge, linear: Edge) -> tuple[str, ...]:
-    unit = _unit(edge)
-    sign = "+" if edge.sign > 0 else "-"
-
-    def reached(value: float, one: Edge) -> str:
-        return f"{sign}{short_number(value, unit)}" + (" (all)" if value == one.reach else "")
-
-    def leaving(one: Edge) -> str:
-        return f"{one.state} at {one.time:.3g} s" if one.state else ""
-
-    return (
-        edge.axis,
-        shown_unit(unit),
-        reached(edge.held, edge),
-        leaving(edge),
-        reached(edge.returned, edge),
-        reached(linear.held, linear),
-        leaving(linear),
-    )
-
-
-def _unit(edge: Edge) -> str:
-    return "ft/s" if edge.axis == "speed" else "rad"
+        for plant in PLANTS:
+            flags = each.inside(plant), each.returned(plant), each.within_limits(plant)
+            for (i, dihedral), (j, speed) in itertools.product(
+                enumerate(each.dihedrals.tolist()), enumerate(each.speeds.tolist())
+            ):
+                inside, returned, within = (int(flag[i, j]) for flag in flags)
+                state, name = int(each.left(plant)[i, j]), int(each.exceeded(plant)[i, j])
+                left, control = STATES[state] if state >= 0 else "", INPUTS[name] if name >= 0 else ""
+                rows.append((each.dynamics, plant, speed, dihedral, inside, returned, left, within, control))
+    of_a_start = ("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first")
+    return Table((*of_a_start, "within_limits", "exceeded"), rows)
 
 
 def _one_map(each: RecoverableMap) -> dict[str, Any]:
+    """held: inside the envelope and back at trim."""
     data: dict[str, Any] = {
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),
@@ -167,17 +413,21 @@ def _one_map(each: RecoverableMap) -> dict[str, Any]:
         "speed_units": "ft/s",
         "dihedrals": each.dihedrals,
         "commands": each.commands,
-        "edges": [{**edge._asdict(), "unit": _unit(edge)} for edge in each.edges],
+        "edges": [{**edge._asdict(), "held": edge.inside, "unit": edge.unit} for edge in each.edges],
     }
-    for plant in ("nonlinear", "linear"):
-        commands = getattr(each, f"{plant}_commands")
+    for plant in PLANTS:
+        commands = each.commanded[plant]
         data[plant] = {
-            "held": each.held(plant),
+            "held": each.inside(plant),
+            "within_limits": each.within_limits(plant),
+            "exceeded": each.exceeded(plant),
             "returned": each.returned(plant),
             "left_first": each.left(plant),
-            "commands_held": commands.held,
+            "commands_held": commands.inside,
+            "commands_within_limits": commands.within_limits,
+            "commands_exceeded": commands.exceeded,
             "commands_arrived": commands.arrived(each.commands),
             "commands_left_first": commands.left,
-            "commands_reached": commands.final[:, STATES.index("dihedral")],
+            "commands_reached": commands.final[:, _DIHEDRAL],
         }
     return data

@@ -25,7 +25,6 @@ from verification.proof.solution_proof import CriticProof, SolutionProof
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
 
-
 SCHEMA = "hfa.proof/1"
 
 

@@ -12,8 +12,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import angle_text
 from trim.linear.linear_model import LinearModel
 from verification.critic.candidate import from_run
-from verification.critic.check_figure import check_figure
-from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.check_result import CriticCheck, check_figure, check_report
 from verification.critic.critic_check import check_critic
 
 if TYPE_CHECKING:

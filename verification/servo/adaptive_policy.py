@@ -14,8 +14,7 @@ from controller.design.design_file import load_design
 from controller.design.design_model import design_model
 from controller.design.dihedral_table import DihedralTable
 from controller.policy.commands import CommandSteps
-from controller.policy.flown_law import FlownLaw
-from controller.policy.policies import Seen, Unvaried
+from controller.policy.policies import FlownLaw, Seen, Unvaried
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES

@@ -18,8 +18,8 @@ from controller.flight.actuators import ActuatorFault
 from controller.flight.scenario import Scenario
 from controller.game.zero_sum import Game, published_game
 from controller.policy.commands import CommandedStates, CommandSteps
-from controller.policy.flown_law import FlownLaw, gain_law
 from controller.policy.learned_gain import learned_value
+from controller.policy.policies import FlownLaw, gain_law
 from controller.policy.servo_policy import servo_law
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft

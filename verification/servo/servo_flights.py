@@ -11,10 +11,8 @@ import numpy as np
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import ScheduledController
 from controller.flight.envelope import flight_envelope, share_of_way
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight, fastest_inputs, fly_law, tracked
 from controller.flight.plants import NonlinearPlant
-from controller.flight.simulate import fly_law
-from controller.flight.tracking import fastest_inputs, tracked
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import Provenance

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.design.design import signal_unit
-from controller.flight.tracking import Tracked
+from controller.flight.nonlinear_flight import Tracked
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values

@@ -13,9 +13,9 @@ from controller.design.servo_loop import ServoLoop
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import angles_of_attack, flight_envelope, share_of_way
 from controller.flight.gusts import OneMinusCosine
+from controller.flight.nonlinear_flight import fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario
-from controller.flight.simulate import fly_law
 from controller.policy.commands import CommandSteps
 from controller.policy.servo_policy import servo_law
 from hfa_model.aircraft import Aircraft

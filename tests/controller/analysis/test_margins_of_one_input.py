@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from game_samples import game_models
 
-from controller.analysis.margins import Loop
+from controller.analysis.solution_report import Loop
 from verification import loop_margins, solve_game
 
 

@@ -13,9 +13,9 @@ from controllers import integrating_controller, small_controller
 from controller import Actuators, CommandedStates, CommandSteps, Scenario, ScheduledController, servo_law
 from controller.export.exported_controller import SOURCE, c_controller_texts
 from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, controller_example
-from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
+from controller.flight.simulation import CompiledLoop
 from hfa_model import STATES, Aircraft, Input
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
@@ -47,9 +47,7 @@ def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingP
     initial = np.eye(len(STATES))[0]
     scenario = Scenario(float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands), actuators=actuators(2))
     loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
-    flight = loop.fly(
-        initial, law.constants, step=0.01, steps_per_tick=10, ticks=10 * SECONDS, memory=law.memory, compile_code=False
-    )
+    flight = loop.fly(initial, law.constants, step=0.01, steps_per_tick=10, ticks=10 * SECONDS, memory=law.memory)
     return np.asarray(flight.states[-1] + np.array(point.states))
 
 

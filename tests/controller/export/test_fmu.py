@@ -16,9 +16,9 @@ from controller import Actuators, CommandedStates, CommandSteps, Scenario, Signa
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
 from controller.export.fmu import description, variables, write_fmu
-from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
+from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
@@ -96,9 +96,7 @@ def scenario_of(point: OperatingPoint, **given: Any) -> Scenario:
 def absolute(
     loop: CompiledLoop, point: OperatingPoint, scenario: Scenario, constants: Any, memory: np.ndarray | None = None
 ) -> np.ndarray:
-    flight = loop.fly(
-        scenario.initial, constants, step=STEP, steps_per_tick=100, ticks=600, memory=memory, compile_code=False
-    )
+    flight = loop.fly(scenario.initial, constants, step=STEP, steps_per_tick=100, ticks=600, memory=memory)
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 

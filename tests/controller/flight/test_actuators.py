@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from controller import ActuatorFault, Actuators, Scenario, Signal
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop, Flight
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
+from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
 from hfa_model import INPUTS, Input, published_models

@@ -10,10 +10,11 @@ import pytest
 from random_points import random_points
 
 from controller import Dryden, OneMinusCosine
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Gust
-from controller.flight.integrator import integrate
+from controller.flight.integrator import RungeKutta, integrate
 from controller.flight.plants import LinearPlant
+from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import GainPolicy
 from controller.policy.signals import zero
 from hfa_model import (
@@ -154,9 +155,9 @@ def sampled(gust: Gust, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
     t, y, p = ca.SX.sym("t"), ca.SX.sym("y", gust.memory_size), ca.SX.sym("p", gust.constants_size)
     rate = ca.Function("air", [t, y, p], [ca.densify(gust.memory_rate(t, y, p))])
-    path = integrate(rate, gust.start(), gust.constants, step=interval / 5, steps_per_tick=5, ticks=ticks)
+    path = integrate(RungeKutta(rate, interval / 5, 5, compile_code=True), gust.start(), gust.constants, ticks)
     out: Any = ca.Function("out", [y], [gust.updraft(t, y, p)])
-    return np.array(out.map(ticks + 1)(path.states[::5].T)).ravel()
+    return np.array(out.map(ticks + 1)(path[::5, 1:].T)).ravel()
 
 
 def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:

@@ -12,10 +12,9 @@ from flight_cases import FlownCase, flown
 from controller import Dryden, OneMinusCosine, Scenario, side_by_side, spanwise_dryden
 from controller.flight.envelope import angles_of_attack
 from controller.flight.gusts import SpanwiseGust
-from controller.flight.plants import LinearizedAircraft
+from controller.flight.plants import LinearizedAircraft, UncertainLinearization
 from controller.flight.scenario import loop_of
-from controller.flight.watched_loop import WatchedLoop
-from controller.monte_carlo.uncertain_plants import UncertainLinearization
+from controller.flight.simulation import SummedLoop
 from hfa_model import STATES
 from hfa_support import BadInputError
 from trim import linearize
@@ -77,13 +76,13 @@ def test_an_outer_panel_beyond_its_angle_leaves_the_envelope(newton: FlownCase) 
         assert departure.value == pytest.approx(level + math.atan2(40.0, 68.0), abs=0.05)
 
 
-def test_a_watched_flight_sees_the_larger_angle(newton: FlownCase) -> None:
+def test_a_summed_flight_sees_the_larger_angle(newton: FlownCase) -> None:
     scenario = Scenario(duration=1.5, gust=side_by_side(OneMinusCosine(100.0, 0.5, 68.0), GUST))
     result = flown(newton, scenario)
-    watched = WatchedLoop(
+    summed = SummedLoop(
         result.loop, newton.point, newton.envelope, step=0.001, steps_per_tick=10, stops=True, compile_code=False
     )
-    summary = watched.fly(result.loop.start(np.zeros(7)), result.loop.constants(newton.law.constants), 1.5)
+    summary = summed.fly(result.loop.start(np.zeros(7)), result.loop.constants(newton.law.constants), 1.5)
     level = newton.point.states.alpha
     peak = np.abs(result.angles_of_attack - level).max()
     assert summary.peak_angle_of_attack == pytest.approx(peak, rel=1e-6)

@@ -11,10 +11,9 @@ from learning_samples import PUBLISHED, QUADRATIC, assert_exact, build, lq, publ
 from reference_riccati import reference_solution, relative_error
 
 from controller import CertifiedSettings, Game, basis, learn, random_pool, record
-from controller.laws import certified, policy_iteration
-from controller.laws.certified import CertifiedLaw, certified_law
+from controller.laws import certified
+from controller.laws.certified import CertifiedLaw, Point, certified_law, stabilizing_step
 from controller.laws.law_settings import MOST_SAMPLES
-from controller.laws.policy_iteration import Point, stabilizing_step
 from controller.training_data.stack_equations import LQ, PartialGame, StackEquations, newton_step
 from hfa_support import BadInputError, NoSolutionError
 
@@ -81,9 +80,8 @@ def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(monkeypat
         return Point(here.weights - fraction * step, here.problem, here.solves + 1)
 
     monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
-    for module in (certified, policy_iteration):
-        monkeypatch.setattr(module, "newton_step", truncated)
-        monkeypatch.setattr(module, "stabilizing_step", unguarded)
+    monkeypatch.setattr(certified, "newton_step", truncated)
+    monkeypatch.setattr(certified, "stabilizing_step", unguarded)
     ends = []
     for seed in range(6):
         game, exact = lq(PUBLISHED[seed % 2])
@@ -153,10 +151,10 @@ def test_policy_iteration_on_the_way_ends_where_the_next_step_is_small() -> None
     equations = build(game, seed=0)
     here = Point(equations.scaled(QUADRATIC.weights(1.5 * exact.P)), LQ, 0)
     n = np.sqrt(1.0 + np.sum(equations.at(here.weights, LQ).regressors ** 2, axis=1))
-    end, converged = policy_iteration.iterate(equations, here, n, to_the_floor=False)
+    end, converged = certified.iterate(equations, here, n, to_the_floor=False)
     assert converged
     left = np.linalg.norm(newton_step(equations.at(end.weights, LQ), n)) / np.linalg.norm(end.weights)
-    assert left <= policy_iteration.TRACKING**2 * 10.0
+    assert left <= certified.TRACKING**2 * 10.0
 
 
 def test_policy_iteration_from_afar_goes_on_while_its_steps_halve_the_weights_alone() -> None:
@@ -165,7 +163,7 @@ def test_policy_iteration_from_afar_goes_on_while_its_steps_halve_the_weights_al
     equations = build(game, seed=0)
     right = equations.scaled(QUADRATIC.weights(exact.P))
     n = np.sqrt(1.0 + np.sum(equations.at(right, LQ).regressors ** 2, axis=1))
-    end, converged = policy_iteration.iterate(equations, Point(1000.0 * right, LQ, 0), n, to_the_floor=True)
+    end, converged = certified.iterate(equations, Point(1000.0 * right, LQ, 0), n, to_the_floor=True)
     assert converged
     np.testing.assert_allclose(end.weights, right, rtol=0.0, atol=1e-8 * np.abs(right).max())
 
@@ -175,7 +173,7 @@ def test_a_singular_stack_ends_the_iteration_without_convergence() -> None:
     stack = record(game, np.array([[1.0, 0.0]] * 5))
     equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
     here = Point(np.zeros(3), LQ, 0)
-    end, converged = policy_iteration.iterate(equations, here, np.ones(5), to_the_floor=False)
+    end, converged = certified.iterate(equations, here, np.ones(5), to_the_floor=False)
     assert not converged
     assert end == here
 
@@ -185,9 +183,9 @@ def test_a_singular_stack_stops_the_ramp() -> None:
     stack = record(game, np.array([[1.0, 0.0]] * 5))
     equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
     with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
-        policy_iteration.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
+        certified.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
     with pytest.raises(NoSolutionError, match="lost at delta = inf"):
-        policy_iteration.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
+        certified.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
 
 
 def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:

@@ -10,14 +10,13 @@ from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 from planted_critics import other_root
 
 from controller import Game, basis, learn, random_pool, record
-from controller.game.learning_result import Excitation
+from controller.game.learning_result import Excitation, settled_at
 from controller.laws.certify import (
     RESIDUAL_LIMIT,
     certificates,
     positivity,
     relative_correction,
     relative_residual,
-    settled_at,
 )
 from controller.training_data.recording import choose
 from controller.training_data.stack_equations import StackEquations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.laws.policy_iteration import discount_at
+from controller.laws.certified import discount_at
 
 
 @pytest.mark.parametrize("start", [0.1, 7.0])

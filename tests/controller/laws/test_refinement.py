@@ -10,7 +10,7 @@ from learning_samples import stable_game
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, learn
-from controller.laws.refinement import newton_correction, refine, riccati_residual
+from controller.laws.certify import newton_correction, refine, riccati_residual
 from verification import minimum_delta
 
 

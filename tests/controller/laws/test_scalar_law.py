@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from controller.laws.scalar_law import after, decay_rate, fraction_to_reach
+from controller.laws.certified import after, decay_rate, fraction_to_reach
 
 RATE, ETA = decay_rate(time=5.0, eta=0.8, theta=0.9), 0.8
 

@@ -22,9 +22,8 @@ from controller import (
     fly,
     servo_law,
 )
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight, fastest_inputs, tracked, tracking_table
 from controller.flight.plants import LinearizedAircraft
-from controller.flight.tracking import fastest_inputs, tracked, tracking_table
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input

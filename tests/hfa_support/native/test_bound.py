@@ -12,7 +12,7 @@ from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 
 from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
-from controller.monte_carlo.stored_members import fly_members
+from controller.flight.monte_carlo import fly_members
 from hfa_model import Aircraft, State, default_parameters
 from hfa_support.native.bound import cached_per_thread
 from trim import LEVEL_FLIGHT

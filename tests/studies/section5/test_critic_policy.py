@@ -11,8 +11,9 @@ import pytest
 from flight_cases import seen
 
 from controller import Harmonic, Signal, basis as basis_of, published_game, random_pool
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
+from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
 from hfa_model import published_models
 from hfa_support import BadInputError

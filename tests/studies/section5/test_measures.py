@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.laws.certify import settled_at
+from controller.game.learning_result import settled_at
 from studies.section5.claims import Evidence, FlightLostError
 from studies.section5.configuration import section5_configuration
 from studies.section5.experiment_flights import FlightPlan, FlightRecord

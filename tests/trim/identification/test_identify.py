@@ -25,9 +25,8 @@ from hfa_model import (
 )
 from hfa_model.variants import Variant
 from trim import Fit, Identification, fit, identify, regenerate
-from trim.identification.evidence import ALTERNATIVES, _left_out, save_fit
 from trim.identification.identification_result import IDENTIFIED
-from trim.identification.identify import ROUGH
+from trim.identification.identify import ALTERNATIVES, ROUGH, _left_out, save_fit
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [

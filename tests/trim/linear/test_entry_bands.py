@@ -81,7 +81,7 @@ def test_the_command_says_that_an_edited_copy_has_none(tmp_path: Path, parameter
     words = ("linearize", "--dihedral", "10", "--parameters", str(path))
     said = hfa(*words)
     assert (said.code, said.err) == (0, "")
-    assert "No uncertainty bands: they are known for the six printed states of the identified aircraft only" in said.out
-    assert "Largest uncertainty band" not in said.out
+    assert "No bands of the rounding of the print: they are known for the six printed states" in said.out
+    assert "Largest band" not in said.out
     assert not {"A_band", "B_band"} & set(json.loads(hfa(*words, "--json").out))
-    assert "Largest uncertainty band" in hfa("linearize", "--dihedral", "10").out
+    assert "Largest band" in hfa("linearize", "--dihedral", "10").out

@@ -11,7 +11,7 @@ from ambiance import Atmosphere
 
 from hfa_model import STATES, Aircraft
 from trim import OperatingPoint, Performance, find_operating_point, level_flight, performance, release
-from trim.point.performance import PERFORMANCE_UNITS
+from trim.point.trim_report import PERFORMANCE_UNITS
 
 METRE_PER_FOOT = 0.3048
 

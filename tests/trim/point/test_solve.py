@@ -12,7 +12,7 @@ from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
 from hfa_support import BadInputError, NoSolutionError
 from trim import CONTROL_LIMITS, OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
 from trim.point.condition import BALANCED, SCALES
-from trim.point.trim_problem import TrimProblem
+from trim.point.solve import TrimProblem
 
 BASE = level_flight(float(np.radians(15.0)))
 LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)

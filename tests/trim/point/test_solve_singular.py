@@ -10,7 +10,7 @@ from hfa_model.variants import VARIANTS, Variant
 from hfa_support import BadInputError
 from trim import TrimError, find_operating_point, level_flight, release
 from trim.point.operating_point import Status
-from trim.point.trim_problem import TrimProblem
+from trim.point.solve import TrimProblem
 
 UPRIGHT = {"dihedral": (-np.pi / 2, np.pi / 2)}
 

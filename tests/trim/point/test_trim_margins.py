@@ -10,7 +10,7 @@ import pytest
 from hfa_model import INPUTS, STATES, Aircraft
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release
 from trim.point.condition import LIMITS
-from trim.point.trim_margins import Margin, all_margins, margins, nearest_limits
+from trim.point.trim_report import Margin, all_margins, margins, nearest_limits
 
 BASE = level_flight(float(np.radians(10.0)))
 

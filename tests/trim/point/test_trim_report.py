@@ -14,7 +14,7 @@ from hfa_model.vectors import RATE_SCALES, UNITS
 from hfa_support import Report
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
 from trim.point.condition import BALANCED
-from trim.point.trim_margins import all_margins
+from trim.point.trim_report import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
 

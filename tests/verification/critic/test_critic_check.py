@@ -14,7 +14,7 @@ from controller.game.learning_result import Excitation
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_critic, from_gain, from_value, from_weights, solve_game
 from verification.critic import critic_check
-from verification.critic.run_checks import settling_time
+from verification.critic.critic_check import settling_time
 
 QUADRATIC = basis("quadratic", 6)
 

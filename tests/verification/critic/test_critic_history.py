@@ -11,7 +11,7 @@ from planted_critics import weights_of
 from controller import Game, History, basis, learn
 from hfa_support import BadInputError
 from verification import CriticCheck, check_history, solve_game
-from verification.critic.check_figure import check_figure
+from verification.critic.check_result import check_figure
 
 NAMES = ("x",) * 6, ("u",) * 5
 TIMES = 0.25 * np.arange(41)

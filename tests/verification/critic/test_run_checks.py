@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from controller import Game, LearningResult, basis
-from verification.critic import run_checks as module
-from verification.critic.run_checks import run_checks, settled_at, worthless_start
+from controller.game.learning_result import settled_at
+from verification.critic import critic_check as module
+from verification.critic.critic_check import run_checks, worthless_start
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0])
 

@@ -13,8 +13,8 @@ from flight_cases import SMALL, FlownCase, flown, signal
 from game_samples import failed_names
 
 from controller import Actuators, Dryden, Harmonic, OneMinusCosine, Scenario, Signal
-from controller.flight.closed_loop import CompiledLoop
 from controller.flight.plants import LinearizedAircraft
+from controller.flight.simulation import CompiledLoop
 from hfa_cli.main import BAD_INPUT, DONE
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.vectors import STATE_SCALES

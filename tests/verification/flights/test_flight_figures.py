@@ -9,7 +9,7 @@ import pytest
 from flight_cases import case_at, flown
 
 from controller import Scenario
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_model import INPUTS, Parameters
 from verification import flight_figure
 

@@ -1,17 +1,197 @@
-"""What a schedule says of its points: certified ones, and those of a file, of which less is known."""
+"""The gain schedule: what it interpolates, what it is about each trim, and the slow change that it flies."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from flight_cases import seen
 
-from controller.policy.scheduled import Schedule
-from hfa_support import BadInputError
+from controller import Scenario, flight_envelope
+from controller.flight.nonlinear_flight import NonlinearFlight
+from controller.policy.policies import Seen
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
+from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
 from trim import OperatingPoint
-from verification.flights.scheduling import CertifiedSchedule, GridPoint
+from verification import certified_schedule
+from verification.flights.scheduling import (
+    CertifiedSchedule,
+    DihedralChange,
+    GridPoint,
+    Schedule,
+    ScheduledPolicy,
+    ScheduledReference,
+    change_over,
+    fly_schedule,
+    grid_of,
+)
+
+N, M = len(LINEAR_STATES), len(INPUTS)
+
+
+def radians(*degrees: float) -> np.ndarray:
+    return np.radians(np.array(degrees))
+
+
+@pytest.fixture(scope="module")
+def certified(published_aircraft: Aircraft) -> CertifiedSchedule:
+    """Exact gains at 5, 10 and 15 degrees."""
+    return certified_schedule(published_aircraft, radians(5.0, 10.0, 15.0))
+
+
+# Interpolation.
+
+
+@pytest.mark.parametrize("degrees", [-3.0, 5.0, 6.2, 10.0, 14.9, 15.0, 40.0])
+def test_tables_are_linear_between_the_points_and_constant_beyond(certified: CertifiedSchedule, degrees: float) -> None:
+    schedule, at = certified.schedule, float(np.radians(degrees))
+    for found, table in (
+        (schedule.gain_at(at), schedule.gains),
+        (schedule.inputs_at(at), schedule.inputs),
+        (schedule.states_at(at), schedule.states),
+    ):
+        flat = table.reshape(3, -1)
+        expected = [np.interp(at, schedule.dihedrals, column) for column in flat.T]
+        np.testing.assert_allclose(np.array(ca.DM(found)).ravel(), expected, atol=1e-12)
+
+
+def test_a_change_is_smooth_and_ends_where_it_should() -> None:
+    change = DihedralChange(0.1, 0.3, begin=2.0, duration=10.0)
+    times = np.linspace(0.0, 15.0, 3001)
+    values, rates = (np.array([float(f(t)) for t in times]) for f in (change.at, change.rate))
+    assert np.all(values[times <= 2.0] == 0.1)
+    np.testing.assert_allclose(values[times >= 12.0], 0.3, rtol=1e-14)
+    np.testing.assert_allclose(np.gradient(values, times)[1:-1], rates[1:-1], atol=1e-6)
+    assert rates[0] == rates[-1] == 0.0
+    assert np.abs(np.diff(rates)).max() < 1e-3 * 0.3
+
+
+# The policy about a trim.
+
+
+def slope_at_trim(certified: CertifiedSchedule, index: int, policy_of: Callable[[ScheduledReference], Any]) -> Any:
+    """∂u/∂z of the policy where the command rests at a grid point, (5, 6), and u itself."""
+    grid = certified.grid
+    dihedral = grid[index].point.states.dihedral
+    resting = DihedralChange(dihedral, dihedral, 0.0, 1.0)
+    reference = ScheduledReference(certified.schedule, resting, grid[0].point)
+    z = ca.SX.sym("z", N)
+    u = policy_of(reference).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
+    found = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
+    return np.array(found[0]).ravel(), np.array(ca.DM(found[1]))
+
+
+def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: CertifiedSchedule) -> None:
+    """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own column."""
+    for index in range(3):
+        u, slope = slope_at_trim(certified, index, ScheduledPolicy)
+        offset = certified.schedule.inputs[index] - certified.schedule.inputs[0]
+        np.testing.assert_allclose(u, offset, atol=1e-15)
+        np.testing.assert_allclose(slope, -certified.schedule.gains[index], rtol=1e-12, atol=1e-15)
+
+
+class _TrimOfTheMeasuredDihedral(ScheduledPolicy):
+    """The mistake that hidden coupling is made of."""
+
+    def control(self, t: Any, told: Seen, memory: Any, p: Any) -> Any:
+        z = told.error
+        schedule, base = self.reference.schedule, self.reference.base
+        channel = LINEAR_STATES.index("dihedral")
+        measured = base.states.dihedral + self.reference.at(t)[channel] + z[channel]
+        trimmed = schedule.inputs_at(measured) - ca.DM(np.array(base.inputs))
+        return trimmed - ca.mtimes(schedule.gain_at(measured), z)
+
+
+def test_hidden_coupling_is_seen(certified: CertifiedSchedule) -> None:
+    # At a point inside the grid the slope of a table is one-sided; both sides differ from 0.
+    _, slope = slope_at_trim(certified, 1, _TrimOfTheMeasuredDihedral)
+    off = slope + certified.schedule.gains[1]
+    assert np.abs(off[:, LINEAR_STATES.index("dihedral")]).max() > 0.01
+    assert np.abs(np.delete(off, LINEAR_STATES.index("dihedral"), axis=1)).max() < 1e-12
+
+
+# Certificates.
+
+
+def test_every_grid_point_is_certified_and_the_points_between_are_stable(certified: CertifiedSchedule) -> None:
+    assert [row.certificates for row in certified.grid] == [8, 8, 8]
+    assert all(row.control_abscissa < -0.3 and row.game_abscissa < -0.2 for row in certified.grid)
+    assert certified.between < -0.3
+
+
+def test_learned_gains_are_the_exact_ones(published_aircraft: Aircraft) -> None:
+    learned = certified_schedule(published_aircraft, radians(5.0, 15.0), law="certified")
+    assert max(row.distance for row in learned.grid) < 1e-9
+    assert min(row.certificates for row in learned.grid) >= 7
+
+
+def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Aircraft) -> None:
+    with pytest.raises(NoSolutionError, match="delta_min"):
+        certified_schedule(published_aircraft, radians(5.0, 15.0), game={"delta": 100.0})
+
+
+# The flight.
+
+
+def through_the_change(aircraft: Aircraft, certified: CertifiedSchedule, start: float, end: float) -> NonlinearFlight:
+    change = change_over(float(np.radians(start)), float(np.radians(end)), 60.0)
+    envelope = flight_envelope(aircraft.parameters, certified.at(change.start).point)
+    return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
+
+
+@pytest.mark.parametrize(("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)])
+def test_the_schedule_flies_the_change(
+    published_aircraft: Aircraft, certified: CertifiedSchedule, start: float, end: float
+) -> None:
+    result = through_the_change(published_aircraft, certified, start, end)
+    assert result.departure is None
+    assert np.degrees(result.states[-1, STATES.index("dihedral")]) == pytest.approx(end, abs=0.01)
+    largest = np.abs(result.flight.errors).max(axis=0)
+    assert largest[LINEAR_STATES.index("speed")] < 0.01
+    assert np.degrees(largest[LINEAR_STATES.index("alpha")]) < 0.2
+    assert np.degrees(largest[LINEAR_STATES.index("dihedral")]) < 1.0
+    target = certified.at(float(np.radians(end))).point
+    np.testing.assert_allclose(result.inputs[-1], target.inputs, atol=1e-3)
+
+
+@pytest.mark.slow  # the schedule flies a smaller change above
+def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: Aircraft) -> None:
+    """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
+    wide = certified_schedule(published_aircraft, radians(0.0, 5.0, 10.0, 15.0, 20.0))
+    assert through_the_change(published_aircraft, wide, 0.0, 20.0).departure is None
+    kept = replace(wide.schedule, gains=np.broadcast_to(wide.grid[0].gain, wide.schedule.gains.shape))
+    departure = through_the_change(published_aircraft, replace(wide, schedule=kept), 0.0, 20.0).departure
+    assert departure is not None
+    assert departure.state == "pitch_rate"
+
+
+# Refusals.
+
+
+def test_schedules_that_are_none_are_refused(certified: CertifiedSchedule) -> None:
+    s = certified.schedule
+    with pytest.raises(BadInputError, match="increasing order"):
+        Schedule(s.dihedrals[::-1], s.states, s.inputs, s.gains)
+    with pytest.raises(BadInputError, match=r"gains are \(3, 6, 5\)"):
+        Schedule(s.dihedrals, s.states, s.inputs, s.gains.transpose(0, 2, 1))
+    with pytest.raises(BadInputError, match="not finite"):
+        Schedule(s.dihedrals, s.states, s.inputs * np.nan, s.gains)
+    with pytest.raises(BadInputError, match=r"is 0\.0 s"):
+        DihedralChange(0.1, 0.2, 0.0, 0.0)
+    with pytest.raises(BadInputError, match="two different ones"):
+        change_over(0.1, 0.1, 60.0)
+    with pytest.raises(BadInputError, match="no grid point at 7 deg"):
+        certified.at(float(np.radians(7.0)))
+
+
+def test_the_grid_of_a_change_increases_whichever_way_it_goes() -> None:
+    for start, end in ((0.1, 0.3), (0.3, 0.1)):
+        np.testing.assert_allclose(grid_of(change_over(start, end, 60.0), 3), [0.1, 0.2, 0.3])
 
 
 def test_each_point_says_what_is_known_of_it(point: OperatingPoint) -> None:
@@ -31,6 +211,3 @@ def test_each_point_says_what_is_known_of_it(point: OperatingPoint) -> None:
         ("10", "-0.2000", "-0.3000", "0", "12 hold"),
         ("15", "-0.4000", "-", "2.0e-09", "-"),
     ]
-    assert made.at(float(np.radians(10.0))).certificates == 12
-    with pytest.raises(BadInputError, match="no grid point at 7 deg"):
-        made.at(float(np.radians(7.0)))

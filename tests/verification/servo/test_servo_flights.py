@@ -13,9 +13,8 @@ from known_models import model_at
 
 from controller import ActuatorFault, CommandSteps, Dryden, OneMinusCosine, flight_envelope, load_design, servo_law
 from controller.design.controllers import design_controller
+from controller.flight.nonlinear_flight import Tracked, fly_law
 from controller.flight.plants import NonlinearPlant
-from controller.flight.simulate import fly_law
-from controller.flight.tracking import Tracked
 from controller.policy.servo_policy import ServoPolicy
 from hfa_model import Aircraft
 from hfa_model.provenance import Provenance

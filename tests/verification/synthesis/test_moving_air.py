@@ -26,9 +26,8 @@ from controller import (
 )
 from controller.design.design import Feedforward
 from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
-from controller.flight.simulate import fly_law
 from hfa_model import STATES, Aircraft, Input
 from verification.synthesis import moving_air
 from verification.synthesis.design_evaluation import quick_controller

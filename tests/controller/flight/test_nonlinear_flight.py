@@ -11,7 +11,7 @@ import pytest
 from flight_cases import SMALL, FlownCase, flown, signal
 
 from controller import Harmonic, OneMinusCosine, Scenario, Signal, flight_envelope
-from controller.flight.flight_result import UNDISTURBED
+from controller.flight.nonlinear_flight import UNDISTURBED
 from hfa_model import LINEAR_STATES, STATES
 from hfa_support import BadInputError
 
@@ -26,7 +26,7 @@ def test_at_rest_nothing_moves(at_15: FlownCase) -> None:
 
 def test_a_flight_shows_its_report_at_the_prompt_and_can_be_kept(newton: FlownCase) -> None:
     result = flown(newton, Scenario(duration=0.1, gust=OneMinusCosine(200.0, 4.0, 68.0)))
-    assert repr(result).startswith("Flight, newton dynamics, dihedral 15 deg\nheld: 0.1 s inside the envelope\n\nstate")
+    assert repr(result).startswith("Flight, newton dynamics, dihedral 15 deg\nstayed within limits: 0.1 s inside the")
     kept = pickle.loads(pickle.dumps(result))
     np.testing.assert_array_equal(kept.flight.states, result.flight.states)
     assert kept.report().text() == repr(result)

@@ -13,7 +13,7 @@ import pytest
 from known_models import game_at, model_at
 
 from controller import Actuators, Scenario, Signal, flight_envelope, fly, gain_law
-from controller.flight.flight_result import NonlinearFlight
+from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_model import LINEAR_STATES, Aircraft, Input
 from trim import CONTROL_LIMITS, LinearModel
 from verification import solve_game

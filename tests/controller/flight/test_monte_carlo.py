@@ -1,26 +1,40 @@
-"""A member of a Monte Carlo is the flight that it claims to be."""
+"""A Monte Carlo: each member is the flight that it claims to be; the same bits in any order; what the report says."""
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from member_plans import PARAMETERS, with_scenario
+from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller import Actuators, MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
-from controller.flight import watched_loop
-from controller.flight.closed_loop import ClosedLoop, CompiledLoop
+from controller import (
+    Actuators,
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    Uncertainty,
+    flight_envelope,
+    fly,
+    gain_law,
+    stream_monte_carlo,
+)
+from controller.flight import integrator, monte_carlo
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.monte_carlo import MonteCarloJob, MonteCarloResult, fly_member, fly_members
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
-from controller.monte_carlo import stored_members
-from controller.monte_carlo.stored_members import fly_member, fly_members
+from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
+from hfa_support.jobs.store import Store, open_store
 from hfa_support.native import machine_code as generated
 from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim import CONTROL_LIMITS, find_operating_point, level_flight
@@ -108,6 +122,8 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
         "peak_error": np.max(np.abs(errors), axis=0),
         "peak_angle_of_attack": np.max(np.abs(angles)),
         "effort": np.sqrt(np.mean(np.square(inputs), axis=0)),
+        "lowest_input": np.min(inputs, axis=0) + np.array(plan.point.inputs),
+        "highest_input": np.max(inputs, axis=0) + np.array(plan.point.inputs),
         "final": x + np.array(plan.point.states),
     }
 
@@ -218,10 +234,183 @@ def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: Cr
 
 def test_all_members_fly_one_compiled_function(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    monkeypatch.setattr(stored_members, "COMPILE_FROM_STEPS", 1)
-    monkeypatch.setattr(watched_loop, "machine_code", lambda function: made.append(function) or function)
+    monkeypatch.setattr(monte_carlo, "COMPILE_FROM_STEPS", 1)
+    monkeypatch.setattr(integrator, "machine_code", lambda function: made.append(function) or function)
     result = fly_members(replace(plan, seed=99), 0, 4)  # no other test has this plan's loop made
     assert len(made) == 1
     assert len(np.unique(result["final"][:, 0])) == 4
     _, alone = fly_member(replace(plan, seed=99), 2)
     np.testing.assert_array_equal(result["final"][2], alone.final + np.array(plan.point.states))
+
+
+# Plans.
+
+
+def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray, critic) -> None:
+    assert replace(plan) == plan
+    assert hash(replace(plan)) == hash(plan)
+    others = [
+        replace(plan, seed=8),
+        replace(plan, plant="linear"),
+        replace(plan, law=gain_law("exact", 1.01 * gain)),
+        replace(plan, law=critic_law("published", critic)),
+        with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
+        with_scenario(plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))),
+        with_scenario(plan, step=0.0005),
+        with_scenario(plan, reference=zero(6)),
+        with_scenario(plan, gust=OneMinusCosine(100.0, 1.0, 68.0), uncertainty=replace(EVERYTHING, turbulence=None)),
+        replace(plan, envelope=flight_envelope(PARAMETERS, plan.point, {"alpha": (-0.1, 0.2)})),
+    ]
+    assert len({plan, *others}) == 1 + len(others)
+
+
+def test_an_error_of_nothing_is_refused(plan: MonteCarlo, gain: np.ndarray) -> None:
+    no_moment = PARAMETERS._replace(zero_lift_moment=0.0)
+    with pytest.raises(BadInputError, match="does nothing"):
+        replace(with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0})), parameters=no_moment)
+    with pytest.raises(BadInputError, match="5 x 6"):
+        gain_law("wide", np.zeros((6, 5)))
+
+
+def test_what_a_monte_carlo_cannot_repeat_is_refused(plan: MonteCarlo) -> None:
+    class Spike:
+        size = 6
+
+        def at(self, t: Any) -> Any:
+            return np.zeros(6)
+
+    with pytest.raises(BadInputError, match="the noise of a Monte Carlo must be a Signal"):
+        with_scenario(plan, noise=Spike())
+    with pytest.raises(BadInputError, match="drawn already"):
+        replace(plan, scenario=plan.member(0))
+
+
+# Stores.
+
+
+def assert_same_rows(first: Mapping[str, np.ndarray] | Store, second: Mapping[str, np.ndarray] | Store) -> None:
+    for name in ("factors", "left", "flown", "rms_error", "peak_error", "effort", "final", "memory"):
+        one, other = (each.read(name) if isinstance(each, Store) else each[name] for each in (first, second))
+        assert np.array_equal(one, other), name
+
+
+@pytest.fixture
+def small_chunks(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two members a chunk, six chunks."""
+    monkeypatch.setattr(monte_carlo, "CHUNK_STEPS", 2 * plan.scenario.ticks * plan.scenario.steps_per_tick)
+
+
+def test_chunks_and_their_order_do_not_matter(plan: MonteCarlo) -> None:
+    whole = fly_members(plan, 0, 6)
+    last, first = fly_members(plan, 4, 6), fly_members(plan, 0, 4)
+    assert_same_rows(whole, {name: np.concatenate([first[name], last[name]]) for name in whole})
+    assert MonteCarloJob(plan).layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
+
+
+def fly_or_die(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """`fly_members`, but the first process that comes to member 4 kills itself."""
+    flag = Path(os.environ["DIED"])
+    if start == 4 and not flag.exists():
+        flag.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fly_members(plan, start, stop)
+
+
+@pytest.fixture
+def deadly(small_chunks: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Workers started from now on run `fly_or_die`; the file exists once one has died."""
+    monkeypatch.setenv("DIED", str(tmp_path / "died"))
+    monkeypatch.setattr(monte_carlo, "fly_members", fly_or_die)
+    return tmp_path / "died"
+
+
+@pytest.mark.slow  # test_store.py has both, on sweeps
+def test_two_processes_give_the_bits_of_one_and_a_killed_one_loses_nothing(
+    plan: MonteCarlo, deadly: Path, tmp_path: Path
+) -> None:
+    two = stream_monte_carlo(plan, tmp_path / "two.zarr", count=2)
+    assert deadly.exists()
+    assert two.missing() == []
+    assert_same_rows(two, fly_members(plan, 0, 12))
+
+
+def test_a_resumed_run_simulates_only_what_is_missing(
+    plan: MonteCarlo, small_chunks: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Stop(Exception):
+        pass
+
+    def stop_after_two(done: int, total: int) -> None:
+        if done == 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        stream_monte_carlo(plan, tmp_path / "part.zarr", progress=stop_after_two)
+    assert len(open_store(tmp_path / "part.zarr").missing()) == 4
+    flown = []
+    monkeypatch.setattr(monte_carlo, "fly_members", lambda *task: flown.append(task[1:]) or fly_members(*task))
+    resumed = stream_monte_carlo(plan, tmp_path / "part.zarr", resume=True)
+    assert flown == [(4, 6), (6, 8), (8, 10), (10, 12)]
+    assert_same_rows(resumed, fly_members(plan, 0, 12))
+    with pytest.raises(BadInputError, match="another Monte Carlo"):
+        stream_monte_carlo(replace(plan, seed=8), tmp_path / "part.zarr", resume=True)
+    with pytest.raises(BadInputError, match="exists"):
+        stream_monte_carlo(plan, tmp_path / "part.zarr")
+
+
+def test_xarray_reads_names_and_units(plan: MonteCarlo, tmp_path: Path) -> None:
+    import xarray
+
+    store = stream_monte_carlo(plan, tmp_path / "a.zarr")
+    read = xarray.open_zarr(tmp_path / "a.zarr", consolidated=False)
+    assert read.rms_error.dims == ("member", "error_state")
+    np.testing.assert_array_equal(read.final.sel(state="speed"), store.read("final")[:, 0])
+    assert str(read.state_unit.sel(state="speed").values) == "ft/s"
+    assert str(read.final.state_unit.sel(state="pitch").values) == "rad"
+    assert (read.flown.attrs["units"], read.effort.attrs["units_of"]) == ("s", "input_unit")
+    assert [str(name) for name in read.error.values] == list(plan.scenario.uncertainty.errors)
+
+
+# Reports.
+
+
+def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:
+    lost = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
+    report = MonteCarloResult.of(lost, stream_monte_carlo(lost, tmp_path / "a.zarr")).report()
+    data = report.data
+    assert (
+        "stayed within limits: 0 of 1\nleft the envelope, by the state that left first: pitch_rate 1" in report.text()
+    )
+    assert data["held"] == 0
+    assert set(data["effort"].values()) == {None}
+    assert data["errors"]["panel_mass"]["deviation"] is None
+    assert data["first_left"] < 0.5
+
+
+@pytest.mark.parametrize("turbulence", [EVERYTHING.turbulence, None])
+def test_deviations_are_shown_where_the_air_moves(
+    plan: MonteCarlo, tmp_path: Path, turbulence: tuple[float, ...] | None
+) -> None:
+    few = replace(with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=turbulence)), members=2)
+    text = MonteCarloResult.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
+    assert ("peak deviation" in text) == (turbulence is not None)
+    assert "rms error dihedral" in text
+
+
+def test_members_that_are_all_alike_are_said_to_be(plan: MonteCarlo, tmp_path: Path) -> None:
+    said = "Note: nothing differs from member to member: give parameter errors, noise or turbulence"
+    alike = replace(with_scenario(plan, uncertainty=Uncertainty()), members=1)
+    assert said in MonteCarloResult.of(alike, stream_monte_carlo(alike, tmp_path / "a.zarr")).report().text()
+    assert said not in MonteCarloResult.of(plan, stream_monte_carlo(plan, tmp_path / "b.zarr")).report().text()
+
+
+def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
+    plan: MonteCarlo, tmp_path: Path
+) -> None:
+    """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing leaves."""
+    start = np.zeros(7)
+    start[0] = 0.35
+    pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
+    found = MonteCarloResult.of(pushed, stream_monte_carlo(pushed, tmp_path / "a.zarr"))
+    assert (found.inside, found.within_limits, found.exceeded["elevator_outer"]) == (2, 0, 2)
+    assert "exceeded control limits: " in found.report().text()

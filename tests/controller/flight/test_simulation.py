@@ -1,4 +1,4 @@
-"""The loop that watches its envelope: what leaves, when, and what goes on."""
+"""Flights without a history: what leaves the envelope, when, and what goes on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from controller import Envelope
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import SevenStates
-from controller.flight.watched_loop import Summary, WatchedLoop
+from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import GainPolicy
 from controller.policy.signals import zero
 from hfa_model import INPUTS, LINEAR_STATES, STATES, State
@@ -34,7 +34,7 @@ def flown(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Summa
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
     nothing = zero(len(LINEAR_STATES))
     loop = ClosedLoop(Falling(), GainPolicy(zero(len(INPUTS))), nothing, nothing, nothing)
-    watched = WatchedLoop(
+    summed = SummedLoop(
         loop,
         point,
         Envelope(lowest, State(*[1e9] * 7)),
@@ -43,7 +43,7 @@ def flown(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Summa
         stops=stops,
         compile_code=False,
     )
-    return watched.fly(loop.start(np.zeros(7)), lambda tick: np.zeros(30), 0.05)
+    return summed.fly(loop.start(np.zeros(7)), lambda tick: np.zeros(30), 0.05)
 
 
 @pytest.mark.parametrize("stops", [True, False])

@@ -9,7 +9,7 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import MonteCarlo, Uncertainty
-from controller.flight import uncertain
+from controller.flight import scenario
 from hfa_model import LINEAR_STATES, Parameters
 from hfa_support import BadInputError
 
@@ -56,7 +56,7 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     ids=["one seed for all", "two members share one"],
 )
 def test_a_seed_that_ignores_the_member_is_noticed(plan: MonteCarlo, monkeypatch, sequence, complaint: str) -> None:
-    monkeypatch.setattr(uncertain, "_sequence", sequence)
+    monkeypatch.setattr(scenario, "_sequence", sequence)
     assert complaint in complaints_about_draws(plan, 300)
 
 

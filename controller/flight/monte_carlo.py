@@ -1,0 +1,367 @@
+"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and their summary."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.flight.actuators import LONGEST_STEP
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, Envelope, beyond_control_limits, limited_names
+from controller.flight.integrator import COMPILE_FROM_STEPS
+from controller.flight.plants import UncertainPlant, uncertain_plant
+from controller.flight.scenario import Scenario, Uncertainty, loop_of
+from controller.flight.simulation import Summary, SummedLoop
+from controller.policy.commands import CommandedStates
+from controller.policy.policies import FlownLaw
+from controller.policy.signals import Signal
+from hfa_model.parameters import Parameters
+from hfa_model.variants import variant_named
+from hfa_model.vectors import (
+    INPUT_UNITS,
+    INPUTS,
+    LINEAR_STATES,
+    LINEAR_UNITS,
+    NAMES_AND_UNITS,
+    STATE_UNITS,
+    STATES,
+    UNITS,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.jobs.store import Array, Layout, Store, described
+from hfa_support.jobs.stream import stream
+from hfa_support.native.bound import cached_per_thread
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint
+
+STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.monte-carlo-store/1", "hfa.monte-carlo-summary/1"
+#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
+CHUNK_STEPS = 1_000_000
+#: Shares of the members inside their envelope up to which a quantity stays below its quantile.
+QUANTILES = (0.05, 0.5, 0.95, 1.0)
+_SHOWN = (("rms_error", LINEAR_STATES), ("peak_error", LINEAR_STATES), ("effort", INPUTS))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MonteCarlo(Shown):
+    """N members, each a draw of one scenario. Two plans are equal when they give the same results.
+
+    parameters, dynamics: the nominal aircraft, trimmed at `point`. plant: "nonlinear" or "linear". seed: with the
+    number of a member it decides all that is random in it, so that members can be simulated anywhere in any order. A
+    member's flight ends at the first step outside the envelope. BadInputError when a number is wrong, the flight does
+    not begin inside its envelope, an error belongs to a parameter that is zero, or a signal has no formula.
+    """
+
+    members: int
+    seed: int
+    parameters: Parameters
+    dynamics: str
+    point: OperatingPoint
+    plant: str
+    law: FlownLaw
+    scenario: Scenario
+    envelope: Envelope
+
+    def __post_init__(self) -> None:
+        """Name what is wrong before the simulation."""
+        for name, lowest in (("members", 1), ("seed", 0)):
+            if not getattr(self, name) >= lowest:
+                raise BadInputError(f"{name} is {getattr(self, name)}; it must be at least {lowest}")
+        self.point.refuse_other(variant_named(self.dynamics))
+        for name in ("reference", "disturbance", "noise"):
+            if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
+                raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
+        if self.scenario.samples is not None:
+            raise BadInputError("the scenario of a Monte Carlo is drawn already; give the one that it was drawn from")
+        if self.law.fastest * self.scenario.step > LONGEST_STEP:
+            raise BadInputError(
+                f"law {self.law.name} has a mode of {self.law.fastest:.4g} 1/s; at a step of {self.scenario.step:g} s "
+                f"it must be below {LONGEST_STEP / self.scenario.step:g} 1/s: make the step shorter"
+            )
+        self.envelope.refuse_start(np.array(self.point.states) + self.scenario.initial)
+        for name in self.scenario.uncertainty.errors:
+            if getattr(self.parameters, name) == 0.0:
+                raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
+        self.member(0)  # turbulence that cannot be made is refused here rather than in a worker
+        self.uncertain_plant  # noqa: B018 (refuses an unknown plant)
+
+    @property
+    def uncertain_plant(self) -> UncertainPlant:
+        """The plant with its parameters as an input."""
+        return uncertain_plant(self.plant, variant_named(self.dynamics), self.point)
+
+    def member(self, number: int) -> Scenario:
+        """What happens in one member; turbulence is met at the trimmed speed."""
+        return self.scenario.drawn(self.seed, number, self.point.states.speed)
+
+    def loop(self, scenario: Scenario) -> ClosedLoop:
+        """The loop of a member."""
+        return loop_of(self.uncertain_plant, self.law.policy, scenario, self.point)
+
+    def parameters_of(self, member: Scenario) -> np.ndarray:
+        """The parameters of a member, (18,)."""
+        return np.array([value * member.errors.get(name, 1.0) for name, value in self.parameters._asdict().items()])
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON data that decides the results."""
+        data = {
+            "members": self.members,
+            "seed": self.seed,
+            "parameters": self.parameters._asdict(),
+            "dynamics": self.dynamics,
+            "states": self.point.states._asdict(),
+            "inputs": self.point.inputs._asdict(),
+            "plant": self.plant,
+            "law": {"name": self.law.name, **self.law.identity},
+            "scenario": self.scenario.to_dict(),
+            "uncertainty": asdict(self.scenario.uncertainty),
+            "envelope": self.envelope.to_dict(self.scenario.moving_air),
+        }
+        plain: dict[str, Any] = json.loads(json.dumps(data, default=lambda value: np.asarray(value).tolist()))
+        return plain
+
+    @cached_property
+    def identity(self) -> str:
+        """A hash of everything that decides the results, the order in which errors are drawn included."""
+        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MonteCarlo) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+
+@cached_per_thread(maxsize=4)
+def member_loop(plan: MonteCarlo) -> SummedLoop:
+    """The loop of a plan, compiled at the first call in a thread."""
+    scenario = plan.scenario
+    return SummedLoop(
+        plan.loop(plan.member(0)),
+        plan.point,
+        plan.envelope,
+        step=scenario.step,
+        steps_per_tick=scenario.steps_per_tick,
+        stops=True,
+        compile_code=plan.members * scenario.ticks * scenario.steps_per_tick >= COMPILE_FROM_STEPS,
+    )
+
+
+def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
+    """Draw and simulate one member."""
+    scenario = plan.member(member)
+    loop = plan.loop(scenario)
+    constants = loop.constants(plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario)))
+    start = loop.start(scenario.initial, plan.law.memory)
+    return scenario, member_loop(plan).fly(start, constants, scenario.duration)
+
+
+def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """Members start .. stop - 1, stacked: their `Summary`, final states absolute, and the factors drawn.
+
+    What a worker runs.
+    """
+    members = [fly_member(plan, member) for member in range(start, stop)]
+    factors = [[scenario.errors[name] for name in plan.scenario.uncertainty.errors] for scenario, _ in members]
+    rows = {name: np.array([getattr(summary, name) for _, summary in members]) for name in Summary._fields}
+    return {"factors": np.array(factors), **rows, "final": rows["final"] + np.array(plan.point.states)}
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarloJob:
+    """A plan as a job of `stream`."""
+
+    plan: MonteCarlo
+
+    @cached_property
+    def layout(self) -> Layout:
+        """One row a member: the fields of `Summary` and the factors drawn."""
+        plan, errors = self.plan, tuple(self.plan.scenario.uncertainty.errors)
+        axes = {
+            "error": (errors, ()),
+            "error_state": (LINEAR_STATES, LINEAR_UNITS),
+            "state": (STATES, STATE_UNITS),
+            "input": (INPUTS, INPUT_UNITS),
+        }
+
+        def numbers(meaning: str, axis: str, size: int | None = None) -> Array:
+            labelled = axis in axes and bool(axes[axis][1])
+            about = described(meaning, units_of=f"{axis}_unit" if labelled else "")
+            return Array((len(axes[axis][0]) if size is None else size,), "float64", np.nan, (axis,), about)
+
+        def number(meaning: str, units: str) -> Array:
+            return Array((), "float64", np.nan, (), described(meaning, units))
+
+        arrays = {
+            "factors": numbers("factor on a parameter", "error"),
+            "left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside")),
+            "flown": number("time inside the envelope", "s"),
+            "rms_error": numbers("root mean square error", "error_state"),
+            "peak_error": numbers("largest error", "error_state"),
+            "peak_angle_of_attack": number("largest angle of attack through the air, from trim", "rad"),
+            "effort": numbers("root mean square from trim", "input"),
+            "lowest_input": numbers("lowest value inside the envelope", "input"),
+            "highest_input": numbers("highest value inside the envelope", "input"),
+            "final": numbers("at the end", "state"),
+            "memory": numbers("states of the law at the end", "memory_state", len(plan.law.memory)),
+        }
+        labels = {axis: (axis, names) for axis, (names, _) in axes.items()}
+        labels |= {f"{axis}_unit": (axis, units) for axis, (_, units) in axes.items() if units}
+        attributes = {
+            "coordinates": "error_state_unit state_unit input_unit",
+            "errors": list(errors),
+            "left": list(limited_names(plan.scenario.moving_air)),
+            "error_states": list(LINEAR_STATES),
+            "error_units": list(LINEAR_UNITS),
+            **NAMES_AND_UNITS,
+        }
+        chunk = -(-CHUNK_STEPS // (plan.scenario.ticks * plan.scenario.steps_per_tick))
+        identity = plan.to_dict(), plan.identity
+        return Layout(STORE_SCHEMA, "Monte Carlo", plan.members, "member", chunk, *identity, arrays, labels, attributes)
+
+    @property
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """What workers run."""
+        return fly_members
+
+    def task(self, start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        """The plan and the numbers of the members."""
+        return self.plan, start, stop
+
+
+def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
+    """Every member of the plan in the store at `path`; options of `hfa_support.jobs.stream.stream`."""
+    return stream(MonteCarloJob(plan), path, **options)
+
+
+class DrawnError(NamedTuple):
+    """Relative standard deviation of a parameter as asked for; mean and deviation of its factor as drawn."""
+
+    asked: float
+    mean: float
+    deviation: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MonteCarloResult(Reported):
+    """How many members stayed within their limits, and what the others did.
+
+    inside: those that did not leave their envelope. within_limits: those of them whose inputs stayed within the control
+    limits. left: members by the state that left first, the earliest after `first_left` s. exceeded: members by the
+    input that went beyond its control limit. quantiles: quantity -> variable -> `QUANTILES` over those inside; None
+    where none was.
+    """
+
+    plan: MonteCarlo
+    inside: int
+    within_limits: int
+    left: Mapping[str, int]
+    first_left: float | None
+    exceeded: Mapping[str, int]
+    quantiles: Mapping[str, Mapping[str, list[float] | None]]
+    errors: Mapping[str, DrawnError]
+    where: str = ""
+
+    @classmethod
+    def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> MonteCarloResult:
+        """From the members in a store. where: what the report says about where they are."""
+        left, flown, factors = store.read("left"), store.read("flown"), store.read("factors")
+        inside, moving_air = left < 0, plan.scenario.moving_air
+        beyond = beyond_control_limits(store.read("lowest_input")) | beyond_control_limits(store.read("highest_input"))
+        return cls(
+            plan,
+            inside=int(inside.sum()),
+            within_limits=int((inside & ~beyond.any(axis=1)).sum()),
+            left={name: int((left == index).sum()) for index, name in enumerate(limited_names(moving_air))},
+            first_left=None if inside.all() else float(flown[~inside].min()),
+            exceeded=dict(zip(INPUTS, beyond.sum(axis=0).tolist(), strict=True)),
+            quantiles={
+                **{name: _quantiles(store.read(name)[inside], of) for name, of in _SHOWN},
+                "peak_deviation": _quantiles(store.read("peak_angle_of_attack")[inside, None], (ANGLE_OF_ATTACK,)),
+            },
+            errors={
+                name: DrawnError(asked, float(drawn.mean()), float(drawn.std(ddof=1)) if plan.members > 1 else None)
+                for (name, asked), drawn in zip(plan.scenario.uncertainty.errors.items(), factors.T, strict=True)
+            },
+            where=where,
+        )
+
+    def report(self) -> Report:
+        """Angles in degrees for people; data in English units and radians, None where no member counts."""
+        plan, duration = self.plan, self.plan.scenario.duration
+        moving_air = plan.scenario.moving_air
+        title = (
+            f"Monte Carlo, {plan.dynamics} dynamics, {plan.plant} aircraft, law {plan.law.name}: "
+            f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {self.where}" if self.where else "")
+        )
+        outcome = [f"stayed within limits: {self.within_limits} of {plan.members}"]
+        if self.first_left is not None:
+            first = f"; the first after {self.first_left:.3g} s"
+            outcome.append(f"left the envelope, by the state that left first: {_counted(self.left)}{first}")
+        if any(self.exceeded.values()):
+            outcome.append(f"exceeded control limits: {_counted(self.exceeded)}")
+        parts: list[str | Table] = ["\n".join(outcome)]
+        if self.inside:
+            parts.append(
+                _quantile_table({k: v for k, v in self.quantiles.items() if moving_air or k != "peak_deviation"})
+            )
+            parts += [OVER_GROUND] if moving_air else []
+        if self.errors:
+            rows = [
+                (name, *("-" if value is None else f"{value:.4g}" for value in drawn))
+                for name, drawn in self.errors.items()
+            ]
+            parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
+        data = {
+            "schema": SUMMARY_SCHEMA,
+            "dynamics": plan.dynamics,
+            "plant": plan.plant,
+            "law": plan.law.name,
+            "members": plan.members,
+            "seed": plan.seed,
+            "duration": duration,
+            "within_limits": self.within_limits,
+            "held": self.inside,
+            "left": self.left,
+            "first_left": self.first_left,
+            "exceeded": self.exceeded,
+            "quantiles": list(QUANTILES),
+            **self.quantiles,
+            "errors": {name: drawn._asdict() for name, drawn in self.errors.items()},
+        }
+        alike = plan.scenario.uncertainty == Uncertainty()
+        notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
+        return Report(title, parts, notes, data)
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+
+
+def _quantiles(values: np.ndarray, names: tuple[str, ...]) -> Mapping[str, list[float] | None]:
+    if not len(values):
+        return dict.fromkeys(names)
+    return dict(zip(names, np.quantile(values, QUANTILES, axis=0).T.tolist(), strict=True))
+
+
+def _quantile_table(quantiles: Mapping[str, Mapping[str, list[float] | None]]) -> Table:
+    rows = [
+        (
+            f"{quantity.replace('_', ' ')} {name}",
+            *(short_number(value, UNITS[name]) for value in values or ()),
+            shown_unit(UNITS[name]),
+        )
+        for quantity, found in quantiles.items()
+        for name, values in found.items()
+    ]
+    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
+    return Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -1,0 +1,367 @@
+"""One flight of the nonlinear aircraft under a policy, beside what the linear model predicts, and its report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.design.design import SHORT_PERIOD
+from controller.flight.actuators import LONGEST_STEP
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.envelope import (
+    ANGLE_OF_ATTACK,
+    OVER_GROUND,
+    ControlExcess,
+    Departure,
+    Envelope,
+    angles_of_attack,
+    beyond_control_limits,
+    control_excesses,
+)
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.scenario import Scenario, Uncertainty, loop_of, with_errors
+from controller.flight.simulation import CompiledLoop, Flight
+from controller.policy.commands import CommandSteps
+from controller.policy.policies import FlownLaw
+from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
+from hfa_model.aircraft import Aircraft
+from hfa_model.outputs import unit_of
+from hfa_model.vectors import (
+    INPUT_UNITS,
+    INPUTS,
+    LINEAR_ROWS,
+    LINEAR_STATES,
+    LINEAR_UNITS,
+    NAMES_AND_UNITS,
+    STATE_UNITS,
+    STATES,
+    UNITS,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import Check, checks_block
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint
+
+FLIGHT_SCHEMA = "hfa.flight/1"
+
+#: Note on a flight that stays at trim: whose deviations are at most so large, in the units of states and inputs.
+UNDISTURBED = (
+    "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or errors of parameters"
+)
+_STILL = 1e-6
+
+
+def fly(
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    law: FlownLaw,
+    scenario: Scenario,
+    envelope: Envelope,
+    *,
+    progress: Progress | None = None,
+) -> NonlinearFlight:
+    """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + b w + d.
+
+    The prediction is of the aircraft as designed: without the parameter errors. Both end at the first tick in
+    which the nonlinear flight leaves the envelope.
+    """
+    result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
+    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
+    model = LinearizedAircraft.at(aircraft, point)
+    predicted = CompiledLoop(loop_of(model, law.policy, scenario, point))
+    return replace(result, predicted=_flown(predicted, law, scenario, ticks))
+
+
+def fly_law(
+    plant: NonlinearPlant,
+    law: FlownLaw,
+    scenario: Scenario,
+    envelope: Envelope,
+    *,
+    progress: Progress | None = None,
+) -> NonlinearFlight:
+    """The nonlinear aircraft under a law, without a prediction.
+
+    BadInputError when it does not begin inside the envelope, or part of the scenario is still to be drawn.
+    """
+    if scenario.uncertainty != Uncertainty():
+        raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, speed)")
+    offsets = np.array(plant.point.states)
+    loop = loop_of(plant, law.policy, scenario, plant.point)
+    compiled = CompiledLoop(loop)
+    start = loop.start(scenario.initial, law.memory)
+    air = compiled.updrafts(np.zeros(1), start[None], loop.constants(law.constants)(0))
+    envelope.refuse_start(scenario.initial + offsets, air)
+
+    def left(rows: np.ndarray, p: np.ndarray) -> bool:
+        times, y = rows[:, 0], rows[:, 1:]
+        return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.updrafts(times, y, p)).all())
+
+    flight = _flown(compiled, law, scenario, scenario.ticks, progress=progress, stop=left)
+    updrafts = flight.updrafts if scenario.moving_air else None
+    departure = envelope.departure(flight.times, flight.states + offsets, updrafts)
+    return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
+
+
+def _flown(compiled: CompiledLoop, law: FlownLaw, scenario: Scenario, ticks: int, **options: Any) -> Flight:
+    """So many ticks of the scenario; stiff where the law has modes that Runge-Kutta 4 cannot follow with its step."""
+    return compiled.fly(
+        scenario.initial,
+        law.constants,
+        step=scenario.step,
+        steps_per_tick=scenario.steps_per_tick,
+        ticks=ticks,
+        memory=law.memory,
+        stiff=law.fastest * scenario.step > LONGEST_STEP,
+        **options,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearFlight(Reported):
+    """A flight, up to the first tick that left the envelope.
+
+    loop: what was flown. flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear
+    model, None when none was asked for. departure: which state left the envelope first, None when none did.
+    """
+
+    scenario: Scenario
+    point: OperatingPoint
+    envelope: Envelope
+    loop: ClosedLoop
+    flight: Flight
+    predicted: Flight | None
+    departure: Departure | None
+
+    @property
+    def states(self) -> np.ndarray:
+        """X, absolute, (N, 7)."""
+        return self.flight.states + np.array(self.point.states)
+
+    @property
+    def angles_of_attack(self) -> np.ndarray:
+        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
+        return angles_of_attack(self.states, self.flight.updrafts if self.scenario.moving_air else None)
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """U, absolute, (N, 5)."""
+        return self.flight.inputs + np.array(self.point.inputs)
+
+    @property
+    def exceeded(self) -> tuple[ControlExcess, ...]:
+        """The inputs that went beyond their control limits before the envelope was left, the farthest first."""
+        until = np.inf if self.departure is None else self.departure.time
+        inside = self.inputs[self.flight.times <= until]
+        return control_excesses(inside.min(axis=0), inside.max(axis=0))
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether every state stayed inside the envelope and every input within its control limits."""
+        return self.departure is None and not self.exceeded
+
+    @property
+    def rms_errors(self) -> np.ndarray:
+        """Root mean square of the tracking error z over the second half of the flight, (6,)."""
+        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        return np.asarray(np.sqrt(np.mean(late**2, axis=0)))
+
+    @property
+    def beyond_limits(self) -> np.ndarray:
+        """Share of the flight in which each input lay beyond `CONTROL_LIMITS`, (5,)."""
+        return np.asarray(beyond_control_limits(self.inputs).mean(axis=0))
+
+    @property
+    def differences(self) -> np.ndarray | None:
+        """Largest |nonlinear - linear| of each state, (7,); None without a prediction."""
+        if self.predicted is None:
+            return None
+        count = min(len(self.flight.times), len(self.predicted.times))
+        return np.asarray(np.abs(self.flight.states[:count] - self.predicted.states[:count]).max(axis=0))
+
+    def title(self, law: str) -> str:
+        """Which flight, and whether it stayed within its limits."""
+        flight = f"Flight, {self.point.dynamics} dynamics, dihedral {in_degrees(self.point.states.dihedral):g} deg{law}"
+        time, lines = f"{self.flight.times[-1]:g} s", []
+        if self.departure is not None:
+            lines.append(self.departure.text())
+        elif self.exceeded:
+            lines.append(f"inside the envelope for {time}, but not within the control limits")
+        else:
+            lines.append(f"stayed within limits: {time} inside the envelope and the control limits")
+        if self.exceeded:
+            lines.append(f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}")
+        return "\n".join([flight, *lines])
+
+    def report(self, law: FlownLaw | None = None, checks: tuple[Check, ...] = ()) -> Report:
+        """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
+
+        law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
+        """
+        kind = "" if law is None or not len(law.gains) else f", {'learning in flight' if law.online else 'frozen'}"
+        words = "" if law is None else f", law {law.name}{kind}"
+        parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
+        parts += [_states(self), *([OVER_GROUND] if self.scenario.moving_air else []), _inputs(self)]
+        commanded = _tracked(self, law)
+        if commanded:
+            parts.insert(0, tracking_table(commanded))
+        if checks:
+            parts.append(checks_block(checks))
+        still = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max()) <= _STILL
+        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), _data(self, law, checks), _records(self))
+
+    def history(self) -> dict[str, Any]:
+        """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""
+        every = slice(None, None, self.scenario.steps_per_tick)
+        of_flight = {name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")}
+        absolute = {name: getattr(self, name)[every] for name in ("states", "inputs", "angles_of_attack")}
+        return {"history": of_flight | absolute}
+
+
+class Tracked(NamedTuple):
+    """An output and its command, (N,) each as deviations from trim; root mean square and largest of their difference.
+
+    Of the whole flight, in the output's unit.
+    """
+
+    name: str
+    output: np.ndarray
+    command: np.ndarray
+
+    @property
+    def unit(self) -> str:
+        """Of the output and its command."""
+        return unit_of(self.name.removesuffix(SHORT_PERIOD))
+
+    @property
+    def rms(self) -> float:
+        """sqrt(mean (z - r)²)."""
+        return float(np.sqrt(np.mean((self.output - self.command) ** 2)))
+
+    @property
+    def largest(self) -> float:
+        """max |z - r|."""
+        return float(np.abs(self.output - self.command).max())
+
+
+def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
+    """Each commanded output of a flight beside its command, without the noise of the sensors."""
+    air = np.broadcast_to(flight.updrafts.reshape(len(flight.times), -1), (len(flight.times), outputs.F.shape[1]))
+    z = flight.states[:, LINEAR_ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
+    return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
+
+
+def fastest_inputs(flight: Flight) -> np.ndarray:
+    """Largest |ΔU| / step of each input, (5,), per s."""
+    if len(flight.times) < 2:
+        return np.zeros(flight.inputs.shape[1])
+    rates: np.ndarray = np.abs(np.diff(flight.inputs, axis=0)).max(axis=0) / (flight.times[1] - flight.times[0])
+    return rates
+
+
+def tracking_table(followed: tuple[Tracked, ...]) -> Table:
+    """Degrees for angles."""
+    rows = []
+    for each in followed:
+        sizes = (short_number(value, each.unit) for value in (each.rms, each.largest))
+        rows.append((each.name, shown_unit(each.unit), *sizes))
+    return Table(("commanded output", "unit", "rms error", "largest error"), rows)
+
+
+def _tracked(result: NonlinearFlight, law: FlownLaw | None) -> tuple[Tracked, ...]:
+    if law is None or not isinstance(law.policy, ServoPolicy) or not isinstance(law.policy.commands, CommandSteps):
+        return ()
+    return tracked(result.flight, law.policy.regulated, law.policy.commands)
+
+
+def _learning(law: FlownLaw) -> str:
+    assert law.learned is not None, "a gain that changes in flight is learned"
+    taking_over = f"at {law.certified_from:g} s" if np.isfinite(law.certified_from) else "never"
+    last = law.learned.times[-1]
+    return (
+        f"learning in flight: the baseline gain is used until the first stabilizing certificate, {taking_over}; "
+        f"then the last certified gain of each tick; at {last:g} s, the end of the learning, every certificate holds"
+    )
+
+
+def _states(result: NonlinearFlight) -> Table:
+    final, largest, differences = result.flight.states[-1], np.abs(result.flight.states).max(axis=0), result.differences
+    rows = []
+    for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True)):
+        cells = [name, shown_unit(unit), short_number(largest[index], unit), short_number(final[index], unit)]
+        cells += [short_number(result.rms_errors[LINEAR_ROWS.index(index)], unit) if index in LINEAR_ROWS else ""]
+        cells += [result.envelope.limits_text(index)]
+        cells += [] if differences is None else [short_number(differences[index], unit)]
+        rows.append(tuple(cells))
+        if name == "alpha" and result.scenario.moving_air:
+            deviations = result.angles_of_attack - result.point.states.alpha
+            shown = (short_number(value, unit) for value in (np.abs(deviations).max(), deviations[-1]))
+            limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", result.envelope.limits_text(index), "")
+            rows[-1] = (*cells[:5], "", *cells[6:])
+            rows.append(limited[: len(cells)])
+    deviations = ("largest deviation", "final deviation", "rms error, 2nd half")
+    header = ("state", "unit", *deviations, "envelope", "off the linear model")
+    return Table(header[: len(rows[0])], rows)
+
+
+def _inputs(result: NonlinearFlight) -> Table:
+    low, high, beyond = result.inputs.min(axis=0), result.inputs.max(axis=0), result.beyond_limits
+    rows = [
+        (name, shown_unit(unit), short_number(low[i], unit), short_number(high[i], unit), f"{100 * beyond[i]:.3g} %")
+        for i, (name, unit) in enumerate(zip(INPUTS, INPUT_UNITS, strict=True))
+    ]
+    return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
+
+
+def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ...]) -> dict[str, Any]:
+    """English units and radians. held: whether the envelope was not left."""
+    departure = result.departure
+    angles = result.angles_of_attack
+    final = dict(zip(STATES, result.states[-1].tolist(), strict=True))
+    largest = dict(zip(STATES, np.abs(result.flight.states).max(axis=0).tolist(), strict=True))
+    data: dict[str, Any] = {
+        "schema": FLIGHT_SCHEMA,
+        "dynamics": result.point.dynamics,
+        **NAMES_AND_UNITS,
+        "operating_point": result.point.to_dict(),
+        "scenario": result.scenario.to_dict(),
+        "envelope": result.envelope.to_dict(result.scenario.moving_air),
+        "within_limits": result.within_limits,
+        "held": departure is None,
+        "departure": None if departure is None else {**departure._asdict(), "unit": UNITS[departure.state]},
+        "exceeded": [{**each._asdict(), "unit": UNITS[each.input]} for each in result.exceeded],
+        "flown": float(result.flight.times[-1]),
+        "final": final | {ANGLE_OF_ATTACK: float(angles[-1])},
+        "largest_deviation": largest | {ANGLE_OF_ATTACK: float(np.abs(angles - result.point.states.alpha).max())},
+        "rms_error": dict(zip(LINEAR_STATES, result.rms_errors.tolist(), strict=True)),
+        "share_beyond_control_limits": dict(zip(INPUTS, result.beyond_limits.tolist(), strict=True)),
+        "checks": [check.to_dict() for check in checks],
+    }
+    if result.differences is not None:
+        data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
+    if law is not None:
+        data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
+        if len(law.gains):
+            data["policy"] |= {"state_units": list(LINEAR_UNITS), "K": law.gains[-1]}
+        if isinstance(law.policy, ServoPolicy):
+            data["commanded"] = {
+                each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
+                for each in _tracked(result, law)
+            }
+    return data
+
+
+def _records(result: NonlinearFlight) -> Table:
+    """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
+    every = slice(None, None, result.scenario.steps_per_tick)
+    parts = [result.flight.times[every, None], result.states[every], result.inputs[every]]
+    updrafts = result.flight.updrafts[every].reshape(len(parts[0]), -1)
+    rows: Any = np.hstack([*parts, updrafts, result.angles_of_attack[every, None]])
+    names = ("updraft",) if updrafts.shape[1] == 1 else ("updraft_center", "updraft_outer")
+    air = dict.fromkeys(names, "ft/s") | {ANGLE_OF_ATTACK: STATE_UNITS.alpha}
+    units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air
+    return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

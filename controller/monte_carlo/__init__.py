@@ -1,1 +1,0 @@
-"""Many flights with random errors, noise and turbulence."""

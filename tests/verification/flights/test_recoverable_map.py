@@ -1,0 +1,159 @@
+"""The recoverable set: what single flights say, edge by edge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from flight_cases import FlownCase, flown, signal
+
+from controller import Scenario
+from controller.flight.plants import NonlinearPlant
+from hfa_model import INPUTS, LINEAR_STATES, STATES
+from hfa_support import BadInputError
+from verification import recoverable_map
+from verification.flights.recoverable_map import ManyFlights, RecoverableMap, _edge
+
+N = len(LINEAR_STATES)
+
+
+@pytest.fixture(scope="module")
+def recoverable(newton: FlownCase) -> RecoverableMap:
+    return recoverable_map(
+        newton.aircraft,
+        newton.point,
+        newton.law.gains[0],
+        newton.envelope,
+        speeds=np.array([-2.0, 0.3, 2.0]),
+        dihedrals=np.radians([-10.0, 10.0]),
+        commands=np.radians([-30.0, -5.0, 0.0, 5.0]),
+    )
+
+
+def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
+    """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
+    left, held = recoverable.left("nonlinear"), recoverable.inside("nonlinear")
+    for i, dihedral in enumerate(recoverable.dihedrals):
+        for j, speed in enumerate(recoverable.speeds):
+            start = np.zeros(len(STATES))
+            start[STATES.index("speed")], start[STATES.index("dihedral")] = speed, dihedral
+            departure = flown(newton, Scenario(duration=3.0, initial=start)).departure
+            assert (departure is None) == (left[i, j] == -1)
+            assert held[i, j] == (departure is None)
+            if departure is not None:
+                assert STATES[left[i, j]] == departure.state
+    assert held.any()
+    assert not held.all()
+
+
+def test_the_edges_are_where_flights_begin_to_leave(newton: FlownCase, recoverable: RecoverableMap) -> None:
+    edges = {(edge.plant, edge.axis, edge.sign): edge for edge in recoverable.edges}
+    for sign in (-1, 1):
+        edge = edges["nonlinear", "speed", sign]
+        for part, stays in ((0.97, True), (1.03, False)):
+            start = np.zeros(len(STATES))
+            start[0] = sign * part * edge.inside
+            departure = flown(newton, Scenario(duration=2.0, initial=start)).departure
+            assert (departure is None) == stays
+            assert stays or (departure is not None and departure.state == edge.state)
+        assert edge.returned > edge.inside
+        command = edges["nonlinear", "dihedral command", sign]
+        scenario = Scenario(duration=2.0, reference=signal(dihedral=0.97 * sign * command.inside))
+        assert flown(newton, scenario).departure is None
+
+
+def test_the_linear_model_recovers_from_everywhere_and_alike_on_both_sides(recoverable: RecoverableMap) -> None:
+    assert recoverable.returned("linear").all()
+    assert not recoverable.returned("nonlinear").all()
+    linear = {(edge.axis, edge.sign): edge.inside for edge in recoverable.edges if edge.plant == "linear"}
+    nonlinear = {(edge.axis, edge.sign): edge.inside for edge in recoverable.edges if edge.plant == "nonlinear"}
+    for axis in ("speed", "dihedral", "dihedral command"):
+        assert linear[axis, 1] == pytest.approx(linear[axis, -1], rel=1e-6)
+    assert nonlinear["speed", 1] > 1.5 * nonlinear["speed", -1]
+
+
+def test_a_map_shows_its_report_at_the_prompt(recoverable: RecoverableMap) -> None:
+    text = repr(recoverable)
+    assert text.startswith("How far from trim u = -K z works, dihedral 15 deg\n\nnewton dynamics\nfrom trim")
+    assert "<table>" in recoverable._repr_html_()
+    lines = [line for line in text.splitlines() if line.startswith(("speed  ", "dihedral  ", "dihedral command"))]
+    numbers = [(edge.inside, edge.within_limits, edge.returned) for edge in recoverable.edges]
+    whole = [each.count(edge.reach) for each, edge in zip(numbers, recoverable.edges, strict=True)]
+    assert [line.count("(all)") for line in lines[: len(whole)]] == whole
+    within = int(recoverable.within_limits("nonlinear").sum())
+    assert f"nonlinear: of {recoverable.left('nonlinear').size} starts {within} stayed within limits" in text
+
+
+def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recoverable: RecoverableMap) -> None:
+    """Where an edge says that an input exceeds its limit, `fly` says the same, and names the same input."""
+    edges = [edge for edge in recoverable.edges if edge.plant == "nonlinear" and edge.axis == "speed"]
+    for edge in edges:
+        assert 0.0 < edge.within_limits < edge.inside
+        for part, within in ((0.97, True), (1.03, False)):
+            start = np.zeros(len(STATES))
+            start[0] = edge.sign * part * edge.within_limits
+            result = flown(newton, Scenario(duration=2.0, initial=start))
+            assert result.within_limits == within
+            assert [each.input for each in result.exceeded] == [edge.control] * (not within)
+    exceeded = recoverable.exceeded("nonlinear")
+    assert np.all(recoverable.within_limits("nonlinear") <= (exceeded == -1))
+
+
+def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant, starts, found = NonlinearPlant(newton.aircraft, newton.point), np.zeros((3, len(STATES))), []
+    starts[:, 0] = (0.3, 1.0, -3.0)
+    for _ in range(2):
+        flights = ManyFlights(plant, newton.point, newton.envelope)
+        found.append(flights.fly(newton.law.gains[0], starts, np.zeros((3, N)), 2.0))
+        monkeypatch.setattr("controller.flight.integrator.machine_code", lambda function: function)
+    one, other = found
+    assert one.left.tolist() == other.left.tolist() == [-1, *[STATES.index("pitch_rate")] * 2]
+    np.testing.assert_allclose(one.when, other.when)
+    np.testing.assert_allclose(one.final[:2], other.final[:2], rtol=1e-6, atol=1e-9)
+
+
+def test_commands_arrive_or_not(recoverable: RecoverableMap) -> None:
+    flights = recoverable.commanded["nonlinear"]
+    assert flights.arrived(recoverable.commands).tolist() == [False, True, True, True]
+    assert flights.inside.tolist() == [False, True, True, True]
+    # At rest elsewhere is not arrived: a planted end on the other side of trim.
+    final = flights.final.copy()
+    final[1, STATES.index("dihedral")] *= -1
+    assert replace(flights, final=final).arrived(recoverable.commands).tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> None:
+    def fly(values: np.ndarray) -> Any:
+        assert np.all(np.sign(values) == sign)
+        size = np.abs(values)
+        return SimpleNamespace(
+            inside=size < 3.7,
+            within_limits=size < 1.3,
+            left=np.full(len(values), 2),
+            when=np.full(len(values), 1.5),
+            exceeded=np.full(len(values), 3),
+            returned=lambda: size < 2.2,
+        )
+
+    found = _edge("speed", sign, "linear", fly, 10.0)
+    assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)
+    assert (found.state, found.time, found.control, found.reach) == (STATES[2], 1.5, INPUTS[3], 10.0)
+
+
+def test_maps_without_points_and_gains_that_do_not_stabilize_are_refused(newton: FlownCase) -> None:
+    ranges = {"speeds": np.zeros(1), "dihedrals": np.zeros(1), "commands": np.zeros(1)}
+
+    def build(gain: np.ndarray, **changes: np.ndarray) -> RecoverableMap:
+        given: dict[str, Any] = ranges | changes
+        return recoverable_map(newton.aircraft, newton.point, gain, newton.envelope, **given)
+
+    with pytest.raises(BadInputError, match="speeds are empty"):
+        build(newton.law.gains[0], speeds=np.zeros(0))
+    with pytest.raises(BadInputError, match="at most 50000"):
+        build(newton.law.gains[0], speeds=np.zeros(1000), dihedrals=np.zeros(1000))
+    with pytest.raises(BadInputError, match="abscissa"):
+        build(-newton.law.gains[0])
