@@ -34,7 +34,7 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     sources = " ".join(project_sources().values())
     assert {name for name in published if f'"{name}"' not in sources} == set()
     parts = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if _has_schema(each)}
-    assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, "publish it in hfa_cli/formats.json"
+    assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, "publish it in hfa_cli/formats.toml"
     outputs = {entry["$ref"] for entry in formats()["oneOf"]}
     assert {f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each} == outputs
 
