@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -110,6 +111,15 @@ class ScheduledController(ByValue, Shown):
             for name in names:
                 if name not in known:
                     raise BadInputError(f"controller {self.name}: unknown {what} {shown(name)}")
+        if not self.name.isprintable():
+            raise BadInputError(f"the name of a controller is {shown(self.name)}; give letters on one line")
+        for name in self.states:
+            if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+                raise BadInputError(
+                    f"controller {self.name}: a state is called {shown(name)}; give letters, digits and _ as in C"
+                )
+        if len({name.upper() for name in self.states}) < n:
+            raise BadInputError(f"controller {self.name}: two states have one name; give each its own")
 
     def at(self, dihedral: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, C, D at η, rad."""

@@ -69,11 +69,11 @@ class ControlExcess(NamedTuple):
 
 def control_excesses(lowest: np.ndarray, highest: np.ndarray) -> tuple[ControlExcess, ...]:
     """Inputs beyond their limits, the farthest first; lowest, highest: of each input in a flight, (5,), absolute."""
-    limits, beyond = np.array(CONTROL_LIMITS).T, beyond_control_limits(np.array([lowest, highest]))
-    found = [
-        ControlExcess(INPUTS[i], float((lowest, highest)[side][i]), float(limits[side, i]))
-        for side, i in zip(*np.nonzero(beyond), strict=True)
-    ]
+    low, high = np.array(CONTROL_LIMITS).T
+    below = low - lowest > highest - high  # the side on which an input is farther beyond
+    values, limits = np.where(below, lowest, highest), np.where(below, low, high)
+    beyond = beyond_control_limits(values)
+    found = [ControlExcess(INPUTS[i], float(values[i]), float(limits[i])) for i in np.flatnonzero(beyond)]
     return tuple(sorted(found, key=lambda each: -each.share))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
 _PALE = 0.3
 #: One gray an input that exceeds its limits.
-_GRAYS = ("0.95", "0.75", "0.8", "0.85", "0.9")
+_GRAYS = ("0.95", "0.5", "0.65", "0.78", "0.9")
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.envelope import Envelope, beyond_control_limits
+from controller.flight.envelope import Envelope, control_excesses
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.simulation import SummedLoop
 from controller.policy.policies import Memoryless, Seen, gain_constants
@@ -24,7 +24,6 @@ from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
-from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 MAP_SCHEMA = "hfa.recoverable-map/1"
@@ -136,7 +135,8 @@ class ManyFlights:
             final[index] = np.nan if self._lost(flown.final) else flown.final
             if flown.left >= 0:
                 left[index], when[index] = flown.left, flown.flown
-            exceeded[index] = _farthest(flown.lowest_input, flown.highest_input)
+            for excess in control_excesses(flown.lowest_input, flown.highest_input)[:1]:
+                exceeded[index] = INPUTS.index(excess.input)
             settled[index] = self._at_rest(final[index], p)
             if progress is not None:
                 progress()
@@ -153,14 +153,6 @@ class ManyFlights:
 
 def _constant(p: np.ndarray, tick: int) -> np.ndarray:
     return p
-
-
-def _farthest(lowest: np.ndarray, highest: np.ndarray) -> int:
-    """Index of the input farthest beyond its limits, as a share of the range between them; -1 when none is."""
-    if not (beyond_control_limits(lowest) | beyond_control_limits(highest)).any():
-        return -1
-    low, high = np.array(CONTROL_LIMITS).T
-    return int(np.argmax(np.maximum(low - lowest, highest - high) / (high - low)))
 
 
 class Edge(NamedTuple):

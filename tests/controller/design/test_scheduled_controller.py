@@ -32,6 +32,8 @@ def test_matrices_are_linear_between_the_angles(
         ({"D": np.full((3, 1, 4), math.nan)}, "D has a number that is not finite"),
         ({"dihedrals": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
+        ({"states": ("A = 1000",)}, "a state is called 'A = 1000'; give letters, digits and _ as in C"),
+        ({"states": ("\x1b",)}, r"a state is called '\\x1b'"),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
         ({"inputs": ("flaps",)}, "unknown input 'flaps'"),
         ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping"),
