@@ -21,24 +21,27 @@ _TRIAL, _LONG = 3.0, 300.0
 
 
 class ProgressLine:
-    """A counter on standard error, only when it is a terminal; at most one line, gone when done."""
+    """A `Progress` in one line of standard error, only when that is a terminal; gone when all is done."""
 
-    def __init__(self, what: str) -> None:
-        self._what = what
-        self._first: tuple[float, int] | None = None
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._first: tuple[float, float] | None = None
         self._announced = False
         self._shown = sys.stderr is not None and sys.stderr.isatty()
         self._last = ""
 
-    def __call__(self, done: int, total: int) -> None:
-        """Show `done` of `total`."""
+    def __call__(self, done: float, total: float, what: str = "", /) -> None:
+        """Show the percentage of `done` in `total`, and what is at work."""
         self._announce(done, total)
-        self._say(100 * done // total, "")
+        line = f"\r\033[K{self._name}: {int(100 * done / total):3d} %" + (f"  {what}" if what else "")
+        if self._shown and line != self._last:
+            self._last = line
+            say_aside(line, end="\r\033[K" if done >= total else "")
 
-    def _announce(self, done: int, total: int) -> None:
+    def _announce(self, done: float, total: float) -> None:
         """Say once, terminal or not, what will take long: by the pace of the first `_TRIAL` seconds."""
         now = time.monotonic()
-        if self._first is None:
+        if self._first is None or done < self._first[1]:  # the first part, or the next of several
             self._first = now, done
         began, before = self._first
         if self._announced or now - began < _TRIAL or done <= before:
@@ -46,14 +49,4 @@ class ProgressLine:
         self._announced = True
         left = (now - began) * (total - done) / (done - before)
         if left > _LONG:
-            say_notes([f"{self._what}: about {left / 60:.3g} minutes more; Ctrl-C ends it"])
-
-    def say(self, fraction: float, message: str) -> None:
-        """Show the fraction that is done, and what is at work."""
-        self._say(int(100 * fraction), f"  {message}")
-
-    def _say(self, percent: int, message: str) -> None:
-        line = f"\r\033[K{self._what}: {percent:3d} %{message}"
-        if self._shown and line != self._last:
-            self._last = line
-            say_aside(line, end="\r\033[K" if percent >= 100 else "")
+            say_notes([f"{self._name}: about {left / 60:.3g} minutes more; Ctrl-C ends it"])

@@ -176,7 +176,7 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
-    told = progress or (lambda done, total: None)
+    told = progress or (lambda *_: None)
     try:
         told(0, 100)
         return _analysed(game, told)
@@ -188,7 +188,7 @@ def _analysed(game: Game, told: Progress) -> AnalysedGame:
     solution, form = solve_game(game, told), normal_form(game)
     told(_SOLVED, 100)
     share = _SEARCHED - _SOLVED
-    smallest = minimum_delta(game, lambda done, total: told(_SOLVED * total + share * done, 100 * total))
+    smallest = minimum_delta(game, lambda done, total, *_: told(_SOLVED * total + share * done, 100 * total))
     alike = replace(in_units(game, form.units), B=form.B, R=np.eye(form.B.shape[1]))
     meaning = meaning_checks(alike, solution.P * np.outer(form.units, form.units), np.ones(len(form.units)))
     for check in meaning:

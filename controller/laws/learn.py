@@ -13,7 +13,7 @@ from controller.laws.integral_rl import IrlSettings, integral_learning
 from controller.laws.run import run
 from controller.training_data.recording import Stack
 from hfa_support.errors import BadInputError, refuse_unknown
-from hfa_support.progress import SaidProgress
+from hfa_support.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ def learn(
     seed: int = 0,
     *,
     pool: Stack | None = None,
-    progress: SaidProgress | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> LearningResult:
     """Learn the value z'Pz and the gain K of a game with one of `LAWS`.
 
     pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: fields of the
-    law's settings (`CertifiedSettings`, `IrlSettings`). progress: told which
-    fraction is done, and the residual.
+    law's settings (`CertifiedSettings`, `IrlSettings`). progress is
+    called with (fraction done, 1, residual).
 
     The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises
     BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfa_support.progress import SaidProgress
+from hfa_support.progress import Progress
 
 #: What a law carries from one tick to the next.
 Memory = dict[str, np.ndarray]
@@ -45,7 +45,7 @@ class Run:
     history: dict[str, np.ndarray]
 
 
-def run(process: Process, *, progress: SaidProgress | None = None) -> Run:
+def run(process: Process, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a law."""
     memory = process.start()
     rows = [_row(process, 0, memory)]
@@ -57,7 +57,7 @@ def run(process: Process, *, progress: SaidProgress | None = None) -> Run:
         if tick % every == 0 or last:
             rows.append(_row(process, tick, memory))
         if progress is not None and (tick % report_every == 0 or last):
-            progress(tick / process.ticks, _line(rows[-1]))
+            progress(tick / process.ticks, 1.0, _line(rows[-1]))
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 

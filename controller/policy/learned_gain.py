@@ -14,7 +14,7 @@ from controller.laws.learn import learn
 from controller.policy.policies import FlownLaw, gain_law
 from controller.training_data.recording import natural_spread
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import SaidProgress
+from hfa_support.progress import Progress
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
 BASELINE_EFFORT = 100.0
@@ -45,9 +45,7 @@ def baseline_weights(game: Game) -> tuple[float, ...]:
     return tuple(weights.tolist())
 
 
-def learned_value(
-    game: Game, law: str, seed: int, progress: SaidProgress | None = None, **settings: Any
-) -> LearningResult:
+def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:
     """The learning of a law on a game; the integral law starts from the baseline's policy, which is stabilizing.
 
     settings: of the law. Raises NoSolutionError, naming the certificate, when what was learned is not certified.

@@ -127,7 +127,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
     size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
-    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K, progress or (lambda done, total: None))
+    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K, progress or (lambda *_: None))
     return DeltaMin(found.value * size, found.refused * size)
 
 

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         claims=arguments.claims,
         flight=_flight_of(arguments),
         start=arguments.start,
-        progress=ProgressLine("report").say,
+        progress=ProgressLine("report"),
     )
     report = stated(main_report(job), arguments)
     lines = [f"wrote {name}" for name in _written(job, report, arguments.output)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -52,9 +51,9 @@ def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     return learn(game, law_name(arguments), arguments.seed or 0, progress=shown_learning(), **law_settings(arguments))
 
 
-def shown_learning() -> Callable[[float, str], None] | None:
+def shown_learning() -> ProgressLine | None:
     """Progress of learning: one line on a terminal, gone when done; none elsewhere."""
-    return ProgressLine("learn").say if sys.stderr.isatty() else None
+    return ProgressLine("learn") if sys.stderr.isatty() else None
 
 
 def law_name(arguments: argparse.Namespace) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import casadi as ca
 
@@ -40,13 +40,6 @@ _OPERATIONS = {
 }
 
 
-#: The same where a loop over points is to run on the vector unit, which has no functions for these.
-_FOR_VECTORS = {
-    ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
-    ca.OP_FMAX: "{0} > {1} ? {0} : {1}",
-}
-
-
 def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]) -> str:
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
 
@@ -63,37 +56,13 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
     return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
 
 
-def c_loop(function: ca.Function, name: str) -> str:
-    """`void name(long n, const double *const *argument, double *result)` for n points, of one result.
-
-    argument k: (size, n), result: (size, n), so that neighbours in memory are neighbouring points.
-    """
-    count = function.n_in()
-    inputs = "\n".join(f"    const double *restrict a{k} = argument[{k}];" for k in range(count))
-    body = _statements(
-        function, name, lambda which, i: f"a{which}[{i} * n + k]", lambda _, i: f"out[{i} * n + k]", _FOR_VECTORS
-    )
-    return f"""#include <math.h>
-void {name}(long n, const double *const *argument, double *restrict out)
-{{
-{inputs}
-#pragma omp simd
-    for (long k = 0; k < n; k++) {{
-{body}
-    }}
-}}
-"""
-
-
 def _statements(
     function: ca.Function,
     name: str,
     load: Callable[[int, int], str],
     store: Callable[[int, int], str],
-    changed: Mapping[int, str] | None = None,
 ) -> str:
     """Declarations and statements; load, store: how entry i of an argument and of a result is written."""
-    operations = _OPERATIONS | dict(changed or {})
     lines, used = [], set()
     for index in range(function.n_instructions()):
         code, out, source = (
@@ -113,8 +82,8 @@ def _statements(
             taken = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
             callee = f"{name}_{function.find_functions(0)[0].name()}"
             lines.append(f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}")
-        elif code in operations:
-            lines.append(f"w{out[0]} = {operations[code].format(*(f'w{each}' for each in source))};")
+        elif code in _OPERATIONS:
+            lines.append(f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};")
         else:
             words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
             raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")

@@ -12,50 +12,36 @@ import os
 import shutil
 import stat
 import subprocess
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import casadi as ca
 
 from hfa_support.files import temporary_folder
 from hfa_support.streams import say_aside
 
-Loaded = TypeVar("Loaded")
-
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """The same function compiled to machine code, or the function itself when that cannot be had."""
+    """The same function compiled to machine code, or the function itself when that cannot be had, said once.
 
-    def load(symbol: str, library: Path) -> ca.Function:
-        return ca.external(symbol, str(library))
-
-    return loaded(lambda symbol: _c_text(function, symbol), _FLAGS, load) or function
-
-
-def loaded(
-    text: Callable[[str], str], flags: tuple[str, ...], load: Callable[[str, Path], Loaded], machine: str = ""
-) -> Loaded | None:
-    """load(symbol, library), the library compiled from text(symbol); None, said once, when that cannot be had.
-
-    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler, its flags and the machine,
-    and of its own content, which is checked before it is loaded. Its symbol carries the first, because two libraries
-    of one name cannot live in one process. What a compiler made that cannot be loaded is not kept.
+    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
+    content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
+    cannot live in one process. What a compiler made that cannot be loaded is not kept.
     """
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
-        return None
-    key = hashlib.sha256("\n".join([text("placeholder"), compiler, *flags, machine]).encode()).hexdigest()[:24]
+        return function
+    key = hashlib.sha256("\n".join([_c_text(function, "placeholder"), compiler, *_FLAGS]).encode()).hexdigest()[:24]
     symbol, library = f"hfa_{key}", None
     try:
         folder = _own_folder(cache_folder())
-        library = _kept(folder, symbol) or _compile([compiler, *flags], text(symbol), folder, symbol)
-        return load(symbol, library)
-    except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
+        library = _kept(folder, symbol) or _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
+        return ca.external(symbol, str(library))
+    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         if library is not None:
             library.unlink(missing_ok=True)
             reason = f"what {compiler} makes cannot be loaded"
@@ -64,7 +50,7 @@ def loaded(
         else:
             reason = str(error).splitlines()[0]
         _say(f"cannot compile machine code ({reason}); running without")
-        return None
+        return function
 
 
 def cache_folder() -> Path:

@@ -10,7 +10,7 @@ from hfa_model.provenance import Provenance
 from hfa_support.errors import refuse_unknown
 from hfa_support.jobs.workers import workers
 from hfa_support.jsonable import jsonable
-from hfa_support.progress import NamedProgress
+from hfa_support.progress import Progress
 from studies.section5.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, Evidence, check_claim
 from studies.section5.experiment_flights import FlightRecord, simulate_plan
 from studies.section5.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, LAWS, REWEIGHTED
@@ -33,17 +33,17 @@ def experiments(name: str) -> tuple[Experiment, ...]:
 
 
 def run_experiment(
-    experiment: Experiment, setting: Setting, progress: NamedProgress | None = None, processes: int = 1
+    experiment: Experiment, setting: Setting, progress: Progress | None = None, processes: int = 1
 ) -> Outcome:
     """Simulate every flight and check every claim. processes: that share the flights."""
     plans = experiment.flights(setting)
-    told = progress or (lambda section, done, total: None)
+    told = progress or (lambda *_: None)
     records: dict[int, FlightRecord] = {}
-    told(experiment.section, 0, len(plans))
+    told(0, len(plans), experiment.section)
     with workers(processes) as run_on:
         for key, record in run_on(simulate_plan, enumerate((setting, plan, experiment.section) for plan in plans)):
             records[key] = record
-            told(experiment.section, len(records), len(plans))
+            told(len(records), len(plans), experiment.section)
     flown = {plan: records[key] for key, plan in enumerate(plans)}
     evidence = Evidence(setting, experiment.section, flown)
     return Outcome(experiment, setting, flown, tuple(check_claim(claim, evidence) for claim in experiment.claims))
@@ -56,7 +56,7 @@ def reproduce(
     origin: Provenance,
     *,
     resume: bool = False,
-    progress: NamedProgress | None = None,
+    progress: Progress | None = None,
     processes: int = 1,
 ) -> dict[str, Any]:
     """Run experiments into folder/section each, and return the table of their claims.

@@ -217,13 +217,13 @@ RUNS = {
 
 
 def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(_: object, done: float, message: str) -> None:
+    def stop(_: object, done: float, *__: object) -> None:
         if done >= 0.6:
             raise KeyboardInterrupt
 
     words = ("learn", "--model", small("plant.json"), *QUICK)
     with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.options.learning_options.ProgressLine.say", stop)
+        patched.setattr("hfa_cli.options.learning_options.ProgressLine.__call__", stop)
         stopped = hfa(*words, "-o", "part.json", err=Terminal())
     assert (stopped.code, stopped.out) == (INTERRUPTED, "")
     assert stopped.err.endswith("hfa: interrupted\n")

@@ -16,7 +16,7 @@ from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import SaidProgress
+from hfa_support.progress import Progress
 from hfa_support.reporting.text import angle_text, in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
@@ -150,21 +150,21 @@ def main_job(
     claims: StoredClaims | None = None,
     flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
-    progress: SaidProgress = lambda fraction, what: None,
+    progress: Progress = lambda *_: None,
 ) -> MainJob:
     """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
 
     flight, start: what is trimmed, as of `sweep`; the printed pairs are at the paper's condition.
     """
     aircraft = Aircraft(parameters.values, variant_named(dynamics))
-    progress(0.0, "printed pairs")
+    progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
-    progress(0.05, "sweep")
+    progress(0.05, 1.0, "sweep")
     over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
     points = tuple(trimmed_angle(aircraft, float(angle), None, flight, start) for angle in swept)
     found = []
     for count, angle in enumerate(asked):
-        progress(0.1 + 0.9 * count / len(asked), f"dihedral {angle_text(angle)}")
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle)}")
         found.append(angle_result(aircraft, angle, outputs, flight, start))
-    progress(1.0, "")
+    progress(1.0, 1.0)
     return MainJob(aircraft, parameters, regeneration, over, points, tuple(found), claims)

@@ -38,7 +38,7 @@ def assert_same_bits(one: LearningResult, other: LearningResult) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_progress_rises_to_one_and_nothing_is_printed(law: str, capsys: pytest.CaptureFixture[str]) -> None:
     seen: list[tuple[float, str]] = []
-    short_run(law, progress=lambda fraction, message: seen.append((fraction, message)))
+    short_run(law, progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
     assert fractions == sorted(fractions)
     assert 5 <= len(fractions) <= 100

@@ -49,6 +49,6 @@ def test_of_a_long_run_rows_are_kept_evenly_and_the_last_always(monkeypatch: pyt
 )
 def test_the_progress_says_the_residual_where_a_law_has_one(also: dict[str, float], line: str) -> None:
     told: list[tuple[float, str]] = []
-    run(Counting(2, **also), progress=lambda fraction, text: told.append((fraction, text)))
+    run(Counting(2, **also), progress=lambda fraction, _, text: told.append((fraction, text)))
     assert told[-1] == (1.0, line)
     assert len(told) == 2
