@@ -45,7 +45,6 @@ COMMANDS = {
     "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
     "export": "the aircraft for other tools: C source, FMU, MATLAB",
     "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
-    "servo": "fly servos through step commands and actuator faults, law by law",
     "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
     "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
     "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence, on any workers",

@@ -42,5 +42,4 @@ from .regeneration.regeneration import (
     Regeneration as Regeneration,
     regenerate_all as regenerate_all,
 )
-from .servo.reference_model import reference_servo as reference_servo
 from .validation.comparison import Validation as Validation, released_trims as released_trims, validate as validate

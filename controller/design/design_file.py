@@ -18,8 +18,6 @@ NAMED = {
     "simvfa-1": "simvfa_1.toml",
     "simvfa-2": "simvfa_2.toml",
     "servo": "servo.toml",
-    "servo-gusts": "servo_gusts.toml",
-    "servo-states": "servo_states.toml",
 }
 _KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta")
 _TABLES = ("actuators", "weights", "sensors", "sensor_lags", "feedforward")

@@ -27,8 +27,7 @@ from hfa_support.errors import BadInputError, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
-from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.
@@ -45,7 +44,7 @@ _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ScheduledController(ByValue, Shown):
+class ScheduledController(ByValue, Reported):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,   x(0) = 0.
 
     η is the measured dihedral, rad; every matrix is linear in it between `dihedrals` and constant beyond the ends.
@@ -146,6 +145,60 @@ class ScheduledController(ByValue, Shown):
                 f"{math.degrees(lowest):g} to {math.degrees(highest):g} deg is asked for: design it for these angles"
             )
 
+    def report(self) -> Report:
+        """The table of `about`: delta, delta_min, abscissa, margins, certificate; the smallest margins of all."""
+        angles: list[dict[str, Any]] = list(self.about.get("angles", ()))
+        delta = self.about.get("delta")
+        rows = [
+            (
+                f"{in_degrees(row['dihedral']):g}",
+                f"{row['delta_min']:.6g}",
+                f"{row['abscissa']:.4f}",
+                *(f"{row[name]['disk']:.4f}" for name in MARGINS),
+                verdict_text(all(check["ok"] for check in row["checks"])),
+            )
+            for row in angles
+        ]
+        header = ("dihedral", "delta_min", "abscissa 1/s", "margin at inputs", "at sensors", "certificate")
+        smallest = [
+            f"smallest disk {name.replace('_', ' ')}: {row[name]['disk']:.4f} at {in_degrees(row['dihedral']):g} deg, "
+            f"gain {row[name]['gain']:.4g}, phase {row[name]['phase']:.4g} deg"
+            for name in MARGINS
+            for row in sorted(angles, key=lambda row, name=name: float(row[name]["disk"]))[:1]  # type: ignore[misc]
+        ]
+        told = [f"told: {', '.join(self.commands)}"] if self.commands else []
+        if self.command_filter:
+            told.append("of a command filter of {:g} rad/s, damping {:g}".format(*self.command_filter))
+        first, last = (in_degrees(float(self.dihedrals[end])) for end in (0, -1))
+        count = len(self.dihedrals)
+        where = f"{count} angles from {first:g} to {last:g} deg" if count > 1 else f"at {first:g} deg"
+        return Report(
+            f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states, "
+            f"{where}, {self.dynamics} dynamics",
+            (
+                f"delta {'inf' if delta is None else format(delta, 'g')}; measured: {', '.join(self.measurements)}; "
+                f"moved: {', '.join(self.inputs)}" + "".join(f"; {each}" for each in told),
+                Table(header, rows),
+                "\n".join(smallest),
+            ),
+            data={
+                "schema": DESIGN_SCHEMA,
+                "design": self.name,
+                "feedback": self.feedback,
+                **{name: list(getattr(self, name)) for name in ("states", "measurements", "commands", "inputs")},
+                "state_units": [signal_unit(name) for name in self.states],
+                "signal_units": [signal_unit(name) for name in (*self.measurements, *self.commands)],
+                "input_units": [signal_unit(name) for name in self.inputs],
+                "dihedrals": self.dihedrals.tolist(),
+                **{name: getattr(self, name).tolist() for name in "ABCDW"},
+                "command_filter": list(self.command_filter),
+                "dynamics": self.dynamics,
+                "parameters": self.parameters,
+                "delta": delta,
+                "angles": angles,
+            },
+        )
+
 
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
     """Write .npz, stacks (N, rows, columns) as in Python, or .mat, stacks (rows, columns, N); whole or not at all.
@@ -186,58 +239,3 @@ def load_controller(path: str | Path) -> ScheduledController:
         raise BadInputError(f"{path}: {error}") from error
     except (ValueError, TypeError, RecursionError) as error:
         raise BadInputError(f"{path}: its content is damaged ({error}); make the file anew") from error
-
-
-def controller_report(controller: ScheduledController) -> Report:
-    """The table of `about`: delta, delta_min, abscissa, margins, certificate; and what is smallest over the angles."""
-    angles: list[dict[str, Any]] = list(controller.about.get("angles", ()))
-    delta = controller.about.get("delta")
-    rows = [
-        (
-            f"{in_degrees(row['dihedral']):g}",
-            f"{row['delta_min']:.6g}",
-            f"{row['abscissa']:.4f}",
-            *(f"{row[name]['disk']:.4f}" for name in MARGINS),
-            verdict_text(all(check["ok"] for check in row["checks"])),
-        )
-        for row in angles
-    ]
-    header = ("dihedral", "delta_min", "abscissa 1/s", "margin at inputs", "at sensors", "certificate")
-    smallest = [
-        f"smallest disk {name.replace('_', ' ')}: {row[name]['disk']:.4f} at {in_degrees(row['dihedral']):g} deg, "
-        f"gain {row[name]['gain']:.4g}, phase {row[name]['phase']:.4g} deg"
-        for name in MARGINS
-        for row in sorted(angles, key=lambda row, name=name: float(row[name]["disk"]))[:1]  # type: ignore[misc]
-    ]
-    told = [f"told: {', '.join(controller.commands)}"] if controller.commands else []
-    if controller.command_filter:
-        told.append("of a command filter of {:g} rad/s, damping {:g}".format(*controller.command_filter))
-    first, last = (in_degrees(float(controller.dihedrals[end])) for end in (0, -1))
-    count = len(controller.dihedrals)
-    where = f"{count} angles from {first:g} to {last:g} deg" if count > 1 else f"at {first:g} deg"
-    return Report(
-        f"Controller {controller.name}: {controller.feedback} feedback, {len(controller.states)} states, "
-        f"{where}, {controller.dynamics} dynamics",
-        (
-            f"delta {'inf' if delta is None else format(delta, 'g')}; measured: {', '.join(controller.measurements)}; "
-            f"moved: {', '.join(controller.inputs)}" + "".join(f"; {each}" for each in told),
-            Table(header, rows),
-            "\n".join(smallest),
-        ),
-        data={
-            "schema": DESIGN_SCHEMA,
-            "design": controller.name,
-            "feedback": controller.feedback,
-            **{name: list(getattr(controller, name)) for name in ("states", "measurements", "commands", "inputs")},
-            "state_units": [signal_unit(name) for name in controller.states],
-            "signal_units": [signal_unit(name) for name in (*controller.measurements, *controller.commands)],
-            "input_units": [signal_unit(name) for name in controller.inputs],
-            "dihedrals": controller.dihedrals.tolist(),
-            **{name: getattr(controller, name).tolist() for name in "ABCDW"},
-            "command_filter": list(controller.command_filter),
-            "dynamics": controller.dynamics,
-            "parameters": controller.parameters,
-            "delta": delta,
-            "angles": angles,
-        },
-    )

@@ -167,15 +167,6 @@ def _limited(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
     return limited
 
 
-def share_of_way(values: np.ndarray, trim: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """max over i of (v_i - trim_i) / (limit_i - trim_i), towards whichever limit v_i lies, (N,).
-
-    values (N, k), trim (k,), limits (k, 2), lowest and highest.
-    """
-    away = values - trim
-    return np.asarray((away[:, :, None] / (limits - trim[:, None])).max(axis=(1, 2)))
-
-
 def flight_envelope(
     parameters: Parameters, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
 ) -> Envelope:

@@ -255,14 +255,6 @@ def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) ->
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
 
 
-def fastest_inputs(flight: Flight) -> np.ndarray:
-    """Largest |ΔU| / step of each input, (5,), per s."""
-    if len(flight.times) < 2:
-        return np.zeros(flight.inputs.shape[1])
-    rates: np.ndarray = np.abs(np.diff(flight.inputs, axis=0)).max(axis=0) / (flight.times[1] - flight.times[0])
-    return rates
-
-
 def tracking_table(followed: tuple[Tracked, ...]) -> Table:
     """Degrees for angles."""
     rows = []

@@ -80,7 +80,7 @@ def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path
 def test_a_file_without_its_format_is_seen(tmp_path: Path) -> None:
     """The command passes here; the check of what lies beside its output fails."""
     (tmp_path / "other.json").write_text('{"schema": "hfa.other/1"}', encoding="utf-8")
-    assert written_json(("servo", "-o", str(tmp_path))) == [tmp_path / "other.json"]
+    assert written_json(("reproduce", "-o", str(tmp_path))) == [tmp_path / "other.json"]
     with pytest.raises(AssertionError, match=r"hfa\.other/1 is not published"):
         assert_published((tmp_path / "other.json").read_text(encoding="utf-8"))
 

@@ -67,7 +67,7 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
     # `make bench` draws benchmarks.png anew on every machine, a browser page.png; test_docs.py looks at verify.png.
-    others = ["benchmarks.png", "page.png", "servo_trade_off.png", "verify.png"]
+    others = ["benchmarks.png", "page.png", "verify.png"]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*drawn, *others])
     for name in drawn:
         one, other = imread(folder / name), imread(made.folder / name)

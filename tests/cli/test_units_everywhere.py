@@ -34,10 +34,9 @@ RUNS: dict[str, tuple[str, ...]] = {
     "map": (*AT, "--law", "exact", "--speeds", "-1ft:1ft:1ft", "--dihedrals", "0", "--commands", "0"),
     "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3ft:200ft"),
     "identify": (),
-    "servo": ("order-1", "--duration", "0.5", "--law", "servo"),
     "report": (*AT, "--sweep", "10,12"),
 }
-LONG = ("identify", "servo", "report", "map", "design")
+LONG = ("identify", "report", "map", "design")
 #: What a number with a unit may be multiplied with: of lengths and their squares, of forces, moments, masses.
 FACTORS = (
     *(FOOT**power for power in (1, -1, 2, -2)),
@@ -98,10 +97,9 @@ def typed(words: tuple[str, ...], system: str) -> tuple[str, ...]:
     return (*in_system, "--units", system)
 
 
-def in_both(name: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    words = (name, *RUNS[name], *(("-o", str(folder)) if name == "servo" else ()))
-    again = ("--resume",) if name == "servo" else ()
-    return answer(*typed(words, "english")), answer(*typed((*words, *again), "si"))
+def in_both(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    words = (name, *RUNS[name])
+    return answer(*typed(words, "english")), answer(*typed(words, "si"))
 
 
 def test_every_command_is_here() -> None:
@@ -110,7 +108,7 @@ def test_every_command_is_here() -> None:
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in RUNS])
 def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> None:
-    before, after = in_both(name, tmp_path)
+    before, after = in_both(name)
     assert (before.pop("units"), after.pop("units")) == ("english", "si")
     assert before != after
     assert not complaints(name, before, after)
@@ -119,7 +117,7 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> 
 @pytest.mark.parametrize(("table", "key"), [("_ARRAYS", "K"), ("_BY_NAME", "final"), ("_BY_NAME", "gust")])
 def test_what_is_forgotten_is_seen(table: str, key: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delitem(getattr(units_of_data, table), key)
-    assert any(f".{key}." in each for each in complaints("fly", *in_both("fly", tmp_path)))
+    assert any(f".{key}." in each for each in complaints("fly", *in_both("fly")))
 
 
 @pytest.mark.parametrize(
@@ -147,7 +145,7 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
     ("words", "because"),
     [
         (("monte-carlo", *AT, "-o", "a.zarr"), "a store is in ft"),
-        (("design", "--design", "servo", "-o", "a.npz"), "a controller and a design are in ft, slug, lbf"),
+        (("design", "--design", "servo", "-o", "a.npz"), "a controller is in ft, slug, lbf"),
         (("identify", "-o", "a.toml"), "a parameters file is in ft, slug, lbf"),
     ],
     ids=lambda value: " ".join(value[::3]) if isinstance(value, tuple) else "",

@@ -21,7 +21,7 @@ from controller.design.servo_loop import servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from hfa_support import NoSolutionError
-from verification.synthesis.command_flight import fly_commands
+from studies.servo.flights import fly_commands
 
 WHOLE, WEAK = Actuator(), Actuator(bandwidth=0.6, effectiveness=0.25)
 #: Of dihedral, rad/s per rad.
@@ -42,7 +42,7 @@ def after_a_step(aircraft: Aircraft, of: Design, found: LinearController, actuat
     table = controller_table(aircraft, of, "output", [model_at(11.0)], [found])
     plant = servo_plant(aircraft, model_at(11.0), table, dict.fromkeys(table.inputs, actuator))
     flown = fly_commands(plant, table, np.array([[1.0, 0.0]]), SECONDS, Feedforward())
-    return flown.errors["dihedral"], flown.rate
+    return flown[0]["dihedral"], flown[1]
 
 
 def cost(aircraft: Aircraft, of: Design, found: LinearController) -> float:

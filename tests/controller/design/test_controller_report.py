@@ -7,7 +7,6 @@ from typing import Any
 
 from controllers import small_controller
 
-from controller.design.scheduled_controller import controller_report
 from hfa_model import Aircraft
 from hfa_support.reporting.text import Table
 
@@ -26,7 +25,7 @@ def row(degrees: float, disk: float, ok: bool) -> dict[str, Any]:
 
 def test_it_names_the_smallest_margins_and_what_it_is_told(published_aircraft: Aircraft) -> None:
     about = {"delta": 200.0, "angles": [row(5, 0.3, True), row(10, 0.2, False), row(20, 0.4, True)]}
-    report = controller_report(small_controller(published_aircraft, about=about))
+    report = small_controller(published_aircraft, about=about).report()
     assert report.title == "Controller small: output feedback, 1 states, 3 angles from 5 to 20 deg, published dynamics"
     first, table, smallest = report.parts
     assert first == (
@@ -45,6 +44,6 @@ def test_it_names_the_smallest_margins_and_what_it_is_told(published_aircraft: A
 
 def test_without_commands_and_delta_it_says_so(published_aircraft: Aircraft) -> None:
     plain = small_controller(published_aircraft, command_filter=(), about={})
-    assert "told: dihedral_command, dihedral_command_rate" in controller_report(plain).parts[0]
-    assert "command filter" not in controller_report(plain).parts[0]
-    assert str(controller_report(plain).parts[0]).startswith("delta inf; ")
+    assert "told: dihedral_command, dihedral_command_rate" in plain.report().parts[0]
+    assert "command filter" not in plain.report().parts[0]
+    assert str(plain.report().parts[0]).startswith("delta inf; ")

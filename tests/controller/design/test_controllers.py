@@ -14,8 +14,8 @@ from controller.design.servo_loop import servo_plant
 from controller.riccati.output_feedback import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
+from studies.servo.flights import fly_commands
 from verification import OutputGame, solve_game, solve_output_feedback
-from verification.synthesis.command_flight import fly_commands
 
 ANGLES = np.radians([9.0, 11.0])
 
@@ -85,7 +85,7 @@ def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_
         design = measured_servo(feedforward=shaping)
         table = design_controller(published_aircraft, design, np.radians([11.0]))
         plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
-        errors.append(fly_commands(plant, table, ends, 70.0, Feedforward()).errors["dihedral"])
+        errors.append(fly_commands(plant, table, ends, 70.0, Feedforward())[0]["dihedral"])
     assert errors[1] < 0.5 * errors[0]
 
 

@@ -7,7 +7,6 @@ import pytest
 from flight_cases import FlownCase
 
 from controller import flight_envelope
-from controller.flight.envelope import share_of_way
 from hfa_model import STATES
 from hfa_support import BadInputError
 
@@ -43,9 +42,3 @@ def test_the_envelope_can_be_changed_and_must_hold_the_trim(newton: FlownCase) -
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
-
-
-def test_the_share_of_the_way_counts_from_the_trim_to_the_limit_on_that_side() -> None:
-    values = np.array([[1.0, 0.0], [2.5, 0.0], [0.5, 0.0], [1.0, -3.0]])
-    limits = np.array([[0.0, 4.0], [-4.0, 1.0]])
-    np.testing.assert_allclose(share_of_way(values, np.array([1.0, 0.0]), limits), [0.0, 0.5, 0.5, 0.75])

@@ -22,7 +22,7 @@ from controller import (
     fly,
     servo_law,
 )
-from controller.flight.nonlinear_flight import NonlinearFlight, fastest_inputs, tracked, tracking_table
+from controller.flight.nonlinear_flight import NonlinearFlight, tracked, tracking_table
 from controller.flight.plants import LinearizedAircraft
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
@@ -156,10 +156,6 @@ def test_tracking_is_the_commanded_output_against_its_command(
     np.testing.assert_allclose(one.output - one.command, z, atol=1e-12)
     assert one.rms == pytest.approx(float(np.sqrt(np.mean(z**2))))
     assert one.largest == pytest.approx(float(np.abs(z).max()))
-    fastest = fastest_inputs(result.flight)
-    moved = np.diff(result.flight.inputs[:, INPUTS.index("aileron_outer")])
-    assert fastest[INPUTS.index("aileron_outer")] == pytest.approx(np.abs(moved).max() / 0.01)
-    assert fastest[0] == 0.0
     assert "dihedral" in tracking_table((one,)).rows[0]
 
 

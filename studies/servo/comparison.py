@@ -1,0 +1,312 @@
+"""Servos through the step commands and actuator faults of SimVFA: laws, flights, a table and a figure a case."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from controller import (
+    Actuator,
+    ActuatorFault,
+    CommandedStates,
+    CommandSteps,
+    FlownLaw,
+    Game,
+    Scenario,
+    ScheduledController,
+    design_controller,
+    flight_envelope,
+    gain_law,
+    load_design,
+    published_game,
+    servo_law,
+)
+from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly_law, tracked
+from controller.flight.plants import NonlinearPlant
+from controller.policy.learned_gain import learned_value
+from controller.policy.servo_policy import MeasuredOutputs
+from hfa_model import Aircraft
+from hfa_model.provenance import Provenance
+from hfa_support import BadInputError, Report
+from hfa_support.errors import refuse_unknown
+from hfa_support.files import write_text
+from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import records_text
+from hfa_support.reporting.figure import new_figure, save
+from hfa_support.reporting.report import Block
+from hfa_support.reporting.text import Table
+from studies.servo.flights import flown_actuators
+from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
+from studies.servo.tuning import DESIGNS
+from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from verification import solve_game
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Dihedral of the trim in which all flights begin, deg; angles of SimVFA's tables, rad, and of those of our servos,
+#: which cover the commands with room to spare.
+TRIM_DEG, ANGLES, OWN_ANGLES = 11.0, np.radians(np.arange(21.0)), np.radians(np.arange(8.0, 15.0))
+#: Ours: design -> feedback. Each flies with exact and learned, scheduled and frozen gains; the third as it is.
+OWN_DESIGNS, FOR_GUSTS = {"servo": "output", "servo-states": "state"}, "servo-gusts"
+#: s: a step each, the first after `_FIRST`; the flight ends with the last.
+_EACH, _FIRST = 70.0, 1.0
+_DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
+_ACCELERATION = np.array([-1.0, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0, 0])
+DURATION = _FIRST + _EACH * (len(_DIHEDRAL) - 1)
+#: Bandwidth ω, rad/s, and damping ζ of the actuators as designed.
+BANDWIDTH, DAMPING = 2.0, 0.7
+#: s: of the record, and of the law that learns. The integration chooses its own steps where a law is stiff.
+STEP, LEARNING_TICK = 0.02, 0.1
+HEADER = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
+
+
+class Case(NamedTuple):
+    """Order of the actuators, and their faults."""
+
+    order: int
+    faults: tuple[ActuatorFault, ...]
+
+
+CASES: dict[str, Case] = {
+    "order-1": Case(1, ()),
+    "order-1-fault": Case(1, (ActuatorFault(0.0, 0.2, 0.5),)),
+    "order-2": Case(2, ()),
+    "order-2-fault": Case(2, (ActuatorFault(0.0, 0.2, 0.5, 0.8),)),
+}
+
+
+def simvfa_commands() -> CommandSteps:
+    """SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s²; its command filter."""
+    times = _FIRST + _EACH * np.arange(len(_DIHEDRAL))
+    return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]))
+
+
+def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
+    """The flight of a case, s long; BadInputError where that is longer than the commands."""
+    if duration > DURATION:
+        raise BadInputError(f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s")
+    actuators = flown_actuators(Actuator(case.order, BANDWIDTH, DAMPING), case.faults)
+    return Scenario(duration=duration, step=STEP, tick=STEP, reference=CommandedStates(commands), actuators=actuators)
+
+
+class Start(NamedTuple):
+    """Where all laws begin, and what they follow."""
+
+    aircraft: Aircraft
+    point: OperatingPoint
+    commands: CommandSteps
+
+
+Make = Callable[[Start], FlownLaw]
+
+
+def laws_of(order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()) -> dict[str, Make]:
+    """Name -> how the law is made. order: of the actuators that SimVFA's laws are designed for. only: () for all.
+
+    BadInputError when a law of `only` is not among them.
+    """
+    found: dict[str, Make] = {
+        f"simvfa-{order}": lambda on: _flown(on, reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)),
+        f"simvfa-{order} adaptive": lambda on: adaptive_law(order, on.aircraft, on.point, on.commands, ANGLES),
+    }
+    for variant in itertools.product(OWN_DESIGNS, ("exact", "learned"), ("scheduled", "frozen")):
+        found[" ".join(word for word in variant if word not in ("exact", "scheduled"))] = _own(*variant)
+    found[FOR_GUSTS] = _own(FOR_GUSTS)
+    found |= {name: lambda on, each=each: _flown(on, each) for name, each in controllers.items()}  # type: ignore[misc]
+    found["paper"] = _paper
+    for name in only:
+        refuse_unknown(f"order {order} has no law", name, found)
+    return {name: made for name, made in found.items() if name in (only or found)}
+
+
+def _flown(on: Start, controller: ScheduledController) -> FlownLaw:
+    return servo_law(controller, on.commands, on.aircraft, on.point)
+
+
+def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Make:
+    """One of our designs. source: exact or learned. gains: scheduled on the dihedral, or frozen at the trim."""
+    angles = OWN_ANGLES if gains == "scheduled" else np.radians([TRIM_DEG])
+    return lambda on: _flown(on, _own_controller(on.aircraft, design, source, tuple(angles.tolist())))
+
+
+@lru_cache(maxsize=32)
+def _own_controller(aircraft: Aircraft, design: str, source: str, angles: tuple[float, ...]) -> ScheduledController:
+    """The same for all cases."""
+    value = _learned if source == "learned" else None
+    chosen = load_design(DESIGNS.get(design, design))
+    return design_controller(aircraft, chosen, np.array(angles), OWN_DESIGNS.get(design, ""), value=value)
+
+
+def _learned(game: Game) -> np.ndarray:
+    """P of the certified law, from recorded samples of the game."""
+    return learned_value(game, "certified", 0, tick=LEARNING_TICK).P
+
+
+def _paper(on: Start) -> FlownLaw:
+    """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and no integrals."""
+    model = linearize(on.aircraft, on.point)
+    return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
+
+
+@dataclass(frozen=True, eq=False)
+class ServoFlight:
+    """A law in a case. tracked: each commanded output. fastest: largest |ΔU / Δt| of the surfaces, rad/s."""
+
+    law: str
+    tracked: tuple[Tracked, ...]
+    fastest: float
+    result: NonlinearFlight
+
+    @property
+    def times(self) -> np.ndarray:
+        """(N,), s."""
+        return self.result.flight.times
+
+    @property
+    def lost_at(self) -> float | None:
+        """s, when the first state left its envelope; None when the aircraft held."""
+        return None if self.result.departure is None else self.result.departure.time
+
+    def to_dict(self) -> dict[str, Any]:
+        """English units and radians."""
+        gone, units = self.result.departure, {each.name: each.unit for each in self.tracked}
+        return {
+            "law": self.law,
+            "rms_error": {each.name: each.rms for each in self.tracked},
+            "rms_error_units": units,
+            "largest_error": {each.name: each.largest for each in self.tracked},
+            "largest_error_units": units,
+            "fastest_surface": self.fastest,
+            "lost_at": self.lost_at,
+            "left": None if gone is None else gone.state,
+        }
+
+
+def fly_case(
+    aircraft: Aircraft,
+    case: Case,
+    controllers: Mapping[str, ScheduledController],
+    duration: float = DURATION,
+    only: Sequence[str] = (),
+    commands: CommandSteps | None = None,
+) -> Iterator[ServoFlight]:
+    """Every law, or those named in `only`, through the commands (those of SimVFA) and the faults of a case."""
+    commands = commands or simvfa_commands()
+    scenario = scenario_of(case, commands, duration)
+    point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
+    envelope = flight_envelope(aircraft.parameters, point)
+    outputs = MeasuredOutputs(aircraft, point, commands.names)
+    for law, make in laws_of(case.order, controllers, only).items():
+        result = fly_law(NonlinearPlant(aircraft, point), make(Start(aircraft, point, commands)), scenario, envelope)
+        moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(initial=0.0)  # without the throttle
+        times = result.flight.times[:2]
+        yield ServoFlight(law, tracked(result.flight, outputs, commands), float(moved / np.ptp(times)), result)
+
+
+def run_case(
+    aircraft: Aircraft,
+    name: str,
+    controllers: Mapping[str, ScheduledController],
+    folder: Path,
+    origin: Provenance,
+    *,
+    duration: float = DURATION,
+    only: Sequence[str] = (),
+    resume: bool = False,
+) -> dict[str, Any]:
+    """The result of a case of `CASES`, in FOLDER/NAME.json with its figure beside it.
+
+    resume: a case that this version finished for the same aircraft, laws and duration is not flown again.
+    """
+    target, picture, case = folder / f"{name}.json", folder / f"{name}.png", CASES[name]
+    decides = {
+        "case": name,
+        "order": case.order,
+        "faults": [vars(fault) for fault in case.faults],
+        "dynamics": aircraft.variant.name,
+        "parameters": aircraft.parameters._asdict(),
+        "duration": duration,
+        "laws": list(laws_of(case.order, controllers, only)),
+        "controllers": {
+            key: {part: getattr(made, part) for part in ("dihedrals", "A", "B", "C", "D", "W")}
+            for key, made in controllers.items()
+        },
+    }
+    known = finished(target, decides) if resume and picture.is_file() else None
+    if known is not None:
+        return known
+    flights = tuple(fly_case(aircraft, case, controllers, duration, only))
+    result = {"case": name, "dynamics": aircraft.variant.name, "duration": duration}
+    result |= {"flights": [flight.to_dict() for flight in flights], "provenance": origin.to_dict()}
+    folder.mkdir(parents=True, exist_ok=True)
+    save(servo_figure(name, flights), picture, origin.text())
+    result = stamped(result, decides)
+    write_text(target, records_text(result))
+    return result
+
+
+def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
+    """Root mean square errors, surface rates and losses, law by law, a table a case."""
+    blocks = [
+        Block(
+            (
+                f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s",
+                Table(HEADER, rows_of(result)),
+            )
+        )
+        for result in results
+    ]
+    title = "Servos through the commands and the actuator faults of SimVFA"
+    return Report(title, blocks, data={"cases": list(results)})
+
+
+def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Law, both rms errors, surface rate and outcome, a row a law."""
+    rows: list[tuple[str, ...]] = []
+    for flight in result["flights"]:
+        angle, acceleration = (flight["rms_error"][name] for name in REGULATED)
+        lost = flight["lost_at"]
+        outcome = "held" if lost is None else f"{flight['left']} left at {lost:.4g} s"
+        rate = f"{math.degrees(flight['fastest_surface']):.3g}"
+        rows.append((flight["law"], f"{math.degrees(angle):.3f}", f"{acceleration:.3f}", rate, outcome))
+    return rows
+
+
+def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
+    """Each output with its command, and the error of every law; a lost law ends with a cross."""
+    longest = max(flights, key=lambda flight: len(flight.times))
+    held = [flight for flight in flights if flight.lost_at is None] or [longest]
+    figure = new_figure(10.4, 6.4)
+    panels = figure.subplots(2, 2, sharex=True, squeeze=False)
+    for column, each in enumerate(longest.tracked):
+        unit, size = ("deg", math.degrees(1.0)) if each.unit == "rad" else (each.unit, 1.0)
+        above, below = panels[:, column]
+        above.plot(longest.times, size * each.command, ":", color="black", zorder=5, label="command")
+        for flight, style in zip(flights, itertools.cycle(("-", "--", "-.", (0, (1, 1)))), strict=False):
+            followed = flight.tracked[column]
+            values = size * followed.output, size * (followed.output - followed.command)
+            for axes, value in zip((above, below), values, strict=True):
+                end = [len(value) - 1] if flight.lost_at is not None else []
+                axes.plot(
+                    flight.times, value, linestyle=style, linewidth=1.2, label=flight.law, marker="x", markevery=end
+                )
+        largest = size * max(flight.tracked[column].largest for flight in held)
+        below.set_ylim(-1.05 * largest, 1.05 * largest)  # a lost law would hide the others
+        above.set_ylim(*(size * np.array([each.command.min(), each.command.max()]) + [-largest, largest]))
+        above.set_title(each.name, fontsize=9)
+        above.set_ylabel(f"off trim, {unit}", fontsize=8)
+        below.set_ylabel(f"off its command, {unit}", fontsize=8)
+        below.set_xlabel("time, s", fontsize=8)
+    for axes in panels.flat:
+        axes.grid(alpha=0.3)
+        axes.tick_params(labelsize=7)
+    figure.legend(handles=panels[0, 0].lines, loc="outside upper center", ncols=4, fontsize=8, title=title)
+    return figure

@@ -1,0 +1,449 @@
+"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and the adaptive laws on top of it.
+
+Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. Regressors and rates of the adaptive laws, for actuators
+of order 1 and of order 2, are those of the simulation released with them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller import CommandSteps, DesignModel, FlownLaw, ScheduledController, design_model, load_design
+from controller.design.design import SHORT_PERIOD
+from controller.design.dihedral_table import DihedralTable
+from controller.policy.commands import COMMAND_FILTER
+from controller.policy.policies import Seen, Unvaried
+from controller.policy.servo_policy import MeasuredOutputs
+from hfa_model import INPUTS, LINEAR_STATES, Aircraft
+from hfa_model.provenance import parameter_hash
+from trim import OperatingPoint, level_model
+from verification import solve_game
+
+#: What is measured besides the integrals, and what is regulated.
+RATE, REGULATED = "pitch_rate", ("dihedral", f"vertical_acceleration{SHORT_PERIOD}")
+#: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
+ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
+#: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A in R⁻¹, 1/s.
+SQUARING_Q, SQUARING_R, EPSILON, SHIFT = 1.0, 500.0, 20.0, 0.25
+_THIRD = np.array([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceModel:
+    """x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m,  y = [pitch rate; integrals] (Qu 2018).
+
+    A: (n, n). B: (n, 2). C: (3, n). K: (2, n). L = B1 R⁻¹S: (n, 3), with B1 (n, 3) the squared-up input path of
+    relative degree 1, `squared_up` B itself, S: (3, 3) of the mixed output S y, for which S C B1 is symmetric and
+    positive definite, R_inverse: (3, 3).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    L: np.ndarray
+    S: np.ndarray
+    R_inverse: np.ndarray
+    squared_up: np.ndarray
+
+
+def reference_model(built: DesignModel) -> ReferenceModel:
+    """The reference model of the design model `simvfa-1` or `simvfa-2`.
+
+    R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I.
+    Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1.
+    """
+    from scipy.linalg import polar
+
+    order = built.design.actuators[built.inputs[0]].order
+    game = built.game()
+    n = len(game.A)
+    C = np.vstack([np.eye(n)[built.states.index(RATE)], np.eye(n)[n - 2 :]])
+    squared_up = np.vstack([game.B.T, _third_row(game.A.T, C.T, game.B.T)]).T
+    B1 = sum(a * np.linalg.matrix_power(game.A, k) @ squared_up for k, a in enumerate(ALPHAS[order]))
+    S = polar(C @ B1)[0].T
+    if S[2].sum() < 0.0:  # the sign of the third input is free; the tables between the angles need one
+        squared_up, B1, S = squared_up * _THIRD, B1 * _THIRD, S * _THIRD[:, None]
+    mixed = S @ C
+    inverse = np.linalg.inv(mixed @ B1)
+    rate = mixed @ (game.A + SHIFT * np.eye(n)) @ B1
+    R_inverse = inverse @ (rate + rate.T) @ inverse + EPSILON * np.eye(len(C))
+    K = solve_game(game).K
+    return ReferenceModel(game.A, game.B, C, K, B1 @ R_inverse @ S, S, R_inverse, squared_up)
+
+
+def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """c (n,) that gives (A, B, [C; c]) as many outputs as inputs, the same relative degree, and stable zeros.
+
+    With T = [B⁺; N'], N'B = 0, the part of T z that no input reaches directly is a smaller plant with the same
+    outputs; where its C B has full rank, the zeros are the eigenvalues of an LQR and c its gain.
+    Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission zeros, 2014.
+    """
+    from scipy.linalg import null_space, solve_continuous_are
+
+    m, p = B.shape[1], len(C)
+    T = np.vstack([np.linalg.pinv(B), null_space(B.T).T])
+    moved, seen = T @ A @ np.linalg.inv(T), C @ np.linalg.inv(T)
+    A21, A22, C1, C2 = moved[m:, :m], moved[m:, m:], seen[:, :m], seen[:, m:]
+    if np.abs(C1).max() <= 1e-9 * np.abs(C2).max():
+        row = np.concatenate([np.zeros(m), _third_row(A22, A21, C2)])
+        return row @ T
+    whole = np.vstack([C1, null_space(C1).T])
+    pseudo = A21 @ np.linalg.inv(whole)
+    drift, b = A22 - pseudo[:, :p] @ C2, pseudo[:, p:]
+    R = SQUARING_R * np.eye(m - p)
+    P = solve_continuous_are(drift, b, SQUARING_Q * np.eye(len(drift)), R)
+    gain = np.linalg.solve(R, b.T @ P)
+    return np.concatenate([whole[p], gain[0]]) @ T
+
+
+def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
+    """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
+
+    x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch rate; e].
+    """
+    chosen = load_design(design)
+    built = [design_model(aircraft, level_model(aircraft, dihedral), chosen) for dihedral in dihedrals.tolist()]
+    tables = [reference_model(each) for each in built]
+    n = len(tables[0].A)
+    shape = (len(tables), n + 2)
+    A, B = np.zeros((*shape, n + 2)), np.zeros((*shape, 5))
+    C = np.zeros((len(tables), 2, n + 2))
+    for k, each in enumerate(tables):
+        A[k, 2:, 2:] = each.A - each.B @ each.K - each.L @ each.C
+        A[k, 2:, :2] = each.L[:, 1:]
+        B[k, 2:, 0] = each.L[:, 0]
+        B[k, :2, 1:3], B[k, :2, 3:] = np.eye(2), -np.eye(2)
+        B[k, n:, 3:] = -np.eye(2)
+        C[k, :, 2:] = -each.K
+    points = [each.model.point for each in built]
+    return ScheduledController(
+        name=f"{design}, reference model",
+        feedback="output",
+        dihedrals=dihedrals,
+        A=A,
+        B=B,
+        C=C,
+        D=np.zeros((len(tables), 2, 5)),
+        W=np.zeros((*shape, 2)),
+        states=(*(f"{name}_integral" for name in REGULATED), *(f"model_{name}" for name in built[0].states)),
+        measurements=(RATE, *REGULATED),
+        commands=tuple(f"{name}_command" for name in REGULATED),
+        inputs=chosen.inputs,
+        trim_states=np.array([point.states for point in points]),
+        trim_inputs=np.array([point.inputs for point in points]),
+        dynamics=aircraft.variant.name,
+        parameters=parameter_hash(aircraft.parameters),
+        command_filter=COMMAND_FILTER,
+        about={"design": design, "source": "Qu, Thomsen, Annaswamy 2018"},
+    )
+
+
+#: Gain of a tuner's speed with the size of its regressor.
+MU = 0.02
+#: α0, α1, α2 of Π = α0 + α1 d/dt + α2 d²/dt², for actuators of order 2.
+A0, A1, A2 = ALPHAS[2]
+#: Adaptation rates of states, by order: of the effectiveness, and of the reference model's own inputs.
+GAMMA_STATE, GAMMA_EFFECTIVENESS, GAMMA_MODEL = 0.2, {1: 2000.0, 2: 5000.0}, {1: 400.0, 2: 1000.0}
+#: States of the aircraft; inputs; measured outputs. States with actuators, by their order.
+_X, _M, _Y = 6, 2, 3
+_XA = {1: 8, 2: 10}
+_DIHEDRAL = LINEAR_STATES.index("dihedral")
+_TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
+
+
+class Part(NamedTuple):
+    """A part of the memory: its place and its value."""
+
+    place: int
+    now: ca.SX
+
+
+class MemoryParts:
+    """The memory in parts, each with its start and its rate. memory: None to find out the starts alone."""
+
+    def __init__(self, memory: ca.SX | None = None) -> None:
+        self._memory, self._begin = memory, 0
+        self._starts: list[np.ndarray] = []
+        self._rates: dict[int, ca.SX] = {}
+
+    def take(self, rows: int, columns: int = 1, start: np.ndarray | None = None) -> Part:
+        """The next (rows, columns); it begins at 0 unless said."""
+        size = rows * columns
+        self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))
+        flat = ca.SX.zeros(size) if self._memory is None else self._memory[self._begin : self._begin + size]
+        self._begin += size
+        return Part(len(self._starts) - 1, ca.reshape(flat, rows, columns))
+
+    def move(self, part: Part, rate: ca.SX) -> None:
+        """The rate of a part."""
+        self._rates[part.place] = ca.vec(rate)
+
+    @property
+    def rate(self) -> ca.SX:
+        """Of the whole memory."""
+        return ca.vertcat(*(self._rates[place] for place in range(len(self._starts))))
+
+    @property
+    def start(self) -> np.ndarray:
+        """Of the whole memory."""
+        return np.concatenate(self._starts)
+
+
+class Filter:
+    """α2 ξ'' + α1 ξ' + α0 ξ = x."""
+
+    def __init__(self, memory: MemoryParts, size: int) -> None:
+        self._memory, self._parts = memory, (memory.take(size), memory.take(size))
+
+    @property
+    def low_now(self) -> ca.SX:
+        """α2 / Π x, which needs no x."""
+        return A2 * self._parts[0].now
+
+    def drive(self, x: ca.SX) -> Filter:
+        """With its input x."""
+        xi, xi_rate = self._parts
+        bend = (x - A0 * xi.now - A1 * xi_rate.now) / A2
+        self._memory.move(xi, xi_rate.now)
+        self._memory.move(xi_rate, bend)
+        self.plain = xi.now, xi_rate.now, bend
+        return self
+
+    @property
+    def low(self) -> tuple[ca.SX, ...]:
+        """α2 / Π x, with two derivatives."""
+        return tuple(A2 * each for each in self.plain)
+
+    def high(self, x_rate: ca.SX | None = None) -> tuple[ca.SX, ...]:
+        """(α2 s + α1) / Π x, with one derivative, or two where x' is given."""
+        xi, xi_rate, bend = self.plain
+        found = A1 * xi + A2 * xi_rate, A1 * xi_rate + A2 * bend
+        return found if x_rate is None else (*found, x_rate - A0 * xi_rate)
+
+
+class Tuner:
+    """Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e',  g = 1 + μ ν'ν of the regressor ν."""
+
+    def __init__(self, memory: MemoryParts, rows: int, columns: int, start: np.ndarray | None = None) -> None:
+        begun = None if start is None else start / A0
+        self._memory = memory
+        self._goal, self._X = memory.take(rows, columns, start), memory.take(rows, columns, begun)
+        self._X_rate = memory.take(rows, columns)
+
+    def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Ψ with two derivatives."""
+        g = 1 + MU * ca.dot(regressor, regressor)
+        X, X_rate = self._X.now, self._X_rate.now
+        bend = (self._goal.now - g * (A0 * X + A1 * X_rate)) / A2
+        self._memory.move(self._goal, gamma * ca.mtimes(regressor, error.T))
+        self._memory.move(self._X, X_rate)
+        self._memory.move(self._X_rate, bend)
+        return A0 * g * X, A0 * g * X_rate, A0 * g * bend
+
+
+def product_rate(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
+    """(Ψ'x)'."""
+    return ca.mtimes(psi[1].T, x[0]) + ca.mtimes(psi[0].T, x[1])
+
+
+def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
+    """Π{Ψ'x}."""
+    second = ca.mtimes(psi[2].T, x[0]) + 2 * ca.mtimes(psi[1].T, x[1]) + ca.mtimes(psi[0].T, x[2])
+    return A2 * second + A1 * product_rate(psi, x) + A0 * ca.mtimes(psi[0].T, x[0])
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptivePolicy(Unvaried, ABC):
+    """A law with a reference model, tabled over the measured dihedral.
+
+    outputs: pitch rate and what is regulated. dihedral: of the trim in which the flight begins, rad. angles: (N,), rad,
+    of `models`. inputs: names of u.
+    """
+
+    commands: CommandSteps
+    outputs: MeasuredOutputs
+    dihedral: float
+    angles: np.ndarray
+    models: Sequence[ReferenceModel]
+    inputs: tuple[str, ...]
+
+    @abstractmethod
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+        """Take the parts of the memory and set their rates; u, (m,).
+
+        tables: A, B, K, L, S, R⁻¹ and the squared-up B. command: r and r'.
+        """
+
+    @property
+    def memory_size(self) -> int:
+        """Reference model, filters and adaptive parameters."""
+        return len(self.start)
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """The nominal parameters, everything else 0."""
+        memory, nothing = MemoryParts(), ca.SX.zeros(len(self.inputs))
+        self.law(memory, self._table.at(ca.SX(self.dihedral)), ca.SX.zeros(len(self.outputs.names)), (nothing, nothing))
+        return memory.start
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """u of the inputs, 0 of the others."""
+        chosen = np.array([[float(name == one) for one in self.inputs] for name in INPUTS])
+        return ca.mtimes(ca.DM(chosen), self._flown(t, seen, memory)[0])
+
+    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
+        """What `law` sets."""
+        return self._flown(t, seen, memory)[1]
+
+    def _flown(self, t: ca.SX, seen: Seen, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
+        parts, command = MemoryParts(memory), (self.commands.at(t), self.commands.rate(t))
+        tables = self._table.at(self.dihedral + seen.states[_DIHEDRAL])
+        u = self.law(parts, tables, self.outputs.at(seen), command)
+        return u, parts.rate
+
+    @cached_property
+    def _table(self) -> DihedralTable:
+        return DihedralTable(self.angles, [np.array([getattr(each, name) for each in self.models]) for name in _TABLED])
+
+
+class AdaptiveDegree2(AdaptivePolicy):
+    """u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt,  with v = -K x_m and  α0 v̄ + α1 v̄' = α0 v,  x̄ from x_m alike,
+
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},   e_y = y - C x_m,   ē' = R⁻¹S e_y - (α0/α1) ē,
+        Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S e_y)'.
+
+    x̄1: of the six states of the aircraft; x̄2: with the actuators. S1: the first two rows of S. B_s: the squared-up
+    input matrix.
+    """
+
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+        """See the class."""
+        (a0, a1), (A, B, K, L, S, R_inverse, squared_up) = ALPHAS[1], tables
+        integrals, model, r = memory.take(_M), memory.take(_XA[1] + _M), command[0]
+        memory.move(integrals, measured[1:] - r)
+        off = ca.vertcat(measured[0], integrals.now) - ca.mtimes(ca.DM(self.models[0].C), model.now)
+        mixed, v = ca.mtimes(S, off), -ca.mtimes(K, model.now)
+
+        def followed(size: int, x: ca.SX, gain: float) -> tuple[ca.SX, ca.SX]:
+            """x through gain / (s + α0/α1), with its rate."""
+            part = memory.take(size)
+            rate = gain * x - a0 / a1 * part.now
+            memory.move(part, rate)
+            return part.now, rate
+
+        def operated(weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX) -> ca.SX:
+            """Π{Ψ'x} of weights with Ψ' = γ x e'."""
+            rate = gamma * ca.mtimes(regressor[0], error.T)
+            memory.move(weights, rate)
+            slow = ca.mtimes(weights.now.T, regressor[1]) + ca.mtimes(rate.T, regressor[0])
+            return a0 * ca.mtimes(weights.now.T, regressor[0]) + a1 * slow
+
+        v_bar, x_bar = followed(_M, v, a0 / a1), followed(_XA[1], model.now[: _XA[1]], a0 / a1)
+        of_aircraft = x_bar[0][:_X], x_bar[1][:_X]
+        u = operated(memory.take(_M, _M, np.eye(_M)), -GAMMA_EFFECTIVENESS[1], v_bar, mixed[:_M])
+        u -= operated(memory.take(_X, _M), GAMMA_STATE, of_aircraft, mixed[:_M])
+        u -= operated(memory.take(_XA[1], _M), GAMMA_STATE, x_bar, mixed[:_M])
+        e_bar = followed(_Y, ca.mtimes(R_inverse, mixed), 1.0)
+        added = ca.mtimes(squared_up, operated(memory.take(_Y, _Y), GAMMA_MODEL[1], e_bar, mixed))
+        commanded = ca.vertcat(ca.SX.zeros(_XA[1]), -r)
+        memory.move(model, ca.mtimes(A, model.now) + ca.mtimes(B, v) + ca.mtimes(L, off) + commanded + added)
+        return u
+
+
+class AdaptiveDegree3(AdaptivePolicy):
+    """u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε with derivatives of Ψ from tuners (`Tuner`),
+
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,  ε' = the rows of L e_y that belong to the aircraft,
+        F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}),
+        F_ε = B32 (Λ̂2'ε̄1)' + B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}),
+
+    B3 = α2 B, B32 = α2 A B + α1 B, squared up in F_e; v̄ = -K x_m through 1/Π; x̄1, ē1 through (α2 s + α1)/Π, x̄2, ē2
+    through α2/Π; ē12 of (Ψ4'ē1)' and ε̄12 of (Λ̂2'ε̄1)' through α2/Π, ε̄1 of (Ψ1'ε)' through (α2 s + α1)/Π; ē of R⁻¹S e_y.
+    """
+
+    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+        """See the class."""
+        A, B, K, L, S, R_inverse, squared_up = tables
+        (r, r_rate), one = command, np.eye(_M)
+        integrals, model = memory.take(_M), memory.take(_XA[2] + _M)
+        memory.move(integrals, measured[1:] - r)
+        x = model.now
+        off = ca.vertcat(measured[0], integrals.now) - ca.mtimes(ca.DM(self.models[0].C), x)
+        mixed, v, pushed = ca.mtimes(S, off), -ca.mtimes(K, x), ca.mtimes(L, off)
+        commanded, commanded_rate = (ca.vertcat(ca.SX.zeros(_XA[2]), -each) for each in (r, r_rate))
+
+        added = self._of_errors(memory, ca.mtimes(R_inverse, mixed), mixed, (A2 * squared_up, A))
+        drift = memory.take(_X)
+        memory.move(drift, pushed[:_X])
+        x_rates = ca.mtimes(A, x) + commanded, ca.mtimes(A, ca.mtimes(A, x) + commanded - pushed) + commanded_rate
+        artificial = x[:_X], x_rates[0][:_X], x_rates[1][:_X]
+        psi_1 = Tuner(memory, _X, _M).drive(GAMMA_STATE, artificial[0], mixed[:_M])
+        added -= self._of_drift(memory, psi_1, (drift.now, pushed[:_X]), mixed[:_M], (A2 * B, A))
+
+        x_rate = x_rates[0] + pushed + ca.mtimes(B, v) + added
+        memory.move(model, x_rate)
+        slow = Filter(memory, _XA[2]).drive(x[: _XA[2]])
+        x_1 = tuple(each[:_X] for each in slow.high(x_rate[: _XA[2]]))
+        psi_2 = Tuner(memory, _X, _M).drive(GAMMA_STATE, x_1[0], mixed[:_M])
+        psi_3 = Tuner(memory, _XA[2], _M).drive(GAMMA_STATE, slow.low[0], mixed[:_M])
+        v_bar = Filter(memory, _M).drive(v).plain
+        effect = Tuner(memory, _M, _M, one).drive(-GAMMA_EFFECTIVENESS[2], v_bar[0], mixed[:_M])
+        u = operated(effect, v_bar) - operated(psi_1, artificial)
+        u -= operated(psi_2, x_1) + operated(psi_3, slow.low)
+        return u - ca.mtimes((A2 * psi_1[2] + A1 * psi_1[1]).T, drift.now)
+
+    @staticmethod
+    def _of_errors(memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]) -> ca.SX:
+        """F_e."""
+        bar, bar_12 = Filter(memory, _Y).drive(scaled), Filter(memory, _Y)
+        psi_4, psi_5 = Tuner(memory, _Y, _Y), Tuner(memory, _Y, _Y)
+        e_1 = bar.high()
+        found_4 = psi_4.drive(GAMMA_MODEL[2], e_1[0] + bar_12.low_now, mixed)
+        moved = product_rate(found_4, e_1)
+        within = operated(found_4, bar_12.drive(moved).low)
+        within += operated(psi_5.drive(GAMMA_MODEL[2], bar.low[0], mixed), bar.low)
+        return _along(path, moved, A0 * ca.mtimes(found_4[0].T, e_1[0]) + within)
+
+    @staticmethod
+    def _of_drift(
+        memory: MemoryParts, psi_1: Sequence[ca.SX], drift: Sequence[ca.SX], error: ca.SX, path: tuple[ca.SX, ca.SX]
+    ) -> ca.SX:
+        """F_ε."""
+        bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
+        effect, bar_12 = memory.take(_M, _M, np.eye(_M)), Filter(memory, _M)
+        effect_rate = -GAMMA_EFFECTIVENESS[2] * ca.mtimes(bar_1[0], error.T)
+        memory.move(effect, effect_rate)
+        moved = product_rate((effect.now, effect_rate), bar_1)
+        low = bar_12.drive(moved).low
+        within = operated(Tuner(memory, _M, _M).drive(-GAMMA_MODEL[2], low[0], error), low)
+        return _along(path, moved, A0 * ca.mtimes(effect.now.T, bar_1[0]) + within)
+
+
+def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
+    """B32 moved + B3 still of path = (B3, A), B32 = A B3 + (α1 / α2) B3."""
+    B3, A = path
+    return ca.mtimes(A, ca.mtimes(B3, moved)) + ca.mtimes(B3, A1 / A2 * moved + still)
+
+
+def adaptive_law(
+    order: int, aircraft: Aircraft, point: OperatingPoint, commands: CommandSteps, angles: np.ndarray
+) -> FlownLaw:
+    """The law for actuators of this order, from its nominal parameters. angles: of its tables, rad."""
+    kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
+    design = load_design(f"simvfa-{order}")
+    models = [
+        reference_model(design_model(aircraft, level_model(aircraft, angle), design)) for angle in angles.tolist()
+    ]
+    outputs = MeasuredOutputs(aircraft, point, (RATE, *REGULATED))
+    policy = kind(commands, outputs, point.states.dihedral, angles, models, design.inputs)
+    fastest = max(float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models)
+    identity = {"law": kind.__name__, "angles": angles, "times": commands.times, "values": commands.values}
+    return FlownLaw(f"simvfa-{order} adaptive", policy, np.zeros((1, 0)), policy.start, identity, fastest=fastest)

@@ -1,1 +1,0 @@
-"""Servos compared: flights through commands and actuator faults, law by law."""
