@@ -40,7 +40,6 @@ from hfa_support.files import write_text
 from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import records_text
 from hfa_support.reporting.figure import new_figure, save
-from hfa_support.reporting.report import Block
 from hfa_support.reporting.text import Table
 from studies.servo.flights import flown_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
@@ -255,15 +254,10 @@ def run_case(
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
     """Root mean square errors, surface rates and losses, law by law, a table a case."""
-    blocks = [
-        Block(
-            (
-                f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s",
-                Table(HEADER, rows_of(result)),
-            )
-        )
-        for result in results
-    ]
+    blocks = []
+    for result in results:
+        title = f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
+        blocks.append((title, Table(HEADER, rows_of(result))))
     title = "Servos through the commands and the actuator faults of SimVFA"
     return Report(title, blocks, data={"cases": list(results)})
 
