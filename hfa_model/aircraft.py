@@ -156,7 +156,7 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
 def check_in_range(x: State) -> None:
     """BadInputError when a state lies where the equations mean nothing."""
     if x.speed <= 0.0:
-        raise BadInputError(f"speed is {x.speed:g} ft/s; it must not be negative")
+        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
     refuse_beyond_the_atmosphere(x.altitude)
     if not abs(x.dihedral) < np.pi / 2:
         raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")

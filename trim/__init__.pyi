@@ -1,17 +1,14 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-from .identification.identification_result import Fit as Fit, Identification as Identification
-from .identification.identify import fit as fit, identify as identify, run_identification as run_identification
-from .linear.compare import compare as compare, printed_at as printed_at, regenerate as regenerate
+from .identification.identify import run_identification as run_identification
+from .linear.compare import compare as compare, regenerate as regenerate
 from .linear.entry_bands import entry_bands as entry_bands
 from .linear.linear_model import (
-    Bands as Bands,
     LinearModel as LinearModel,
     level_model as level_model,
-    linear_model_report as linear_model_report,
     linearize as linearize,
 )
-from .linear.modes import Mode as Mode, modes_of as modes_of, track_modes as track_modes
+from .linear.modes import modes_of as modes_of, track_modes as track_modes
 from .point.condition import (
     CONTROL_LIMITS as CONTROL_LIMITS,
     LEVEL_FLIGHT as LEVEL_FLIGHT,
@@ -23,15 +20,13 @@ from .point.condition import (
 from .point.named_condition import load_condition as load_condition
 from .point.operating_point import (
     OperatingPoint as OperatingPoint,
-    Status as Status,
     load_operating_point as load_operating_point,
     save_operating_point as save_operating_point,
 )
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
 from .point.trim_figure import trim_figure as trim_figure
-from .point.trim_report import Performance as Performance, performance as performance, trim_report as trim_report
-from .sweeps.points import Points as Points, trim_points as trim_points
+from .point.trim_report import trim_report as trim_report
+from .sweeps.points import trim_points as trim_points
 from .sweeps.stored_sweep import stream_sweep as stream_sweep
 from .sweeps.sweep import sweep as sweep
 from .sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan
-from .sweeps.sweep_result import Sweep as Sweep

@@ -14,7 +14,8 @@ from project import ROOT
 
 from hfa_cli.commands import identify
 from hfa_model import default_parameters, load_parameters
-from trim import Identification, run_identification
+from trim import run_identification
+from trim.identification.identification_result import Identification
 from trim.identification.identify import ALTERNATIVES, save_fit
 
 COMMITTED = ROOT / "hfa_model"

@@ -18,15 +18,8 @@ from hfa_model import (
     save_parameters,
 )
 from hfa_support import BadInputError
-from trim import (
-    Bands,
-    LinearModel,
-    entry_bands,
-    find_operating_point,
-    level_flight,
-    linearize,
-    trim_points,
-)
+from trim import LinearModel, entry_bands, find_operating_point, level_flight, linearize, trim_points
+from trim.linear.linear_model import Bands
 
 COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]

@@ -15,6 +15,7 @@ import hfa_model
 import hfa_support
 import trim
 import verification
+from trim.identification.identify import fit
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -75,7 +76,7 @@ def results() -> dict[str, Any]:
         model,
         trim.entry_bands(hfa_model.default_parameters(), condition, model),
         trim.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
-        trim.fit(hfa_model.published_models()[:1], hfa_model.Published(), prior=True),
+        fit(hfa_model.published_models()[:1], hfa_model.Published(), prior=True),
         regeneration,
         regeneration.pairs[0],
         controller.learn(game),

@@ -38,8 +38,7 @@ def sweep(
     (points done, points in all). BadInputError when a name is unknown, a value lies outside its limits, or the grid is
     empty or has more than `MOST_POINTS` points.
     """
-    axes = {name: tuple(values) if isinstance(values, list) else values for name, values in grid.items()}
-    plan = SweepPlan(axes, aircraft.parameters, aircraft.variant, condition=condition, start=start)  # type: ignore[arg-type]
+    plan = SweepPlan(grid, aircraft.parameters, aircraft.variant, condition=condition, start=start)
     return run_plan(plan, full=full, progress=progress)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -53,7 +53,7 @@ class SweepPlan:
     where the search begins at each point. BadInputError when a name or a range is wrong.
     """
 
-    axes: Mapping[str, tuple[float, ...] | Steps]
+    axes: Mapping[str, Sequence[float] | np.ndarray | Steps]
     parameters: Parameters
     dynamics: str | Variant
     samples: int = 0
@@ -65,17 +65,18 @@ class SweepPlan:
         """Name what is wrong before anything runs."""
         if not self.axes:
             raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
-        ends_of = {}
+        ends_of, listed = {}, {}
         for name, values in self.axes.items():
             refuse_unknown("cannot sweep", name, PLANNED)
             ends = values.at(np.array([0, values.count - 1])) if isinstance(values, Steps) else numbers_in(name, values)
             if ends.ndim != 1 or not ends.size:
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
-            ends_of[name] = ends
+            ends_of[name], listed[name] = ends, values if isinstance(values, Steps) else tuple(ends.tolist())
             if name in FIELDS._fields and getattr(FIELDS, name).positive and not min(ends) > 0:
                 raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
+        object.__setattr__(self, "axes", listed)
         if not 0 <= self.samples <= MOST_SAMPLES:
             raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
         if self.count > MOST_POINTS:
@@ -117,7 +118,7 @@ class SweepPlan:
             elif self.samples:
                 found[name] = {"lowest": values[0], "highest": values[1], "unit": unit}
             else:
-                found[name] = {"values": numbers_in(name, values).tolist(), "unit": unit}
+                found[name] = {"values": list(values), "unit": unit}
         return found
 
     @property
@@ -155,7 +156,7 @@ class SweepPlan:
         """The plan as JSON data; two plans with the same data visit the same points."""
         return {
             "axes": {
-                name: asdict(values) if isinstance(values, Steps) else numbers_in(name, values).tolist()
+                name: asdict(values) if isinstance(values, Steps) else list(values)
                 for name, values in self.axes.items()
             },
             "parameters": self.parameters._asdict(),

@@ -24,9 +24,9 @@ from hfa_model import (
     published_models,
 )
 from hfa_model.variants import Variant
-from trim import Fit, Identification, fit, identify, regenerate
-from trim.identification.identification_result import IDENTIFIED
-from trim.identification.identify import ALTERNATIVES, ROUGH, _left_out, save_fit
+from trim import regenerate
+from trim.identification.identification_result import IDENTIFIED, Fit, Identification
+from trim.identification.identify import ALTERNATIVES, ROUGH, _left_out, fit, identify, save_fit
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [

@@ -8,8 +8,8 @@ import pytest
 from known_models import model_at
 
 from hfa_model import Aircraft, published_models
-from trim import OperatingPoint, printed_at, regenerate
-from trim.linear.compare import EntryRow, entries_records, entries_table, matrices_beside_the_print
+from trim import OperatingPoint, regenerate
+from trim.linear.compare import EntryRow, entries_records, entries_table, matrices_beside_the_print, printed_at
 
 
 @pytest.mark.parametrize("degrees", [model.dihedral_deg for model in published_models()])

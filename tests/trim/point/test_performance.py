@@ -10,8 +10,8 @@ import pytest
 from ambiance import Atmosphere
 
 from hfa_model import STATES, Aircraft
-from trim import OperatingPoint, Performance, find_operating_point, level_flight, performance, release
-from trim.point.trim_report import PERFORMANCE_UNITS
+from trim import OperatingPoint, find_operating_point, level_flight, release
+from trim.point.trim_report import PERFORMANCE_UNITS, Performance, performance
 
 METRE_PER_FOOT = 0.3048
 

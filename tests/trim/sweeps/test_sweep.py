@@ -13,7 +13,6 @@ from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
     LEVEL_FLIGHT,
-    Sweep,
     SweepPlan,
     TrimCondition,
     TrimError,
@@ -28,6 +27,7 @@ from trim import (
 )
 from trim.point.condition import BALANCED
 from trim.sweeps.points import condition_at, is_square
+from trim.sweeps.sweep_result import Sweep
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
