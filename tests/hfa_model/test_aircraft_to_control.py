@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from known_models import model_at
 
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
+from hfa_model import INPUTS, STATES, Aircraft
 from trim import OperatingPoint, linearize
 
 #: What python-control solves for, and the equations that it balances.
@@ -51,8 +51,3 @@ def test_a_parameter_is_changed_by_name(aircraft: Aircraft, trimmed: OperatingPo
     theirs = aircraft.to_control().dynamics(0.0, x, u, params={"panel_mass": 10.0})
     np.testing.assert_array_equal(theirs, heavier.rates(x, u))
     assert not np.array_equal(theirs, aircraft.rates(x, u))
-
-
-def test_a_linear_model_keeps_its_names(aircraft: Aircraft, trimmed: OperatingPoint) -> None:
-    system = linearize(aircraft, trimmed).to_control()
-    assert (system.state_labels, system.input_labels) == (list(LINEAR_STATES), list(INPUTS))

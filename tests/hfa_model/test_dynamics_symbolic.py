@@ -8,7 +8,7 @@ import pytest
 from random_points import random_points
 
 from hfa_model import INPUTS, STATES, VARIANTS, Input, Parameters, State
-from hfa_model.dynamics import by_name, rates, state_rates, symbols
+from hfa_model.dynamics import rates, state_rates
 from hfa_model.variants import Variant
 
 
@@ -22,12 +22,3 @@ def test_columns_give_the_rates_by_name(parameters: Parameters, variant: Variant
         expected = rates(State(*state.tolist()), Input(*control.tolist()), parameters, variant, 5.0)
         found = np.array(f(state, control, np.array(parameters), 5.0)).ravel()
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
-
-
-def test_parameters_may_be_numbers_but_for_one(parameters: Parameters) -> None:
-    x, u, _ = symbols()
-    mass = ca.SX.sym("m")
-    column = state_rates(x, u, parameters._replace(panel_mass=mass), VARIANTS["newton"])
-    assert "m" in map(str, ca.symvar(column))
-    assert by_name(x, u, parameters)[2] is parameters
-    assert [name.shape for name in symbols()] == [(7, 1), (5, 1), (18, 1)]

@@ -96,11 +96,3 @@ def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: A
     assert still["angle_of_attack"] == point.states.alpha
     assert rising["load_factor"] > still["load_factor"]
     assert rising["gamma"] == still["gamma"]
-
-
-def test_the_vertical_acceleration_bends_the_path(aircraft: Aircraft) -> None:
-    x, u = random_points(1, seed=5)
-    rates = State(*aircraft.rates(x[0], u[0]))
-    found = outputs(aircraft, x[0], u[0])["vertical_acceleration"]
-    assert found == pytest.approx(State(*x[0]).speed * (rates.alpha - State(*x[0]).pitch_rate), rel=1e-9)
-    assert abs(State(*x[0]).pitch_rate) > 1e-3

@@ -27,10 +27,6 @@ def test_one_state_aside_there_is_no_print(point: OperatingPoint, name: str) -> 
     assert printed_at(replace(point, states=point.states._replace(**{name: value * (1 + 1e-14)}))) is not None
 
 
-def test_a_center_aileron_aside_there_is_no_print(point: OperatingPoint) -> None:
-    assert printed_at(replace(point, inputs=point.inputs._replace(aileron_center=0.01))) is None
-
-
 def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
     published = published_models()[0]
     model = regenerate(Aircraft(), published)

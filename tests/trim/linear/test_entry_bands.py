@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import hfa
 
-from hfa_model import Aircraft, Parameters, ParameterSet, save_parameters
+from hfa_model import Aircraft, Parameters, ParameterSet
 from hfa_support import BadInputError
 from trim import entry_bands, find_operating_point, level_flight, linearize
 from trim.linear.entry_bands import bands_known
@@ -65,24 +62,7 @@ def test_an_edited_copy_has_no_bands(parameter_set: ParameterSet, factor: float)
         bands_of(heavier(parameter_set, factor))
 
 
-def test_without_covariance_there_are_no_bands(parameter_set: ParameterSet) -> None:
-    with pytest.raises(BadInputError, match="with their covariance"):
-        bands_of(replace(parameter_set, covariance=np.zeros((0, 0))))
-
-
 def test_a_model_of_other_states_has_no_bands(parameter_set: ParameterSet, published_aircraft: Aircraft) -> None:
     whole = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION), full=True)
     with pytest.raises(BadInputError, match="bands are known for the states speed, alpha, pitch"):
         entry_bands(parameter_set, CONDITION, whole)
-
-
-def test_the_command_says_that_an_edited_copy_has_none(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    path = tmp_path / "heavier.toml"
-    save_parameters(heavier(parameter_set, 1.1), path, "10 % heavier")
-    words = ("linearize", "--dihedral", "10", "--parameters", str(path))
-    said = hfa(*words)
-    assert (said.code, said.err) == (0, "")
-    assert "No bands of the rounding of the print: they are known for the six printed states" in said.out
-    assert "Largest band" not in said.out
-    assert not {"A_band", "B_band"} & set(json.loads(hfa(*words, "--json").out))
-    assert "Largest band" in hfa("linearize", "--dihedral", "10").out

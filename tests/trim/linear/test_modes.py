@@ -8,10 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from hfa_model import LINEAR_STATES, STATES, Aircraft
-from trim import find_operating_point, level_flight, level_model, linearize, modes_of
+from hfa_model import LINEAR_STATES, Aircraft
+from trim import level_model, modes_of
 from trim.linear.compare import eigenvalue_errors
-from trim.linear.modes import modes_table
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
@@ -49,18 +48,6 @@ def test_a_mode_on_the_axis_neither_halves_nor_doubles() -> None:
     assert json.loads(json.dumps(row))["eigenvalue"] == [0.0, 0.0]
 
 
-def test_the_table_says_whether_a_mode_halves_or_doubles() -> None:
-    (time,) = [column for column, name in enumerate(modes_table([]).header) if name == "time to, s"]
-    for rates, said in (([-4.0], "0.173 (half)"), ([0.5], "1.386 (double)"), ([0.0], "-")):
-        assert modes_table(modes_of(np.diag(rates), ("speed",))).rows[0][time] == said
-
-
-def test_in_json_an_unstable_mode_has_a_time_to_double_and_none_to_half() -> None:
-    rows = [mode.to_dict() for mode in modes_of(np.diag([-4.0, 0.5]), ("dihedral_rate", "dihedral"))]
-    assert [row["time_to_half"] for row in rows] == [pytest.approx(math.log(2) / 4), None]
-    assert [row["time_to_double"] for row in rows] == [None, pytest.approx(math.log(2) / 0.5)]
-
-
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     """|∂λ_i/∂a_kk|, normalized: differentiated here by a small change of the diagonal instead of eigenvectors."""
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
@@ -94,10 +81,3 @@ def test_modes_of_the_aircraft(aircraft: Aircraft, degrees: float) -> None:
     assert frequencies == sorted(frequencies, reverse=True)
     by_name = {mode.name: mode for mode in modes}
     assert by_name["short period"].frequency > 5 * by_name["phugoid"].frequency
-
-
-def test_the_full_model_adds_the_altitude(published_aircraft: Aircraft) -> None:
-    model = linearize(published_aircraft, find_operating_point(published_aircraft, level_flight(0.2)), full=True)
-    modes = modes_of(model.A, model.states)
-    assert model.states == STATES
-    assert "altitude" in [mode.name for mode in modes]

@@ -14,9 +14,7 @@ from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, State
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.winds import DISTURBANCES, winds_named
 from hfa_support import BadInputError
-from hfa_support.reporting.unit_system import shown_in
 from trim import OperatingPoint, find_operating_point, level_flight, linearize
-from trim.linear.linear_model import matrices
 from trim.linear.output_model import output_model
 
 NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
@@ -100,26 +98,6 @@ def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground(
     assert through_the_air["headwind_center"] > 1.0
     assert through_the_air["headwind_outer"] > 1.0
     assert through_the_air["updraft_outer"] <= 4e-9  # to first order a wind from below changes no speed in level flight
-
-
-def test_the_columns_of_the_winds_are_tables_in_their_own_units(published_aircraft: Aircraft) -> None:
-    model = linearize(published_aircraft, point_of(published_aircraft), outputs=("alpha",), disturbances=("updraft",))
-    assert [table.header[0] for table in matrices(model)] == ["A", "B", "C", "D"]
-    feet = {table.header[0]: table for table in matrices(model, windy=True)}
-    assert [*feet] == ["A", "B", "E", "C", "D", "F"]
-    assert feet["F"].header == ("F", "updraft")
-    assert feet["F"].rows == [("alpha", f"{model.F[0, 0]:.4f}")]
-    with shown_in("si"):
-        (metres,) = [table for table in matrices(model, windy=True) if table.header[0] == "F"]
-    assert float(metres.rows[0][1]) == pytest.approx(model.F[0, 0] / 0.3048, abs=5e-5)
-
-
-def test_a_model_without_winds_has_no_columns(published_aircraft: Aircraft) -> None:
-    point = point_of(published_aircraft)
-    model = linearize(published_aircraft, point)
-    assert (model.disturbances, model.disturbance_units, model.E.shape, model.F.shape) == ((), (), (6, 0), (6, 0))
-    named = linearize(published_aircraft, point, disturbances=("headwind",)).select(("speed", "pitch"), ("throttle",))
-    assert (named.E.shape, named.F.shape, named.D.shape) == ((2, 1), (6, 1), (6, 1))
 
 
 @pytest.mark.parametrize(

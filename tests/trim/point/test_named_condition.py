@@ -11,7 +11,6 @@ from refused_files import refusal
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, load_condition
-from trim.point.named_condition import NAMED
 from verification import released_trims
 
 
@@ -32,13 +31,6 @@ def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
         point = find_operating_point(published_aircraft, condition.at(released.dihedral))
         assert point.states.speed == speed
         assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)
-
-
-def test_every_named_condition_says_where_it_comes_from() -> None:
-    folder = Path(__file__).parents[3] / "trim" / "conditions"
-    assert {path.name for path in folder.glob("*.toml")} == set(NAMED.values())
-    for path in folder.glob("*.toml"):
-        assert "source = " in path.read_text(encoding="utf-8")
 
 
 def test_beyond_the_angles_of_a_table_there_is_no_condition() -> None:
@@ -68,8 +60,3 @@ def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: st
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)
-
-
-def test_a_name_that_is_neither_is_said() -> None:
-    with pytest.raises(BadInputError, match="no condition of that name and no readable file; the names are paper, "):
-        load_condition("papre")

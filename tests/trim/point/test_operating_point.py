@@ -31,19 +31,6 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
 
 
-def test_a_saved_point_starts_a_trim(published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path) -> None:
-    path = tmp_path / "point.json"
-    save_operating_point(point, path)
-    again = find_operating_point(published_aircraft, level_flight(float(np.radians(12.0))), load_operating_point(path))
-    np.testing.assert_allclose(np.array(again.inputs), np.array(point.inputs), rtol=1e-12, atol=1e-15)
-
-
-def test_scaled_residuals_and_gamma(point: OperatingPoint) -> None:
-    off = replace(point, residuals={"speed": 3.22, "pitch": 0.01}, states=point.states._replace(pitch=0.15, alpha=0.05))
-    assert off.scaled_residuals == {"speed": pytest.approx(0.1), "pitch": pytest.approx(0.1)}
-    assert off.gamma == pytest.approx(0.1)
-
-
 def test_to_control(point: OperatingPoint) -> None:
     there = point.to_control()
     assert isinstance(there, control.OperatingPoint)

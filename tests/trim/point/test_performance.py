@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 
-from hfa_model import STATES, Aircraft
+from hfa_model import Aircraft
 from trim import OperatingPoint, find_operating_point, level_flight, release
 from trim.point.trim_report import PERFORMANCE_UNITS, Performance, performance
 
@@ -56,14 +56,6 @@ def test_steady_flight_balances_weight_along_and_across_the_path(
     assert found.hinge_moment_total == pytest.approx(
         loads.hinge_moment - aircraft.parameters.hinge_stiffness * point.states.dihedral, abs=1e-9
     )
-
-
-def test_the_climb_rate_is_the_rate_of_altitude(aircraft: Aircraft, flown: tuple[OperatingPoint, Performance]) -> None:
-    point, found = flown
-    assert found.gamma == point.gamma
-    assert found.climb_rate == pytest.approx(point.states.speed * math.sin(point.gamma), abs=1e-12)
-    rates = aircraft.rates(point.states, point.inputs)
-    assert found.climb_rate == pytest.approx(rates[STATES.index("altitude")], abs=1e-12)
 
 
 @pytest.mark.parametrize(

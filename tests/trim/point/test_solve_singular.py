@@ -9,8 +9,6 @@ from hfa_model import Aircraft, Input, Parameters, State, aircraft_loads, rates_
 from hfa_model.variants import VARIANTS, Variant
 from hfa_support import BadInputError
 from trim import TrimError, find_operating_point, level_flight, release
-from trim.point.operating_point import Status
-from trim.point.solve import TrimProblem
 
 UPRIGHT = {"dihedral": (-np.pi / 2, np.pi / 2)}
 
@@ -36,22 +34,6 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> Non
     with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\)$"):
         find_operating_point(alike, condition)
     find_operating_point(alike, release(condition, free=("aileron_center",), hold={"elevator_outer": 0.0}))
-
-
-def test_three_controls_of_which_two_would_do_are_named() -> None:
-    """A column that is the sum of two others is a pair with neither."""
-    problem = Planted(Aircraft(), level_flight(float(np.radians(15.0))))
-    with pytest.raises(TrimError, match=r"elevator_outer moves them only as throttle and elevator_center do together"):
-        raise TrimError(problem.failure(np.zeros(4)), problem.point(np.zeros(4), Status.FAILED))
-
-
-class Planted(TrimProblem):
-    """The elevators at the outer panels do what the throttle and half the other elevator do."""
-
-    def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        residual, jacobian = super().linearization(unknowns)
-        jacobian[:, 3] = jacobian[:, 0] + 0.5 * jacobian[:, 2]
-        return residual, jacobian
 
 
 def test_controls_that_differ_are_not_said_to_be_alike(aircraft: Aircraft) -> None:

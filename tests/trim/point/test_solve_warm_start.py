@@ -20,15 +20,6 @@ def effort(point: OperatingPoint) -> float:
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
-@pytest.mark.parametrize("degrees", [0.0, 15.0])
-def test_newton_alone_makes_an_ordinary_trim(
-    aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, degrees: float
-) -> None:
-    """Least squares would make it too, but slower, and loads scipy.optimize."""
-    monkeypatch.setattr("trim.point.solve._bounded_least_squares", None)
-    assert find_operating_point(aircraft, level_flight(float(np.radians(degrees)))).status == "trimmed"
-
-
 def test_the_start_decides_which_local_minimum_is_found(
     published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path
 ) -> None:
@@ -51,21 +42,3 @@ def test_the_command_starts_from_the_file(tmp_path: Path) -> None:
         inputs = json.loads(hfa(*words, *more).out)["operating_point"]["inputs"]
         efforts.append(float(((np.array(list(inputs.values())) / np.array(INPUT_SCALES)) ** 2).sum()))
     assert efforts == pytest.approx([0.248, 0.0150], abs=1e-3)
-
-
-def test_a_trim_that_starts_at_its_answer_is_done_at_once(
-    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Every Newton step takes one Jacobian."""
-    condition = level_flight(float(np.radians(15.0)))
-    answer = find_operating_point(published_aircraft, condition)
-    taken: list[int] = []
-    plain = Aircraft.jacobians
-    monkeypatch.setattr(Aircraft, "jacobians", lambda *at: taken.append(1) or plain(*at))
-    counts = []
-    for start in (None, answer):
-        taken.clear()
-        find_operating_point(published_aircraft, condition, start)
-        counts.append(len(taken))
-    cold, warm = counts
-    assert warm <= 3 < cold
