@@ -19,7 +19,7 @@ from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from hfa_support.reporting.unit_system import gain_unit
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep import Sweep
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,16 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, save_parameters
-from hfa_model.printed_matrices import PublishedModel, published_data, published_models
+from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input, Quantity, State
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, Input, Quantity
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from trim.identification.identification_result import ASSUMED, IDENTIFIED, Fit, Identification, LeftOut, Structure
 from trim.linear.compare import EntryRow, compare, regenerate
+from trim.point.condition import level_flight
+from trim.sweeps.points import newton_functions
 
 
 def _with_newtons(method: str) -> Variant:
@@ -226,29 +228,32 @@ class _Condition:
             *((B[i, j] - model.B[i, j]) / model.half_unit_B[i, j] for i in moved for j in range(B.shape[1])),
         )
         balance = ca.vertcat(*(f[LINEAR_ROWS[i]] for i in moved))
-        point = ca.vertcat(*_printed_state(model), *_as_input(ca.vertsplit(inputs)))
+        flight = level_flight(model.dihedral)
+        state = {**flight.imposed, "pitch": flight.imposed["alpha"] + flight.imposed["gamma"]}
+        point = ca.vertcat(*(state[name] for name in STATES), *_as_input(ca.vertsplit(inputs)))
         entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
-        with_jacobian = balance, ca.jacobian(balance, inputs)
-        self._balance = _bound([theta, inputs], with_jacobian)
-        rest = ca.jacobian(balance, theta), entries, ca.jacobian(entries, theta), ca.jacobian(entries, inputs)
-        self._everything = _bound([theta, inputs], (*with_jacobian, *rest))
+        given, rates = tuple(flight.imposed), tuple(flight.rates.items())
+        functions = newton_functions(variant, given, _FREE_INPUTS, rates)
+        assert functions is not None
+        after, size = functions[0](ca.DM([flight.imposed[name] for name in given]), inputs, ca.vertcat(*p))
+        self._step = _bound([theta, inputs], (after, size))
+        by_both = [ca.jacobian(part, by) for part in (balance, entries) for by in (theta, inputs)]
+        self._everything = _bound([theta, inputs], (entries, *by_both))
 
     def trim_inputs(self, theta: np.ndarray) -> np.ndarray:
         """v with balance(θ, v) = 0 by Newton's method (the loads are nearly affine)."""
         inputs = best = _ROUGH_INPUTS
         smallest = np.inf
         for _ in range(_TRIM_STEPS):
-            balance, by_inputs = self._balance(theta, inputs)
-            size = float(np.abs(balance).max())
-            if not size < smallest:
+            after, size = self._step(theta, inputs)
+            if not size.item() < smallest:
                 break
-            best, smallest = inputs, size
-            inputs = inputs - np.linalg.solve(by_inputs, balance).ravel()
+            best, smallest, inputs = inputs, size.item(), after.ravel().copy()
         return best
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The weighted entries at the trim, and their Jacobian by θ with the trim's share in it."""
-        _, balance_by_inputs, balance_by_theta, entries, by_theta, by_inputs = self._everything(
+        entries, balance_by_theta, balance_by_inputs, by_theta, by_inputs = self._everything(
             theta, self.trim_inputs(theta)
         )
         inputs_by_theta = -np.linalg.solve(balance_by_inputs, balance_by_theta)
@@ -267,19 +272,6 @@ def _bound(arguments: list[ca.SX], results: Sequence[ca.SX]) -> Callable[..., li
         return matrices
 
     return evaluate
-
-
-def _printed_state(model: PublishedModel) -> State:
-    paper = published_data()["trim"]
-    return State(
-        speed=paper["speed"],
-        alpha=np.radians(paper["alpha_deg"]),
-        altitude=paper["altitude"],
-        pitch=np.radians(paper["pitch_deg"]),
-        pitch_rate=paper["pitch_rate"],
-        dihedral=model.dihedral,
-        dihedral_rate=paper["dihedral_rate"],
-    )
 
 
 def _as_input(free: Sequence[Quantity]) -> Input:

@@ -1,21 +1,243 @@
-"""A sweep in memory: trims and linear models over a grid of conditions, modes tracked, failures kept as rows."""
+"""A sweep in memory: trims and linear models over a grid, modes tracked, failures kept as rows; and what it says."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import LINEAR_STATES, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, entry_unit
+from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
 from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
-from trim.point.operating_point import OperatingPoint
+from trim.point.operating_point import OperatingPoint, Status
 from trim.sweeps.points import TRIMMED, reasons_of, trim_points
-from trim.sweeps.sweep_plan import SweepPlan
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: A mode is slow when it never has a larger share of the fastest eigenvalue.
+_SLOW = 0.15
+SCHEMA = "hfa.sweep/1"
+
+
+class RootLocus(NamedTuple):
+    """N points along one variable. values: (N,), in `unit`. eigenvalues: (N, n), 1/s, a column a mode;
+    nan where there is no trim. mode_names: of the columns, empty where nothing is trimmed.
+    """
+
+    variable: str
+    unit: str
+    values: np.ndarray
+    eigenvalues: np.ndarray
+    mode_names: tuple[str, ...]
+    dynamics: str
+
+    @property
+    def slow(self) -> np.ndarray:
+        """(n,) which eigenvalues stay slow along the line: below a share of the fastest everywhere."""
+        size = np.nanmax(np.abs(self.eigenvalues), axis=0)
+        return np.asarray(size < _SLOW * size.max())
+
+    def figure(self) -> Figure:
+        """One color a mode, the slow ones enlarged; both ends of the line marked.
+
+        BadInputError when no point of it has a trim: there is nothing to draw.
+        """
+        if not self.mode_names:
+            raise BadInputError("no point of the sweep has a trim: there is no root locus to draw")
+        slow = self.slow
+        parts = [("all modes", np.ones(len(slow), dtype=bool))]
+        if slow.any() and not slow.all():
+            parts.append(("the slow modes", slow))
+        figure = new_figure(10.0, 5.2)
+        for axes, (title, shown) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
+            self._draw(axes, shown)
+            axes.set_title(f"{self.dynamics} dynamics, {title}", fontsize=10)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
+        return figure
+
+    def _draw(self, axes: Axes, shown: np.ndarray) -> None:
+        """The columns that are shown, a line a mode, and both ends of the line."""
+        values, unit = shown_values(self.values, self.unit), shown_unit(self.unit)
+        names = list(dict.fromkeys(self.mode_names))
+        for column in np.flatnonzero(shown).tolist():
+            name = self.mode_names[column]
+            style = ("-", "--", "-.", ":")[names.index(name) % 4]
+            label = name if column == self.mode_names.index(name) else None
+            roots = self.eigenvalues[:, column]
+            axes.plot(roots.real, roots.imag, style, color=f"C{names.index(name)}", label=label)
+        trimmed = np.flatnonzero(~np.isnan(self.eigenvalues[:, 0]))
+        for end, marker in ((trimmed[0], "o"), (trimmed[-1], "s")):
+            roots = self.eigenvalues[end, shown]
+            note = f"{self.variable} {values[end]:.4g} {unit}"
+            axes.plot(roots.real, roots.imag, marker, color="black", fillstyle="none", markersize=5, label=note)
+        axes.axvline(0.0, color="gray", linewidth=0.8)
+        axes.set_xlabel("real part, 1/s")
+        axes.set_ylabel("imaginary part, 1/s")
+        axes.grid(alpha=0.3)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(ByValue, Reported):
+    """N points in the order of the grid, the last variable running fastest.
+
+    plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
+    why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
+    mode through the sweep; nan where the trim failed. mode_names: name of each column at the first trimmed point.
+    Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
+    """
+
+    plan: SweepPlan
+    values: np.ndarray
+    reasons: tuple[str, ...]
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    eigenvalues: np.ndarray
+    model_states: tuple[str, ...]
+    mode_names: tuple[str, ...]
+
+    @property
+    def dynamics(self) -> str:
+        """Name of the dynamics."""
+        return self.plan.dynamics_name
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of what varies, in order."""
+        return self.plan.variables
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each variable, in order."""
+        return self.plan.units
+
+    @property
+    def trimmed(self) -> np.ndarray:
+        """(N,) true where a trim was found."""
+        return np.array([reason == "" for reason in self.reasons])
+
+    @property
+    def root_locus(self) -> RootLocus:
+        """The eigenvalues over the last variable."""
+        variable, unit = self.variables[-1], self.units[-1]
+        return RootLocus(variable, unit, self.values[:, -1], self.eigenvalues, self.mode_names, self.dynamics)
+
+    def report(self) -> Report:
+        """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
+
+        A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it. Where the modes of
+        two columns meet in a conjugate pair, each column has one of its members.
+        """
+        modes = tuple(dict.fromkeys(self.mode_names))
+        members = [[i for i, each in enumerate(self.mode_names) if each == name] for name in modes]
+
+        def varied(i: int) -> tuple[str, ...]:
+            return tuple(map(shown_value, self.values[i], self.units))
+
+        def row(i: int) -> tuple[str, ...]:
+            if self.reasons[i]:
+                return *varied(i), *("-" for _ in modes)
+            return *varied(i), *(_mode_text(self.eigenvalues[i, columns]) for columns in members)
+
+        count, warnings = len(self.reasons), plan_warnings(self.plan)
+        header = (
+            *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.units, strict=True)),
+            *(f"{name} 1/s" for name in modes),
+        )
+        failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
+        return Report(
+            title=f"Sweep, {self.dynamics} dynamics: {int(self.trimmed.sum())} of {count} points trimmed",
+            parts=((Table(header, RowsMade(count, row)), *failures), *self._picture()),
+            notes=warnings,
+            data=self.to_dict() | {"warnings": warnings},
+            records=_records(self),
+        )
+
+    def _picture(self) -> tuple[Picture, ...]:
+        """The picture of a sweep in one variable."""
+        moving = np.ptp(self.values, axis=0) > 0
+        if not self.mode_names or moving.sum() != 1 or not moving[-1]:
+            return ()
+        text = f"Eigenvalues over {self.variables[-1]}"
+        return (Picture("root_locus.png", text, self.root_locus.figure),)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
+        return {
+            "schema": SCHEMA,
+            "dynamics": self.dynamics,
+            **self.plan.varied,
+            "values": self.values,
+            "reasons": list(self.reasons),
+            "states": list(self.model_states),
+            "state_units": [getattr(STATE_UNITS, name) for name in self.model_states],
+            "inputs": list(INPUTS),
+            "input_units": list(INPUT_UNITS),
+            "operating_states": self.states,
+            "operating_inputs": self.inputs,
+            "A": self.A,
+            "B": self.B,
+            "mode_names": list(self.mode_names),
+            "eigenvalues": np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
+        }
+
+
+def _records(result: Sweep) -> Table:
+    """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
+    n = len(result.model_states)
+    header = (
+        *(f"{name} [{unit}]" for name, unit in zip(result.variables, result.units, strict=True)),
+        "status",
+        "reason",
+        *(f"state {name} [{getattr(STATE_UNITS, name)}]" for name in STATES),
+        *(f"input {name} [{getattr(INPUT_UNITS, name)}]" for name in INPUTS),
+        *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
+        *(
+            f"{matrix}({row}, {column}) [{entry_unit(row, column)}]"
+            for matrix, names in (("A", result.model_states), ("B", INPUTS))
+            for row in result.model_states
+            for column in names
+        ),
+    )
+
+    def row(i: int) -> tuple[Any, ...]:
+        return (
+            *result.values[i],
+            str(Status.FAILED if result.reasons[i] else Status.TRIMMED),
+            result.reasons[i],
+            *result.states[i],
+            *result.inputs[i],
+            *(part for value in result.eigenvalues[i] for part in (value.real, value.imag)),
+            *result.A[i].ravel(),
+            *result.B[i].ravel(),
+        )
+
+    return Table(header, RowsMade(len(result.reasons), row))
+
+
+def _mode_text(eigenvalues: np.ndarray) -> str:
+    """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own sign."""
+    pairs = {value for value in eigenvalues if value.imag > 0 and value.conjugate() in eigenvalues}
+    shown = (each for each in eigenvalues if each.conjugate() not in pairs)
+    return ", ".join(
+        f"{each.real:.4f} {each.imag:+.4f}i" if each.imag and each not in pairs else eigenvalue_text(each)
+        for each in shown
+    )
+
 
 #: Of a sweep in memory.
 MOST_POINTS = 1_000_000

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep import Sweep
 from verification.page.interactive import COLORS, NEUTRAL, InteractivePlot, PlotlyFigure, axis, frames, layout
 
 #: Marked where the sweep visits them, degrees: the printed angles and the one between, with Plotly's symbols.

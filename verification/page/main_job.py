@@ -23,8 +23,7 @@ from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
-from trim.sweeps.sweep import sweep
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep import Sweep, sweep
 from verification.regeneration.judged_critic import JudgedCritic, judged_critic
 from verification.regeneration.regeneration import Regeneration, regenerate_all
 

@@ -16,7 +16,7 @@ from controller.analysis.game_sweep import sweep_games
 from hfa_cli.main import BAD_INPUT, DONE
 from hfa_model import Aircraft, default_parameters
 from trim import sweep
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep import Sweep
 from verification import analyse_game
 
 

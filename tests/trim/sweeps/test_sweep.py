@@ -27,7 +27,7 @@ from trim import (
 )
 from trim.point.condition import BALANCED
 from trim.sweeps.points import condition_at, is_square
-from trim.sweeps.sweep_result import Sweep
+from trim.sweeps.sweep import Sweep
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
