@@ -13,11 +13,12 @@ import numpy as np
 
 from hfa_model.vectors import T
 from hfa_support.by_value import ByValue
-from hfa_support.errors import BadInputError, shown
-from hfa_support.files import finite_number, read_toml, write_text
+from hfa_support.errors import BadInputError
+from hfa_support.files import read_toml, write_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.unit_system import in_force, unit_in_force
+from hfa_support.schema import NUMBER, POSITIVE, checked
 
 
 class Parameters(NamedTuple, Generic[T]):
@@ -83,6 +84,16 @@ FIELDS = Parameters(
 _ROUNDING = 1e-10
 #: Where a value may come from.
 SOURCES = ("identified", "assumed", "print", "released")
+_FILE: dict[str, Any] = {
+    f"{name}*": {
+        "value*": POSITIVE if spec.positive else NUMBER,
+        "unit": (spec.unit,),
+        "source": SOURCES,
+        "note": str,
+        "standard_error": NUMBER,
+    }
+    for name, spec in FIELDS._asdict().items()
+} | {"covariance": {"names*": [str], "rows*": [[NUMBER]]}}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,19 +173,10 @@ def load_parameters(path: Path) -> ParameterSet:
     except OSError as error:
         known = f"give an existing parameters file, or the name of a set: {', '.join(NAMED)}"
         raise BadInputError(f"{path}: cannot be read ({error.strerror}); {known}") from error
+    data = checked(str(path), data, _FILE)
     covariance_table = data.pop("covariance", {})
-    if not isinstance(covariance_table, dict):
-        raise BadInputError(
-            f"{path}: covariance is {shown(covariance_table)}; make it the table [covariance] or remove it"
-        )
-    unknown = sorted(set(data) - set(Parameters._fields))
-    missing = [name for name in Parameters._fields if name not in data]
-    if unknown:
-        raise BadInputError(f"{path}: unknown parameter {shown(unknown[0])}; remove it or correct its name")
-    if missing:
-        raise BadInputError(f"{path}: parameter {missing[0]!r} is missing; add [{missing[0]}] with value and unit")
-    values = Parameters(*(_value(path, name, data[name]) for name in Parameters._fields))
-    sources = {name: str(data[name].get("source", "assumed")) for name in Parameters._fields}
+    values = Parameters(*(data[name]["value"] for name in Parameters._fields))
+    sources = {name: data[name].get("source", "assumed") for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
     return _with_covariance(path, ParameterSet(values, sources, notes, name=str(path)), covariance_table)
 
@@ -197,38 +199,19 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _value(path: Path, name: str, table: Any) -> float:
-    spec: Field = getattr(FIELDS, name)
-    if not isinstance(table, dict) or "value" not in table:
-        raise BadInputError(f"{path}: [{name}] has no value; add `value = ...` in {spec.unit}")
-    if table.get("unit", spec.unit) != spec.unit:
-        raise BadInputError(f"{path}: [{name}] is in {shown(table['unit'])}; convert it to {spec.unit!r}")
-    if table.get("source", "assumed") not in SOURCES:
-        raise BadInputError(f"{path}: [{name}] has source {shown(table['source'])}; choose one of {', '.join(SOURCES)}")
-    if not isinstance(table.get("note", ""), str):
-        raise BadInputError(f"{path}: [{name}] has note {shown(table['note'])}; put it in quotes")
-    value = finite_number(str(path), f"[{name}]", table["value"])
-    if spec.positive and value <= 0.0:
-        raise BadInputError(f"{path}: [{name}] is {value}; the {spec.meaning} must be positive")
-    return value
-
-
 def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:
     if not table:
         return parameters
     names = parameters.identified
-    try:
-        covariance = np.array(table.get("rows"), dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInputError(f"{path}: rows of [covariance] are not a matrix of numbers ({error})") from error
-    if table.get("names") != list(names) or covariance.shape != (len(names), len(names)):
+    even = len({len(row) for row in table["rows"]}) < 2
+    covariance = np.array(table["rows"] if even else ())
+    if table["names"] != list(names) or covariance.shape != (len(names), len(names)):
         raise BadInputError(
             f"{path}: [covariance] does not belong to the identified parameters; remove it or run `hfa identify` again"
         )
-    finite = np.isfinite(covariance).all()
-    if not (finite and np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
+    if not (np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
         raise BadInputError(
-            f"{path}: [covariance] is not finite and symmetric with variances on its diagonal; "
+            f"{path}: [covariance] is not symmetric with variances on its diagonal; "
             "remove it or run `hfa identify` again"
         )
     lowest = _lowest_correlation(covariance)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import shutil
 import stat
@@ -14,11 +13,10 @@ import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from importlib.resources import files
 from pathlib import Path
 from typing import IO, Any
 
-from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.errors import BadInputError, shortened
 
 #: Bytes of a file, and of what it unpacks to.
 LARGEST = 2**30
@@ -143,48 +141,3 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def _reason(error: Exception) -> str:
     return shortened(str(error), _LONGEST_REASON)
-
-
-def read_named(what: str, name: str, packaged: Mapping[str, str], folder: str, keys: tuple[str, ...]) -> dict[str, Any]:
-    """The entries of a file of the package `folder`, by its name in `packaged` (name -> file), or of the user's file.
-
-    what: what the file describes, for messages. keys: the entries it may have. BadInputError where there is no such
-    name and file, and for any other entry.
-    """
-    try:
-        data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)
-    except OSError as error:
-        raise BadInputError(
-            f"{name}: no {what} of that name and no readable file; the names are {', '.join(packaged)}"
-        ) from error
-    unknown = sorted(set(data) - set(keys))
-    if unknown:
-        raise BadInputError(f"{name}: unknown entry {shown(unknown[0])}; a {what} has {', '.join(keys)}")
-    return data
-
-
-def table_of(where: str, data: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """The table [key]; empty where there is none. where: the file, for the message of BadInputError."""
-    table = data.get(key, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {key} is {shown(table)}; make it the table [{key}]")
-    return table
-
-
-def names_of(where: str, data: Mapping[str, Any], key: str, default: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """The list of names under a key."""
-    value = data.get(key, list(default))
-    if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-        raise BadInputError(f"{where}: {key} is {shown(value)}; give a list of names in quotes")
-    return tuple(value)
-
-
-def finite_number(where: str, entry: str, value: Any) -> float:
-    """A value as a float. BadInputError where it is no number, or no finite one."""
-    try:
-        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float)) else float(value)
-    except OverflowError:  # TOML's integers have no limit, Python's floats do
-        number = math.inf
-    if not math.isfinite(number):
-        raise BadInputError(f"{where}: {entry} is {shown(value)}; give a finite number")
-    return number

@@ -9,8 +9,8 @@ from typing import Any
 
 from controller.design.design import Actuator, Design, Feedforward
 from hfa_model.vectors import INPUTS
-from hfa_support.errors import BadInputError, said_of, shortened, shown
-from hfa_support.files import names_of, read_named, table_of
+from hfa_support.errors import said_of, shortened
+from hfa_support.schema import NUMBER, Number, checked, read_named
 
 #: Designs that come with the package: name -> file.
 NAMED = {
@@ -19,9 +19,25 @@ NAMED = {
     "simvfa-2": "simvfa_2.toml",
     "servo": "servo.toml",
 }
-_KEYS = ("description", "source", "inputs", "integrals", "disturbance", "delta")
-_TABLES = ("actuators", "weights", "sensors", "sensor_lags", "feedforward")
-_OF_FEEDFORWARD = ("importance", "weights", "rates")
+_WEIGHTS = {str: Number(0.0, 1e100)}
+_ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
+_FEEDFORWARD = {each.name: NUMBER for each in fields(Feedforward)} | {
+    "actuators": _ACTUATORS,
+    **dict.fromkeys(("importance", "weights", "rates"), _WEIGHTS),
+}
+_FILE = {
+    "description": str,
+    "source": str,
+    "inputs": [str],
+    "integrals": [str],
+    "disturbance": None,
+    "delta": Number(0.0, above=True, infinite=True),
+    "actuators": _ACTUATORS,
+    "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
+    "sensors": _WEIGHTS,
+    "sensor_lags": _WEIGHTS,
+    "feedforward": _FEEDFORWARD,
+}
 
 
 def load_design(name: str) -> Design:
@@ -40,83 +56,45 @@ def load_design(name: str) -> Design:
 
 def read_design(name: str) -> dict[str, Any]:
     """The entries of a design file as they stand there."""
-    return read_named("design", name, NAMED, "controller.designs", (*_KEYS, *_TABLES))
+    return dict(read_named("design", name, NAMED, "controller.designs", _FILE))
 
 
 def design_of(name: str, data: Mapping[str, Any]) -> Design:
     """The design of the entries of a file; BadInputError as `load_design`."""
-    weights = table_of(name, data, "weights")
-    odd = sorted(set(weights) - {"states", "inputs"})
-    if odd:
-        raise BadInputError(
-            f"{name}: unknown entry weights.{shortened(odd[0])}; give [weights.states] and [weights.inputs]"
-        )
-    delta = data.get("delta", math.inf)
-    if isinstance(delta, bool) or not isinstance(delta, (int, float)) or not delta > 0:
-        raise BadInputError(f"{name}: delta is {shown(delta)}; give a positive number, or inf for no disturbance")
+    data = checked(name, data, _FILE)
+    entering = data.get("disturbance", "states")
+    several = entering if isinstance(entering, dict) else {checked(name, entering, str, "disturbance"): 1.0}
+    weights = data.get("weights", {})
     return Design(
         name=name,
-        inputs=names_of(name, data, "inputs", INPUTS),
-        integrals=names_of(name, data, "integrals"),
-        disturbances=_disturbances(name, data),
-        delta=float(delta),
-        actuators=_actuators(name, "actuators", table_of(name, data, "actuators")),
-        state_weights=_numbers(name, weights, "states", "weight"),
-        input_weights=_numbers(name, weights, "inputs", "weight"),
-        sensors=_numbers(name, data, "sensors", "noise"),
-        sensor_lags=_numbers(name, data, "sensor_lags", "lag"),
-        feedforward=_feedforward(name, data) if "feedforward" in data else None,
+        inputs=tuple(data.get("inputs", INPUTS)),
+        integrals=tuple(data.get("integrals", ())),
+        disturbances=checked(name, several, _WEIGHTS, "disturbance"),
+        delta=data.get("delta", math.inf),
+        actuators=_actuators(name, "actuators", data.get("actuators", {})),
+        state_weights=weights.get("states", {}),
+        input_weights=weights.get("inputs", {}),
+        sensors=data.get("sensors", {}),
+        sensor_lags=data.get("sensor_lags", {}),
+        feedforward=_feedforward(name, data["feedforward"]) if "feedforward" in data else None,
     )
 
 
-def _disturbances(where: str, data: Mapping[str, Any]) -> dict[str, float]:
-    value = data.get("disturbance", "states")
-    return _numbers(where, data, "disturbance", "intensity") if isinstance(value, dict) else {str(value): 1.0}
-
-
-def _feedforward(where: str, data: Mapping[str, Any]) -> Feedforward:
-    table = dict(table_of(where, data, "feedforward"))
-    made: dict[str, Any] = {
-        key: _numbers(where, table, key, f"{key} of the feedforward, that") for key in _OF_FEEDFORWARD if key in table
-    }
-    if "actuators" in table:
-        made["actuators"] = _actuators(where, "feedforward.actuators", table_of(where, table, "actuators"))
-    plain = {key: value for key, value in table.items() if key not in made}
-    settings = _fields(where, "feedforward", plain, Feedforward)
+def _feedforward(where: str, table: dict[str, Any]) -> Feedforward:
+    actuators = _actuators(where, "feedforward.actuators", table.get("actuators", {}))
     with said_of(f"{where}: feedforward"):
-        return Feedforward(**settings, **made)
+        return Feedforward(**_whole(table) | ({"actuators": actuators} if actuators else {}))
 
 
 def _actuators(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
     made = {}
     for key, table in tables.items():
-        place = f"{entry}.{shortened(key)}"
-        settings = _fields(where, place, table, Actuator)
-        with said_of(f"{where}: {place}"):
-            made[key] = Actuator(**settings)
+        with said_of(f"{where}: {entry}.{shortened(key)}"):
+            made[key] = Actuator(**_whole(table))
     return made
 
 
-def _fields(where: str, entry: str, table: Any, kind: type[Actuator | Feedforward]) -> dict[str, Any]:
-    """The numbers of a table that makes a value of this kind."""
-    known = [each.name for each in fields(kind)]
-    if not isinstance(table, dict):
-        raise BadInputError(f"{where}: {entry} is {shown(table)}; make it the table [{entry}]")
-    for name, value in table.items():
-        if name not in known:
-            raise BadInputError(f"{where}: unknown entry {entry}.{shortened(name)}; choose from {', '.join(known)}")
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise BadInputError(f"{where}: {entry}.{name} is {shown(value)}; give a number")
-    return dict(table)
-
-
-def _numbers(where: str, data: Mapping[str, Any], key: str, what: str) -> dict[str, float]:
-    found = {}
-    for name, value in table_of(where, data, key).items():
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (number and 0.0 <= value < 1e100):
-            raise BadInputError(
-                f"{where}: the {what} of {shortened(name)} is {shown(value)}; give a number that is not negative"
-            )
-        found[name] = float(value)
-    return found
+def _whole(table: dict[str, Any]) -> dict[str, Any]:
+    """Counts, as integers where they are whole."""
+    counts = {key: int(table[key]) for key in ("order", "stages") if key in table and table[key] == int(table[key])}
+    return table | counts

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
+from hfa_support.schema import checked
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.
 COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
@@ -147,8 +148,14 @@ class ScheduledController(ByValue, Reported):
 
     def report(self) -> Report:
         """The table of `about`: delta, delta_min, abscissa, margins, certificate; the smallest margins of all."""
-        angles: list[dict[str, Any]] = list(self.about.get("angles", ()))
-        delta = self.about.get("delta")
+        try:
+            return self._report(self.about.get("angles", ()), self.about.get("delta"))
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise BadInputError(
+                f"controller {self.name}: the table of its design is damaged ({shown(error)}); make it anew"
+            ) from error
+
+    def _report(self, angles: Sequence[dict[str, Any]], delta: float | None) -> Report:
         rows = [
             (
                 f"{in_degrees(row['dihedral']):g}",
@@ -195,7 +202,7 @@ class ScheduledController(ByValue, Reported):
                 "dynamics": self.dynamics,
                 "parameters": self.parameters,
                 "delta": delta,
-                "angles": angles,
+                "angles": list(angles),
             },
         )
 
@@ -234,7 +241,9 @@ def load_controller(path: str | Path) -> ScheduledController:
         found |= {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
         found |= {key: np.asarray(content[key], dtype=float) for key in _ARRAYS}
         found["command_filter"] = tuple(found["command_filter"].ravel().tolist())
-        return ScheduledController(**found, about=json.loads(str(content["about"])))
+        return ScheduledController(
+            **found, about=checked("its content", json.loads(str(content["about"])), {...: None}, "about")
+        )
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
     except (ValueError, TypeError, RecursionError) as error:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from hfa_support.errors import BadInputError, shortened
+
 SYSTEMS = ("english", "si")
 _FOOT, _POUND, _GRAVITY = 0.3048, 0.45359237, 9.80665
 _SI = {"ft": ("m", _FOOT), "lbf": ("N", _POUND * _GRAVITY), "slug": ("kg", _POUND * _GRAVITY / _FOOT)}
@@ -83,11 +85,11 @@ def value_unit(row: str, column: str) -> str:
 
 
 def english(value: float, stated: str, unit: str) -> float:
-    """A value in the English unit, stated in it or in its SI unit. ValueError for any other."""
+    """A value in the English unit, stated in it or in its SI unit. BadInputError for any other."""
     if stated == unit:
         return value
     if stated != si_unit(unit):
-        raise ValueError(f"is in {stated}, not in {unit} or {si_unit(unit)}")
+        raise BadInputError(f"a state is in {shortened(stated)}, not in {unit} or {si_unit(unit)}")
     return value / si_factor(unit)
 
 

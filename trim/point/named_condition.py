@@ -11,13 +11,13 @@ import numpy as np
 
 from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, refuse_unknown, shown
-from hfa_support.files import finite_number, names_of, read_named, table_of
 from hfa_support.linear_table import LinearTable
+from hfa_support.schema import NUMBER, checked, read_named
 from trim.point.condition import LEVEL_FLIGHT, VARIABLES, TrimCondition, release
 
 #: Conditions that come with the package: name -> file.
 NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
-_KEYS = ("description", "source", "impose", "free", "limits")
+_FILE = {"description": str, "source": str, "impose": {str: None}, "free": [str], "limits": {str: [NUMBER]}}
 
 
 def load_condition(name: str) -> TrimCondition:
@@ -27,10 +27,10 @@ def load_condition(name: str) -> TrimCondition:
     with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
     likewise. BadInputError names the file, the entry and what is wrong with it.
     """
-    data = read_named("condition", name, NAMED, "trim.conditions", _KEYS)
-    held = dict(_imposed(name, key, value) for key, value in table_of(name, data, "impose").items())
-    free = tuple(_variable(name, key)[0] for key in names_of(name, data, "free"))
-    limits = dict(_limits(name, key, value) for key, value in table_of(name, data, "limits").items())
+    data = read_named("condition", name, NAMED, "trim.conditions", _FILE)
+    held = dict(_imposed(name, key, value) for key, value in data.get("impose", {}).items())
+    free = tuple(_variable(name, key)[0] for key in data.get("free", []))
+    limits = dict(_limits(name, key, value) for key, value in data.get("limits", {}).items())
     return replace(release(LEVEL_FLIGHT, free=free, hold=held, limits=limits), name=name)
 
 
@@ -48,10 +48,10 @@ def _variable(where: str, key: str, also: tuple[str, ...] = ()) -> tuple[str, fl
 def _imposed(where: str, key: str, value: Any) -> tuple[str, float | LinearTable]:
     name, factor = _variable(where, key)
     if not isinstance(value, list):
-        return name, finite_number(where, key, value) * factor
+        return name, checked(where, value, NUMBER, key) * factor
     if len(value) < 2 or not all(isinstance(row, list) and len(row) == 2 for row in value):
         raise BadInputError(f"{where}: {key} is {shown(value)}; give a number or at least two [dihedral, value] rows")
-    angles, values = zip(*((finite_number(where, key, each) for each in row) for row in value), strict=True)
+    angles, values = zip(*checked(where, value, [[NUMBER]], key), strict=True)
     if any(later <= earlier for earlier, later in pairwise(angles)):
         raise BadInputError(f"{where}: the dihedral angles of {key} do not increase; sort its rows")
     return name, LinearTable(np.radians(angles), np.array(values) * factor)
@@ -61,5 +61,5 @@ def _limits(where: str, key: str, value: Any) -> tuple[str, tuple[float, float]]
     name, factor = _variable(where, key, ("pitch",))
     if not isinstance(value, list) or len(value) != 2:
         raise BadInputError(f"{where}: the limits of {key} are {shown(value)}; give [lowest, highest]")
-    lowest, highest = (finite_number(where, key, each) * factor for each in value)
+    lowest, highest = (each * factor for each in value)
     return name, (lowest, highest)

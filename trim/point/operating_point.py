@@ -22,12 +22,13 @@ from hfa_model.vectors import (
     Input,
     State,
 )
-from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Cell, Table, angle_text, degrees
 from hfa_support.reporting.unit_system import english, in_force, unit_in_force
+from hfa_support.schema import NUMBER, checked
 from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 
 if TYPE_CHECKING:
@@ -45,6 +46,19 @@ class Status(StrEnum):
     BEYOND_LIMITS = "beyond limits"
     NO_TRIM = "no trim"
     FAILED = "failed"
+
+
+#: What a saved point holds; later versions may add to it.
+_FILE: dict[Any, Any] = {
+    "schema*": (SCHEMA,),
+    "dynamics*": str,
+    "status*": tuple(Status),
+    "states*": {f"{name}*": NUMBER for name in STATES},
+    "state_units": {str: str},
+    "inputs*": {f"{name}*": NUMBER for name in INPUTS},
+    "residuals*": {str: NUMBER},
+    ...: None,
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -177,21 +191,13 @@ def load_operating_point(path: Path) -> OperatingPoint:
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
-    try:
-        stated = {**STATE_UNITS._asdict(), **data.get("state_units", {})}
-        states = State(
-            **{name: english(float(data["states"][name]), stated[name], getattr(STATE_UNITS, name)) for name in STATES}
-        )
-        inputs = Input(**{name: float(data["inputs"][name]) for name in INPUTS})
-        residuals = {name: float(value) for name, value in data["residuals"].items()}
-        dynamics, status = str(data["dynamics"]), str(data["status"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadInputError(f"{path}: {shortened(str(error))} is missing or not a number") from error
-    if not np.isfinite([*states, *inputs, *residuals.values()]).all():
-        raise BadInputError(f"{path}: holds a number that is not finite; trim again and save the point")
-    if status not in tuple(Status):
-        raise BadInputError(f"{path}: has the status {shown(status)}; it must be one of {', '.join(Status)}")
-    return OperatingPoint(states, inputs, residuals, dynamics, Status(status))
+    found = checked(str(path), data, _FILE)
+    units, stated = STATE_UNITS._asdict(), found.get("state_units", {})
+    with said_of(path):
+        given = found["states"]
+        states = State(**{name: english(given[name], stated.get(name, unit), unit) for name, unit in units.items()})
+    inputs = Input(**{name: found["inputs"][name] for name in INPUTS})
+    return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]))
 
 
 def _values(kind: str, values: Mapping[str, float]) -> Table:

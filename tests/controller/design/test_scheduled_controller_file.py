@@ -46,6 +46,7 @@ def test_what_is_no_controller_is_refused(published_aircraft: Aircraft, tmp_path
     refused("shape.npz", r"controller small: A is \(1, 1, 1\)", A=np.zeros((1, 1, 1)))
     refused("text.npz", "its content is damaged", A=np.array(["x"]))
     refused("about.npz", "its content is damaged", about="{")
+    refused("about.npz", "its content: about is 5; make it the table", about="5")
     for name in ("good.json", "good.mat"):
         with pytest.raises(BadInputError, match=f"{name}: a controller is read from a .npz file"):
             load_controller(tmp_path / name)
