@@ -277,11 +277,14 @@ def output_report(problem: OutputGame, sensors: tuple[str, ...], units: tuple[st
 
     Raises NoSolutionError that names the condition that fails.
     """
-    smallest, condition = minimum_output_delta(problem)
+    smallest, refused, condition = minimum_output_delta(problem)
     delta = problem.game.delta
     if delta < smallest:
+        where = f"below delta_min = {smallest:.7g}"
+        if delta > refused:
+            where = f"too close to delta_min, which lies between {refused:.9g} and {smallest:.9g}"
         raise NoSolutionError(
-            f"from measured outputs alone delta = {delta:.9g} is below delta_min = {smallest:.7g}, where the "
+            f"from measured outputs alone delta = {delta:.9g} is {where}, where the "
             f"{condition} fails; ask for a larger delta, or measure more"
         )
     found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.array_file import checked_matrix
 from controller.game.zero_sum import LARGEST, Game
-from controller.riccati.balancing import normal_form, spectrum
+from controller.riccati.balancing import balanced_units, in_units, normal_form, spectrum
+from controller.riccati.certificate import relative_residual
 from controller.riccati.frequency_response import gain_is_below, square_root
 from controller.riccati.gare import GameSolution, solve_game
 from controller.riccati.gare_schur import quick_solution, schur_solution
@@ -24,6 +28,8 @@ DERIVATIONS_AGREE = 1e-8
 TOLERANCE = 1e-6
 #: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
 _CLEAR = 1e-4
+#: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
+_BELIEVED = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,7 +64,7 @@ class OutputGame(Shown):
         return Game(
             A=self.game.A.T,
             B=self.C.T,
-            E=square_root(self.game.Q),
+            E=scaled_root(self.game.Q),
             Q=self.game.S_disturbance,
             R=self.V,
             delta=self.game.delta,
@@ -67,6 +73,21 @@ class OutputGame(Shown):
     def with_delta(self, delta: float) -> OutputGame:
         """The same at another disturbance weight."""
         return replace(self, game=self.game.with_delta(delta))
+
+    def in_units(self, units: np.ndarray) -> OutputGame:
+        """The same in the state y, z_i = u_i y_i; units: (n,)."""
+        return replace(self, game=in_units(self.game, units), C=self.C * units)
+
+
+def scaled_root(M: np.ndarray) -> np.ndarray:
+    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M, whatever they are.
+
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by row, and no small
+    entry is lost beside a large one.
+    """
+    d = np.sqrt(np.diag(M).clip(0.0))
+    safe = np.where(d > 0.0, d, 1.0)
+    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,37 +125,56 @@ def solve_output_feedback(problem: OutputGame) -> OutputFeedback:
             f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
             "ask for a larger delta, or measure more"
         )
-    controller = central_controller(problem, X, Y)
-    checks = _checks(problem, controller, _central_by_duality(problem, X, Y), radius)
+    # The controller is made and checked in balanced units; x̂ has the user's.
+    u = balanced_units(problem.game.with_delta(math.inf))
+    there, X_there, Y_there = problem.in_units(u), X * np.outer(u, u), Y / np.outer(u, u)
+    controller = central_controller(there, X_there, Y_there)
+    checks = _checks(there, controller, _central_by_duality(there, X_there, Y_there), radius)
     failed = [check for check in checks if not check.ok]
     if failed:
         raise NoSolutionError(f"the controller is not certified: {failed[0].reason}")
-    return OutputFeedback(*controller, X=X, Y=Y, coupling=radius / delta**2, checks=checks)
+    Ak, Bk, Ck = controller
+    Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
+    return OutputFeedback(Ak, Bk, Ck, X=X, Y=Y, coupling=radius / delta**2, checks=checks)
 
 
-def minimum_output_delta(problem: OutputGame) -> tuple[float, str]:
-    """Smallest δ of the output-feedback game to 1e-6 relative, and which condition ends there.
+class OutputDeltaMin(NamedTuple):
+    """Smallest δ of an output-feedback game, bracketed: refused < δ_min <= value, and the condition that ends there.
 
-    Bisection on the three conditions; NoSolutionError when they fail without disturbance.
+    value / refused <= 1 + 1e-6, or more where rounding hides the minimum; both are 0 where no δ is refused.
     """
+
+    value: float
+    refused: float
+    condition: str
+
+
+def minimum_output_delta(problem: OutputGame) -> OutputDeltaMin:
+    """Bisection of log δ on the three conditions, to 1e-6 relative; NoSolutionError when they fail at δ = inf."""
     _check_modes(problem)
     _solved(problem.game.with_delta(math.inf), "control")
     _solved(problem.dual.with_delta(math.inf), "filter")
     upper = 1.0
-    while reason := _obstacle(problem.with_delta(upper)):
+    while (found := _conditions(problem.with_delta(upper)))[0] is not True:
         upper *= 4.0
         if upper > 1e12:
-            raise NoSolutionError(f"no delta up to 1e12 will do: {reason}; check the scaling")
-    lower, last = upper / 4.0, ""
-    while not (last := _obstacle(problem.with_delta(lower))):
+            raise NoSolutionError(f"no delta up to 1e12 will do: {found[1]}; check the scaling")
+    lower = upper / 4.0
+    while (found := _conditions(problem.with_delta(lower)))[0]:
         lower, upper = lower / 4.0, lower
         if upper < 1e-12:
-            return 0.0, "none"
+            return OutputDeltaMin(0.0, 0.0, "none")
+    condition = found[1]
     while upper > lower * (1.0 + TOLERANCE):
         middle = math.sqrt(lower * upper)
-        found = _obstacle(problem.with_delta(middle))
-        lower, upper, last = (middle, upper, found) if found else (lower, middle, last)
-    return upper, last
+        held, said = _conditions(problem.with_delta(middle))
+        lower, upper, condition = (lower, middle, condition) if held else (middle, upper, said)
+    share = TOLERANCE
+    while _conditions(problem.with_delta(lower))[0] is not False:  # rounding hides which it is
+        if share > 1.0:
+            return OutputDeltaMin(upper, 0.0, condition)
+        lower, share = lower / (1.0 + share), 2.0 * share
+    return OutputDeltaMin(upper, lower, condition)
 
 
 def closed_loop(problem: OutputGame, controller: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, ...]:
@@ -237,23 +277,35 @@ def _solved(game: Game, which: str) -> GameSolution:
         raise NoSolutionError(f"the {which} Riccati equation: {error}") from error
 
 
-def _obstacle(problem: OutputGame) -> str:
-    """Which of the three conditions fails, empty when none does; without certificates, so that it stays sharp."""
-    for which, game in (("control", problem.game), ("filter", problem.dual)):
+def _conditions(problem: OutputGame) -> tuple[bool | None, str]:
+    """Whether the three conditions hold, None where rounding hides it, and the first that does not; no certificates."""
+    games = problem.game, problem.dual
+    for which, game in zip(("control", "filter"), games, strict=True):
         if not (found := has_value(game)):
-            return f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
+            return found, f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
     limit = problem.game.delta**2
     for solution in (quick_solution, schur_solution):
-        try:
-            radius = _radius(solution(problem.game), solution(problem.dual))
-        except NoSolutionError:
-            return "accuracy of a Riccati solution"
-        if abs(radius - limit) > _CLEAR * limit:
-            break
-    return "" if radius < limit else "coupling condition"
+        X, Y = (_believed(game, solution) for game in games)
+        if X is None or Y is None:
+            continue
+        radius = _radius(X, Y)
+        if solution is schur_solution or abs(radius - limit) > _CLEAR * limit:
+            return (True, "") if radius < limit else (False, "coupling condition")
+    return None, "accuracy of a Riccati solution"
+
+
+def _believed(game: Game, solution: Callable[[Game], np.ndarray]) -> np.ndarray | None:
+    """The stabilizing solution with a small residual, or None."""
+    with suppress(NoSolutionError):
+        P, units = solution(game), balanced_units(game)
+        residual = relative_residual(in_units(game, units), P * np.outer(units, units))
+        if residual <= _BELIEVED and spectrum(game.A - game.S @ P).abscissa < 0.0:
+            return P
+    return None
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> float:
-    """ρ(XY), real and not negative for X, Y >= 0."""
-    half = square_root(Y)
-    return float(np.linalg.eigvalsh(half @ X @ half)[-1])
+    """ρ(XY), real and not negative for X, Y >= 0, in whatever units."""
+    half = scaled_root(Y)
+    product = half.T @ X @ half
+    return float(np.linalg.eigvalsh((product + product.T) / 2.0)[-1])

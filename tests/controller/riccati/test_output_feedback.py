@@ -60,7 +60,8 @@ def test_a_scalar_plant_by_hand() -> None:
 
 
 def test_the_smallest_delta_of_a_scalar_plant() -> None:
-    smallest, condition = minimum_output_delta(scalar(1.0))
+    smallest, refused, condition = minimum_output_delta(scalar(1.0))
+    assert refused < smallest <= refused * (1 + 1e-6)
     assert condition == "coupling condition"
 
     def excess(delta: float) -> float:
@@ -139,10 +140,32 @@ def random_problem(seed: int) -> OutputGame:
     return OutputGame(Game(A=A, B=B, E=E, Q=np.eye(3), R=np.eye(1), delta=1.0), C, np.zeros((2, 1)), np.eye(2))
 
 
+@pytest.mark.parametrize("decades", [5, 6, 8])
+@pytest.mark.parametrize("seed", [0, 2])
+def test_units_of_the_states_over_16_decades_change_nothing(seed: int, decades: int) -> None:
+    """z = u y: delta_min, the coupling, the response; X and Y in the new units."""
+    problem, u = random_problem(seed), 10.0 ** (decades * np.array([1.0, -1.0, 0.0]))
+    g, smallest = problem.game, minimum_output_delta(problem)
+    game = Game(
+        A=g.A * u / u[:, None], B=g.B / u[:, None], E=g.E / u[:, None], Q=g.Q * np.outer(u, u), R=g.R, delta=g.delta
+    )
+    other = OutputGame(game, problem.C * u, problem.D, problem.V)
+    found = minimum_output_delta(other)
+    assert found.refused < found.value <= found.refused * (1 + 2e-6)
+    assert found.value == pytest.approx(smallest.value, rel=2e-6)
+    assert found.condition == smallest.condition
+    delta = 1.01 * smallest.value
+    one, two = solve_output_feedback(problem.with_delta(delta)), solve_output_feedback(other.with_delta(delta))
+    assert two.coupling == pytest.approx(one.coupling, rel=1e-8)
+    np.testing.assert_allclose(two.X / np.outer(u, u), one.X, atol=1e-8 * np.abs(one.X).max())
+    np.testing.assert_allclose(two.Y * np.outer(u, u), one.Y, atol=1e-8 * np.abs(one.Y).max())
+    np.testing.assert_allclose(two.Ck / u, one.Ck, rtol=1e-6, atol=1e-8 * np.abs(one.Ck).max())
+
+
 @pytest.mark.parametrize("problem", [scalar(1.0), *map(random_problem, range(4))])
 def test_python_control_agrees_where_it_succeeds(problem: OutputGame) -> None:
     stated, reached = hinfsyn(problem)
-    smallest, _ = minimum_output_delta(problem)
+    smallest = minimum_output_delta(problem).value
     assert reached == pytest.approx(stated, rel=1e-3)
     assert smallest <= stated * (1 + 1e-6)
     assert stated == pytest.approx(smallest, rel=0.02)
