@@ -31,8 +31,6 @@ def density(altitude: Quantity) -> Quantity:
     Returns the density in slug/ft^3. BadInputError for a number outside of that range.
     Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
-    if not isinstance(altitude, (ca.SX, ca.MX)):
-        refuse_beyond_the_atmosphere(altitude)
     geopotential = _geopotential(altitude)
     kelvin = _temperature(geopotential)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
@@ -64,6 +62,8 @@ def speed_of_sound(altitude: Quantity) -> Quantity:
 
 def _geopotential(altitude: Quantity) -> Quantity:
     """H = r h / (r + h), m, of a geometric altitude in ft."""
+    if not isinstance(altitude, (ca.SX, ca.MX)):
+        refuse_beyond_the_atmosphere(altitude)
     height = altitude * _METRE_PER_FOOT
     return _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
 

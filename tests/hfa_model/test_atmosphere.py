@@ -12,6 +12,7 @@ from ambiance import Atmosphere
 
 from hfa_model import density
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, speed_of_sound, temperature
+from hfa_support import BadInputError
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
@@ -115,3 +116,10 @@ def test_derivative_is_continuous_but_for_the_lapse_kink(slope: ca.Function) -> 
     # At the tropopause the slope goes from -(g/R - λ) ρ/T to -(g/R) ρ/T.
     expected = LAPSE_RATE / (GRAVITY / GAS_CONSTANT - LAPSE_RATE)
     assert jump(TROPOPAUSE) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("quantity", [density, temperature, speed_of_sound])
+@pytest.mark.parametrize("altitude", [65_001, np.float64(-1.0), np.array([0.0, 7e4]), ca.DM([1e5]), float("nan")])
+def test_what_the_layers_do_not_cover_is_refused(quantity: Callable[[Any], Any], altitude: Any) -> None:
+    with pytest.raises(BadInputError, match="the atmosphere covers 0 to 65000 ft"):
+        quantity(altitude)

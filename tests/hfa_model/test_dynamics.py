@@ -10,6 +10,7 @@ from random_points import random_points
 from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
 from hfa_model.variants import Variant
+from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
 
 DEGREES_15 = float(np.radians(15.0))
@@ -62,3 +63,12 @@ def test_controls_act_in_the_right_direction(aircraft: Aircraft) -> None:
     assert effect["pitch_rate", "elevator_outer"] < 0
     assert effect["dihedral_rate", "aileron_outer"] > 0
     assert effect["alpha", "aileron_center"] < 0
+
+
+def test_sizes_below_zero_and_masked_states_are_refused(aircraft: Aircraft) -> None:
+    for name in ("panel_mass", "panel_span", "chord"):
+        with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
+            Aircraft(aircraft.parameters._replace(**{name: -1.0}))
+    state = np.ma.masked_array(np.ones(7), mask=[True] + [False] * 6)
+    with pytest.raises(BadInputError, match="state has masked entries"):
+        aircraft.rates(state, np.zeros(5))

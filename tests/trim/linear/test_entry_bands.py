@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from cli import hfa
 
 from hfa_model import Aircraft, Parameters, ParameterSet
 from hfa_support import BadInputError
@@ -66,3 +68,29 @@ def test_a_model_of_other_states_has_no_bands(parameter_set: ParameterSet, publi
     whole = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION), full=True)
     with pytest.raises(BadInputError, match="bands are known for the states speed, alpha, pitch"):
         entry_bands(parameter_set, CONDITION, whole)
+
+
+def test_the_report_says_what_the_bands_cover_and_how_far_the_other_dynamics_are() -> None:
+    """Both dynamics with one set of parameters; their difference is far beyond the bands."""
+    said = hfa("linearize", "--dihedral", "10").out
+    assert "Largest band of an entry from the rounding of the print: 9e-05 in A(pitch_rate, alpha)" in said
+    assert "Largest difference of an entry to newton dynamics: 57 in A(pitch_rate, alpha)" in said
+    published, newton = (
+        json.loads(hfa("linearize", "--dihedral", "10", "--dynamics", name, "--json").out)
+        for name in ("published", "newton")
+    )
+    assert (published["other_dynamics"], newton["other_dynamics"]) == ("newton", "published")
+    for name in ("A", "B"):
+        expected = np.subtract(newton[name], published[name])
+        np.testing.assert_allclose(published[f"{name}_difference"], expected, atol=1e-12)
+
+
+def test_a_truncated_model_says_so() -> None:
+    """The short period of two states beside that of all six."""
+    words = ("linearize", "--dihedral", "15", "--states", "alpha,pitch_rate")
+    data, whole = (json.loads(hfa(*each, "--json").out) for each in (words, words[:3]))
+    (note,) = data["warnings"]
+    near, exact = (complex(*each["modes"][0]["eigenvalue"]) for each in (data, whole))
+    assert f"eigenvalues lie up to {100 * abs(near - exact) / abs(exact):.2g} % from those of all six states" in note
+    assert note in " ".join(hfa(*words).out.split())
+    assert whole["warnings"] == []

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from cli import hfa
 
 from hfa_model import INPUTS, STATES, Aircraft
 from hfa_model.vectors import RATE_SCALES, UNITS
@@ -104,3 +106,17 @@ def test_imposed_rates_are_said_where_they_are_not_zero(published_aircraft: Airc
         header = next(line.split() for line in lines if line.startswith("equation"))
         assert ("imposed" in header) == (condition is speeding)
         assert (row[3] == "1.5") == (condition is speeding)
+
+
+@pytest.mark.parametrize("command", ["trim", "linearize"])
+def test_a_trim_that_fails_is_data_too(command: str) -> None:
+    """The nearest point within the limits, what binds and why; exit code 1 and the sentence as without --json."""
+    words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
+    found, plain = hfa(*words, "--json"), hfa(*words)
+    assert (found.code, plain.code, plain.out) == (1, 1, "")
+    assert found.err == plain.err
+    data = json.loads(found.out)
+    assert (data["status"], data["binding"]) == ("failed", ["throttle"])
+    assert found.err.startswith(f"hfa: {data['reason'][:60]}")
+    assert data["operating_point"]["inputs"]["throttle"] == 30.0
+    assert not data["equations"]["speed"]["ok"]
