@@ -7,21 +7,57 @@ that is not confirmed is a result, not a failure. Takes a minute and a half of c
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from hfa_model import default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError
-from hfa_support.files import write_texts
-from hfa_support.jsonable import records_text
+from hfa_support.files import write_text
+from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import jsonable, records_text
+from hfa_support.reporting.figure import save
+from studies.section5.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, TRACKING, Evidence, check_claim, claims_of
 from studies.section5.configuration import SECTIONS, section5_configuration
-from studies.section5.reproduction import experiments, reproduce
-from studies.section5.setting import MATRICES, make_setting
-from studies.section5.tables import claims_markdown, claims_text
+from studies.section5.figures import draw, figures_of
+from studies.section5.flights import (
+    CASE_I,
+    CASE_II,
+    CERTIFIED,
+    CERTIFIED_FF,
+    EXACT,
+    EXACT_FF,
+    INTEGRAL,
+    LAWS,
+    MATRICES,
+    MODIFIED,
+    PRINTED,
+    REWEIGHTED,
+    FlightPlan,
+    Setting,
+    make_setting,
+    simulate_plan,
+)
+
+TITLES = {
+    "5.1": "Different trim points",
+    "5.2": "Comparison with integral reinforcement learning",
+    "5.3": "Model uncertainty",
+    "5.4": "Measurement noise",
+}
+#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
+_OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
+#: Whose numbers are beside those of a claim's subject.
+_BESIDE = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,28 +69,175 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--matrices", choices=MATRICES, default=MATRICES[0], help=about)
     parser.add_argument("--resume", action="store_true", help="keep the sections that are finished in FOLDER")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core")
-    arguments = parser.parse_args(argv)
+    chosen = parser.parse_args(argv)
+    sections = SECTIONS if chosen.section == "all" else (chosen.section,)
     command = shlex.join(["python", "-m", "studies.section5", *(sys.argv[1:] if argv is None else argv)])
-    identified = default_parameters()
-    origin = Provenance(command, "published", identified.name, parameter_hash(identified.values))
+    aircraft = default_parameters()
+    origin = Provenance(command, "published", aircraft.name, parameter_hash(aircraft.values))
     try:
-        setting = make_setting(section5_configuration(), arguments.matrices)
-        arguments.o.mkdir(parents=True, exist_ok=True)
-        table = reproduce(
-            experiments(arguments.section),
-            setting,
-            arguments.o,
-            origin,
-            resume=arguments.resume,
-            processes=arguments.workers,
-        )
+        setting = make_setting(section5_configuration(), chosen.matrices)
+        table = reproduce(sections, setting, chosen.o, origin, resume=chosen.resume, processes=chosen.workers)
     except (BadInputError, NoSolutionError) as error:
         print(f"section5: {error}", file=sys.stderr)
         return 2 if isinstance(error, BadInputError) else 1
-    written = claims_markdown(table) + f"\n{origin.text()}\n"
-    write_texts(arguments.o, {"claims.json": records_text(table), "claims.md": written})
-    print(claims_text(table))
+    lines = [f"{claim['number']:<8}{claim['verdict']:<32}{claim['says']}" for claim in table["claims"]]
+    print(*lines, "", counts_text(table), *(f"failed: {name}" for name in table["own_failures"]), sep="\n")
     return 1 if table["own_failures"] else 0
+
+
+def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
+    """The flights of a section."""
+    both, factors = (CASE_I, CASE_II), setting.configuration.uncertainty.factors
+    if section == "5.1":  # and from rest under the disturbance alone
+        flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
+        alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
+        return (*flown, *(FlightPlan(angle, law, commanded=False) for law in alone for angle in both))
+    if section == "5.2":
+        laws = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL, EXACT, EXACT_FF)
+        return tuple(FlightPlan(CASE_II, law) for law in laws)
+    if section == "5.3":
+        return tuple(FlightPlan(CASE_II, law, factor) for law in TRACKING for factor in factors)
+    return tuple(FlightPlan(CASE_II, law, noise=noise) for law in TRACKING for noise in (True, False))
+
+
+def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
+    """Simulate every flight of a section. processes: that share the flights."""
+    plans, fly = plans_of(section, setting), partial(simulate_plan, setting, section=section)
+    if processes == 1:
+        return Evidence(setting, section, {plan: fly(plan) for plan in plans})
+    # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        return Evidence(setting, section, dict(zip(plans, pool.map(fly, plans), strict=True)))
+
+
+def reproduce(
+    sections: Sequence[str],
+    setting: Setting,
+    folder: Path,
+    origin: Provenance,
+    *,
+    resume: bool = False,
+    processes: int = 1,
+) -> dict[str, Any]:
+    """Run sections into folder/section each, and write the table of their claims, which is returned.
+
+    resume: a section that is there whole, of this version and with the same settings, is not run again.
+    """
+    results = []
+    for section in sections:
+        place, decides = folder / section, deciding(section, setting)
+        known = finished(place / "result.json", decides) if resume else None
+        if known is None:
+            print(f"section5: {section}, {len(plans_of(section, setting))} flights", file=sys.stderr)
+            known = write_section(run_section(section, setting, processes), place, origin)
+        results.append(known)
+    table = claims_table(setting, results) | {"provenance": origin.to_dict()}
+    write_text(folder / "claims.json", records_text(table))
+    write_text(folder / "claims.md", f"{claims_markdown(table)}\n\n{counts_text(table)}\n\n{origin.text()}\n")
+    return table
+
+
+def deciding(section: str, setting: Setting) -> dict[str, Any]:
+    """Everything that decides the numbers of a section: matrices, configuration, flights, claims."""
+    return {
+        "schema": "hfa.experiment/1",
+        "section": section,
+        "setting": setting.identity,
+        "flights": [vars(plan) for plan in plans_of(section, setting)],
+        "claims": [[claim.number, claim.measured, claim.relation, claim.limit] for claim in claims_of(section)],
+    }
+
+
+def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
+    """Write the pictures and then the result, which a section has when it is whole; returns the result."""
+    setting, section, flown = evidence.setting, evidence.section, evidence.flown
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "result.json").unlink(missing_ok=True)
+    pictures = list(figures_of(section, setting.configuration, flown))
+    for picture in pictures:
+        path = place / f"figure-{picture.number:02d}"
+        np.savez_compressed(path.with_suffix(".npz"), **picture.arrays)
+        save(draw(picture), path.with_suffix(".png"), origin.text())
+    content = {
+        "schema": "hfa.experiment/1",
+        "section": section,
+        "title": TITLES[section],
+        "matrices": setting.matrices,
+        "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in flown)},
+        "flights": [
+            {"name": plan.name, **vars(plan), "learned_from": record.learned_from, "metrics": record.metrics}
+            for plan, record in flown.items()
+        ],
+        "claims": [check_claim(claim, evidence) for claim in claims_of(section)],
+        "pictures": [f"figure-{picture.number:02d}" for picture in pictures],
+        "provenance": origin.to_dict(),
+    }
+    result = stamped(content, deciding(section, setting))
+    write_text(place / "result.json", records_text(result))
+    return result
+
+
+def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The claims of several sections with counts of the verdicts, and the simulated flights."""
+    claims = [claim for result in results for claim in result["claims"]]
+    verdicts = [claim["verdict"] for claim in claims]
+    used = {law for result in results for law in result["laws"]}
+    flights = [(result["section"], flight) for result in results for flight in result["flights"]]
+    kept = ("section", "title", "identity", "flights", "pictures")
+    table: dict[str, Any] = jsonable(
+        {
+            "schema": "hfa.claims/1",
+            "setting": setting.identity,
+            "laws": {law: text for law, text in LAWS.items() if law in used},
+            "verdicts": {verdict: verdicts.count(verdict) for verdict in (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)},
+            "lost_flights": [
+                {"section": section, "name": one["name"], "law": one["law"], "lost_at": one["metrics"]["lost_at"]}
+                for section, one in flights
+                if one["metrics"]["lost_at"] is not None
+            ],
+            "own_failures": [f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)],
+            "claims": claims,
+            "experiments": [{key: result[key] for key in kept} for result in results],
+        }
+    )
+    return table
+
+
+def _failed(flight: Mapping[str, Any]) -> bool:
+    """Whether a law of this project lost the aircraft, or its learning was not certified."""
+    status = flight["metrics"].get("learning", {}).get("facts", {}).get("status", "converged")
+    return flight["law"] in _OWN and (flight["metrics"]["lost_at"] is not None or status != "converged")
+
+
+def counts_text(table: Mapping[str, Any]) -> str:
+    """How many claims have each verdict, and which flights were lost."""
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
+    lost = table["lost_flights"]
+    if not lost:
+        return f"{counts}; no flight was lost"
+    laws, times = sorted({flight["law"] for flight in lost}), [flight["lost_at"] for flight in lost]
+    return f"{counts}; {len(lost)} flights were lost ({'; '.join(laws)}), at {min(times):.3g} to {max(times):.3g} s"
+
+
+def claims_markdown(table: Mapping[str, Any]) -> str:
+    """The number of each claim's subject, of the certified law and of the optimum; one in bold fulfils the claim."""
+    header = ("claim", "the paper says", "measured", "asked for", MODIFIED, *_BESIDE, "verdict")
+    lines = [header, ("---",) * len(header)]
+    for claim in table["claims"]:
+        found, subject = claim["findings"], claim["subject"]
+        own = ("" if subject == MODIFIED else f"{subject}: ") + _cell(found[subject])
+        words = (claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}")
+        cells = (*words, own, *(_cell(found.get(law)) for law in _BESIDE), claim["verdict"])
+        lines.append(tuple(cell.replace("|", "\\|") for cell in cells))
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(finding: Mapping[str, Any] | None) -> str:
+    if finding is None:
+        return ""
+    if finding["value"] is None:
+        return "lost" if finding["note"] else "∞"
+    return f"**{finding['value']:.3g}**" if finding["holds"] else f"{finding['value']:.3g}"
 
 
 if __name__ == "__main__":

@@ -1,25 +1,62 @@
-"""What Section 5 says, and how it is checked against what was simulated."""
+"""What Section 5 says (claims.toml), the number that checks each sentence, and the verdict."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from hfa_model import LINEAR_STATES, published_models
+from hfa_model.printed_matrices import published_data
+from hfa_support import Check
+from hfa_support.files import read_toml
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.checks import Check, checked
-from studies.section5.configuration import Criteria
-from studies.section5.experiment_flights import FlightPlan, FlightRecord
-from studies.section5.flown_laws import CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, MODIFIED, PRINTED
-from studies.section5.setting import Setting
+from hfa_support.reporting.checks import checked
+from studies.section5.configuration import Configuration
+from studies.section5.flights import (
+    CASE_I,
+    CASE_II,
+    CERTIFIED,
+    CERTIFIED_FF,
+    EXACT,
+    EXACT_FF,
+    INTEGRAL,
+    MODIFIED,
+    PRINTED,
+    FlightPlan,
+    FlightRecord,
+    Setting,
+)
+from studies.section5.metrics import over
 
 CONFIRMED, NOT_CONFIRMED = "confirmed", "not confirmed"
 NOT_DECIDABLE = "not decidable from the paper"
-#: Whose numbers stand beside the paper's law, and the optimum that tells what any law could do.
+#: Laws that claims name together: whose learning is measured, and which track.
 LEARNING = (PRINTED, MODIFIED, CERTIFIED)
 TRACKING = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
+_TOGETHER = {"learning": LEARNING, "tracking": TRACKING}
+#: The law that shows what any law could do.
 OPTIMUM = EXACT_FF
+
+
+def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
+    """Flights of a law by the name that claims give them."""
+    both, case = (CASE_I, CASE_II), CASE_II
+    groups: dict[str, Callable[[], tuple[FlightPlan, ...]]] = {
+        "both cases": lambda: tuple(FlightPlan(angle, law) for angle in both),
+        "5 deg": lambda: (FlightPlan(case, law),),
+        "disturbance alone": lambda: tuple(FlightPlan(angle, law, commanded=False) for angle in both),
+        INTEGRAL: lambda: (FlightPlan(case, INTEGRAL),),
+        "every uncertainty": lambda: tuple(FlightPlan(case, law, dA) for dA in configuration.uncertainty.factors),
+        "noise": lambda: (FlightPlan(case, law, noise=True),),
+    }
+    return groups[group]()
 
 
 class FlightLostError(Exception):
@@ -28,7 +65,7 @@ class FlightLostError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The flights of one experiment by plan."""
+    """The flights of one section by plan."""
 
     setting: Setting
     section: str
@@ -41,91 +78,212 @@ class Evidence:
             raise FlightLostError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")
         return found
 
-    def records(self, *plans: FlightPlan) -> list[FlightRecord]:
-        """Several such flights."""
-        return [self.record(plan) for plan in plans]
+    def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
+        """A metric of each flight of a group, (flights, names). of: states or inputs, all of them when empty."""
+        plans = flights_of(group, self.setting.configuration, law)
+        return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
+
+
+def _numbers(metrics: dict[str, Any], name: str, of: tuple[str, ...]) -> list[float]:
+    if name == "attenuation_share":  # below 1 as the game promises
+        return [metrics["attenuation"] / metrics["delta_squared"]]
+    table, _, entry = name.rpartition(".")
+    start, before, after = metrics["learning"]["flown_residual"] if table else (0.0, 0.0, 0.0)
+    if entry == "residual_growth":
+        return [over(after, before)]
+    if entry == "residual_drop":
+        return [over(after, start)]
+    value = metrics[table][entry] if table else metrics[entry]
+    return [value[each] for each in of or value] if isinstance(value, Mapping) else [float(value)]
+
+
+Measure = Callable[[Evidence, str], float]
+
+
+def measure_of(said: str | Mapping[str, Any]) -> Measure:
+    """One of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}, HOW worst, smallest, spread or ratio.
+
+    spread: the largest (largest - smallest) / largest between the flights, inf when a number is inf in some only; one
+    that is inf in all flights (an error that never settles) is left out. ratio: to the same number of the others.
+    """
+    if isinstance(said, str):
+        return NAMED[said]
+    ((how, name),) = ((key, value) for key, value in said.items() if key in ("worst", "smallest", "spread", "ratio"))
+    of = tuple(said.get("of", ()))
+
+    def measure(evidence: Evidence, law: str) -> float:
+        found = evidence.numbers(said["in"], law, name, of)
+        if how == "ratio":
+            others = evidence.numbers(said["to"], law, name, of)
+            return max(over(*pair) for pair in zip(found.ravel().tolist(), others.ravel().tolist(), strict=True))
+        if how == "spread":
+            return max((_spread(column) for column in found.T if np.isfinite(column).any()), default=np.inf)
+        return float(found.max() if how == "worst" else found.min())
+
+    return measure
+
+
+def _spread(values: np.ndarray) -> float:
+    if not np.isfinite(values).all():
+        return np.inf
+    return over(float(np.ptp(values)), float(values.max())) if np.ptp(values) > 0.0 else 0.0
+
+
+def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
+    """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the exact solution."""
+
+    def of(evidence: Evidence, plan: FlightPlan) -> float:
+        record, case = evidence.record(plan), evidence.setting.case(plan.dihedral_deg)
+        T_w = evidence.setting.configuration.predefined_time(evidence.section)
+        row = min(int(np.searchsorted(record.times, T_w - 1e-9)), len(record.times) - 1)
+        K = case.game.gain(_learned_value(record, -1 if at_the_end else row))
+        return float(np.linalg.norm(K - case.exact.K) / np.linalg.norm(case.exact.K))
+
+    def measure(evidence: Evidence, law: str) -> float:
+        return max(of(evidence, plan) for plan in flights_of(group, evidence.setting.configuration, law))
+
+    return measure
+
+
+def _learned_value(record: FlightRecord, row: int) -> np.ndarray:
+    assert record.critic is not None
+    return record.critic.basis.matrix(record.critic.weights[row])
+
+
+def _final_abscissa(evidence: Evidence, law: str) -> float:
+    """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
+    record, game = evidence.record(FlightPlan(CASE_II, law)), evidence.setting.case(CASE_II).game
+    return float(np.linalg.eigvals(game.A - game.B @ game.gain(_learned_value(record, -1))).real.max())
+
+
+def _printed_coupling(evidence: Evidence, law: str) -> float:
+    """The smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
+    row = LINEAR_STATES.index("pitch_rate")
+    sizes = [[np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)] for model in published_models()]
+    return float(min(second / first for first, second in zip(*sizes, strict=True)))
+
+
+def _commanded_dihedral(evidence: Evidence, law: str) -> float:
+    return float(np.degrees(evidence.setting.configuration.reference.constant[LINEAR_STATES.index("dihedral")]))
+
+
+def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
+    """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue, 1/s."""
+    eigenvalues = np.linalg.eigvals(published_models()[1].A)
+    folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
+    quoted = [_quoted(text) for text in published_data()["eigenvalues_quoted_for_5_deg"]["magnitudes"]]
+    return float(max(np.abs(folded - value).min() for value in quoted))
+
+
+def _quoted(text: str) -> complex:
+    """ "4.82 +/- 18.66i" and "7.11" as numbers."""
+    real, imaginary = re.fullmatch(r"([\d.]+)(?: \+/- ([\d.]+)i)?", text).groups()  # type: ignore[union-attr]
+    return complex(float(real), float(imaginary or 0.0))
+
+
+def _last_gain_error_over_integral(evidence: Evidence, law: str) -> float:
+    error = _gain_error("5 deg", at_the_end=True)
+    return error(evidence, law) / error(evidence, INTEGRAL)
+
+
+#: What is not a number of one flight.
+NAMED: dict[str, Measure] = {
+    "gain error at T_w": _gain_error("both cases"),
+    "last gain error over that of integral RL": _last_gain_error_over_integral,
+    "abscissa with the last gain": _final_abscissa,
+    "printed pitch-rate coupling": _printed_coupling,
+    "commanded dihedral": _commanded_dihedral,
+    "quoted eigenvalues": _eigenvalue_difference,
+}
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One checkable sentence: `measure(evidence, law) relation limit`.
-
-    says: the paper's sentence, paraphrased. what: the number that is measured, with its unit. limit: a number, or the
-    name of one of the `Criteria`. laws: for which it is measured; subject: the one it is about. missing: what the
-    paper would have to say before the sentence could be decided; "" when it can. why: what lies behind the outcome, as
-    far as the number does not tell.
-    """
+    """One checkable sentence: `measure(evidence, law) relation limit`; the entries are explained in claims.toml."""
 
     number: str
     says: str
-    what: str
-    measure: Callable[[Evidence, str], float]
-    relation: str
-    limit: float | str
-    laws: tuple[str, ...] = TRACKING
+    measured: str
+    measure: str | Mapping[str, Any]
+    must: str
+    laws: tuple[str, ...] = ("tracking",)
     subject: str = MODIFIED
     missing: str = ""
     why: str = ""
 
-    def limit_of(self, criteria: Criteria) -> float:
-        """The limit as a number."""
-        return float(getattr(criteria, self.limit)) if isinstance(self.limit, str) else self.limit
+    @property
+    def relation(self) -> str:
+        """One of <, <=, > and >=."""
+        return self.must.split()[0]
+
+    @property
+    def limit(self) -> float | str:
+        """A number, or the name of one of the criteria of section5.toml."""
+        limit = self.must.split()[1]
+        return limit if limit.isidentifier() else float(limit)
 
 
-@dataclass(frozen=True)
-class CheckedClaim:
-    """A claim with one check for each law, its verdict and the reason.
+def claims_of(section: str) -> tuple[Claim, ...]:
+    """The claims of a section, in the order of claims.toml."""
+    return tuple(Claim(**entry) for entry in _entries() if entry["number"].startswith(f"{section}-"))
 
-    checks: by law; value inf and the reason which flight it was when a flight was lost.
+
+@cache
+def _entries() -> tuple[dict[str, Any], ...]:
+    table = read_toml(str(Path(__file__).with_name("claims.toml")))
+    return tuple(entry for claim in table["claims"] for entry in _each(**claim))
+
+
+def _each(each: tuple[dict[str, str], ...] = ({},), **claim: Any) -> Iterator[dict[str, Any]]:
+    """A claim for every entry of `each`, with its words in the places {..}."""
+    for words in each:
+        yield _filled(claim, words) | ({"number": words["number"]} if words else {})
+
+
+def _filled(value: Any, words: dict[str, str]) -> Any:
+    if isinstance(value, dict):
+        return {key: _filled(each, words) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_filled(each, words) for each in value]
+    return value.format(**words) if words else value
+
+
+def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
+    """A claim measured for every law, with verdict and reason, ready for JSON; None is a number that is not finite.
+
+    A law whose flight was lost does not fulfil the claim, whatever the number would be.
     """
-
-    claim: Claim
-    limit: float
-    verdict: str
-    reason: str
-    checks: Mapping[str, Check]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON; a number that is not finite becomes None."""
-        return {
-            "number": self.claim.number,
-            "says": self.claim.says,
-            "measured": self.claim.what,
-            "relation": self.claim.relation,
-            "limit": self.limit,
-            "subject": self.claim.subject,
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "findings": {
-                law: {"value": finite_or_none(check.value), "holds": check.ok, "note": check.reason}
-                for law, check in self.checks.items()
-            },
-        }
-
-
-def check_claim(claim: Claim, evidence: Evidence) -> CheckedClaim:
-    """Measure a claim for every law; a law whose flight was lost does not fulfil it, whatever the number would be."""
-    limit = claim.limit_of(evidence.setting.configuration.criteria)
-    checks = {law: _check(claim, evidence, law, limit) for law in claim.laws}
+    limit = claim.limit
+    if isinstance(limit, str):
+        limit = float(getattr(evidence.setting.configuration.criteria, limit))
+    checks: dict[str, Check] = {}
+    for law in (law for name in claim.laws for law in _TOGETHER.get(name, (name,))):
+        try:
+            checks[law] = checked(law, measure_of(claim.measure)(evidence, law), claim.relation, limit)
+        except FlightLostError as lost:
+            checks[law] = Check(law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation)
     verdict = CONFIRMED if checks[claim.subject].ok else NOT_CONFIRMED
-    return CheckedClaim(
-        claim, limit, NOT_DECIDABLE if claim.missing else verdict, _reason(claim, checks, limit), checks
-    )
-
-
-def _check(claim: Claim, evidence: Evidence, law: str, limit: float) -> Check:
-    try:
-        value = claim.measure(evidence, law)
-    except FlightLostError as lost:
-        return Check(law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation)
-    return checked(law, value, claim.relation, limit)
+    return {
+        "number": claim.number,
+        "says": claim.says,
+        "measured": claim.measured,
+        "relation": claim.relation,
+        "limit": limit,
+        "subject": claim.subject,
+        "verdict": NOT_DECIDABLE if claim.missing else verdict,
+        "reason": _reason(claim, checks, limit),
+        "findings": {
+            law: {"value": finite_or_none(check.value), "holds": check.ok, "note": check.reason}
+            for law, check in checks.items()
+        },
+    }
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """The subject's number against the limit, what the optimum does, and what lies behind it."""
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
-    told = own.reason or f"{claim.what}: {own.value:.3g}"
+    told = own.reason or f"{claim.measured}: {own.value:.3g}"
     parts.append(f"{claim.subject}: {told}; the limit is {claim.relation} {limit:.3g}")
     if claim.subject == MODIFIED and OPTIMUM in checks and not own.ok:
         best = checks[OPTIMUM]

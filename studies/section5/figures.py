@@ -1,0 +1,328 @@
+"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and how they are drawn."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_support.reporting.figure import enlarge_first_second, new_figure
+from studies.section5.claims import flights_of
+from studies.section5.configuration import Configuration
+from studies.section5.flights import (
+    CASE_I,
+    CASE_II,
+    CERTIFIED,
+    CERTIFIED_FF,
+    EXACT,
+    EXACT_FF,
+    INTEGRAL,
+    MODIFIED,
+    PRINTED,
+    FlightPlan,
+    FlightRecord,
+)
+from studies.section5.metrics import TRACKED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Flights = Mapping[FlightPlan, FlightRecord]
+Values = Callable[[FlightRecord], np.ndarray]
+_COMMAND, _LOST = "command", " (lost at "
+#: Of a limit: from there on it is drawn.
+_NEAR = 0.8
+#: Below this a logarithmic axis shows nothing: rounding.
+_FLOOR = 1e-16
+#: Weights of a critic that a picture names.
+_NAMED = 4
+_SYMBOLS = {"speed": "V", "alpha": "α", "pitch": "θ", "pitch_rate": "q", "dihedral": "η", "dihedral_rate": "η'"}
+_WORDS = dict(zip(TRACKED, ("speed", "angle of attack", "dihedral"), strict=True))
+_CASES = ("Case I, 15 deg", "Case II, 5 deg")
+#: Whose learning is drawn.
+_LEARNED = (MODIFIED, CERTIFIED)
+#: Lightness, dashes and width together tell the lines apart, also in print without color.
+_STYLES: dict[str, dict[str, Any]] = {
+    _COMMAND: {"color": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 5},
+    PRINTED: {"color": "black", "marker": "x", "linestyle": "none", "markersize": 9, "zorder": 6},
+    MODIFIED: {"color": "0.65", "linestyle": "-", "linewidth": 3.0},
+    CERTIFIED: {"color": "C0", "linestyle": "-", "linewidth": 1.3},
+    CERTIFIED_FF: {"color": "navy", "linestyle": "-.", "linewidth": 1.5},
+    INTEGRAL: {"color": "C1", "linestyle": "-", "linewidth": 1.3, "marker": "o", "markersize": 4, "markevery": 0.08},
+    EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
+    EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
+}
+#: For lines that are not laws: cases of uncertainty, weights.
+_CYCLE: tuple[dict[str, Any], ...] = (
+    {"color": "black", "linestyle": "-", "linewidth": 2.2},
+    {"color": "C0", "linestyle": "--", "linewidth": 1.6},
+    {"color": "C1", "linestyle": "-.", "linewidth": 1.6},
+    {"color": "0.55", "linestyle": ":", "linewidth": 2.4},
+)
+#: For the lines of a bundle, which need not be told apart.
+_BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """x: (N,), y: (N,) or (N, k) for a bundle without names of its own."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PlotPanel:
+    """One pair of axes. y_label with its unit; scale: "linear", "log" or "symlog"; marked: times of vertical lines.
+
+    linear_part: the part of the largest value below which a "symlog" axis is linear. limits: lowest and highest value
+    that is allowed, drawn where a line comes near them.
+    """
+
+    title: str
+    y_label: str
+    lines: tuple[Line, ...]
+    scale: str = "linear"
+    marked: tuple[tuple[float, str], ...] = ()
+    linear_part: float = 1e-3
+    limits: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFigure:
+    """A figure of the paper: panels row by row. number: the paper's."""
+
+    number: int
+    title: str
+    columns: int
+    panels: tuple[PlotPanel, ...]
+
+    def __str__(self) -> str:
+        """Number and title."""
+        return f"Figure {self.number}. {self.title}"
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What is drawn, by panel and line: "02 Case I _ certified _ x"."""
+        found = {}
+        for index, panel in enumerate(self.panels):
+            for line in panel.lines:
+                name = f"{index:02d} {panel.title} {panel.y_label} / {line.label}"
+                found[f"{name} / x"], found[f"{name} / y"] = line.x, line.y
+        # A "/" would make folders of an archive's members when it is unpacked.
+        return {re.sub(r"[^\w .,+=()-]", "_", name): values for name, values in found.items()}
+
+
+@dataclass(frozen=True)
+class _Panels:
+    """Makes panels of flights. T_w: s, marked. by: what tells the lines of a panel apart, "law" or "uncertainty"."""
+
+    T_w: float
+    by: str = "law"
+
+    def label(self, record: FlightRecord) -> str:
+        """How a flight is called in a legend."""
+        dA = record.plan.uncertainty
+        name = record.plan.law if self.by == "law" else f"ΔA = {dA:+g} A" if dA else "ΔA = 0"
+        return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
+
+    def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
+        """T_w, and when the learned gain of a law takes over from the gain it started with."""
+        begins = {record.learned_from: record.plan.law for record in records if record.learned_from > 0.0}
+        # Laws that share their learning share the time; the shorter name serves for both.
+        return (self.T_w, "T_w"), *((time, f"K(t), {name.partition(' +')[0]}") for time, name in begins.items())
+
+    def _of_flights(
+        self,
+        title: str,
+        label: str,
+        records: Sequence[FlightRecord],
+        values: Callable[[FlightRecord], Any],
+        **more: Any,
+    ) -> PlotPanel:
+        """One line a flight, as far as there are values."""
+        drawn = [(self.label(record), record.times, values(record)) for record in records]
+        lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
+        return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
+
+    def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
+        """A state as a deviation from its trim, with its command."""
+        row, label = LINEAR_STATES.index(state), f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
+        panel = self._of_flights(title, label, records, lambda record: record.states[:, row])
+        longest = max(records, key=lambda record: len(record.times))
+        command = Line(_COMMAND, longest.times, longest.commands[:, row])
+        return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
+
+    def errors(self, records: Sequence[FlightRecord]) -> tuple[PlotPanel, ...]:
+        """The errors of the tracked states."""
+        found = []
+        for state in TRACKED:
+            row = LINEAR_STATES.index(state)
+            label = f"z{row + 1} = {_SYMBOLS[state]} error, {getattr(STATE_UNITS, state)}"
+            found.append(self._of_flights(state, label, records, lambda record, row=row: record.errors[:, row]))
+        return tuple(found)
+
+    def inputs(self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]) -> tuple[PlotPanel, ...]:
+        """The five inputs as deviations from trim: one row an input, one column a group of flights."""
+        panels = []
+        for row, name in enumerate(INPUTS):
+            unit = getattr(INPUT_UNITS, name)
+            label = name if unit == "1" else f"{name}, {unit}"
+            for title, records in zip(titles, groups, strict=True):
+                # The first instants are tens of times larger than the rest.
+                more = {"scale": "symlog", "linear_part": 0.1, "limits": tuple(records[0].limits[:, row].tolist())}
+                values = lambda record, row=row: record.inputs[:, row]  # noqa: E731
+                panels.append(self._of_flights(title if row == 0 else "", label, records, values, **more))
+        return tuple(panels)
+
+    def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
+        """The weights W of a critic, or W(t + tick) - W(t): the largest at the end by name, the others as a bundle."""
+        assert record.critic is not None
+        weights = record.critic.weights
+        order = np.argsort(-np.abs(weights[-1]), kind="stable")
+        named, others = np.sort(order[:_NAMED]), np.sort(order[_NAMED:])
+        values = np.diff(weights, axis=0) if increments else weights
+        times, powers = record.times[: len(values)], record.critic.basis.exponents
+        lines = [Line(_monomial(powers[m]), times, values[:, m]) for m in named]
+        label = "increments of W in a tick" if increments else "weights W, of z in ft/s, rad"
+        bundle = Line(f"the other {len(others)}", times, values[:, others])
+        return PlotPanel(title, label, (bundle, *lines), "symlog", self.marks())
+
+    def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
+        """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
+        size = lambda record: np.maximum(np.abs(record.residual), _FLOOR)  # noqa: E731
+        return self._of_flights(title, "|Bellman residual|, cost / s", records, size, scale="log", marked=self.marks())
+
+    def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
+        """|W(t + tick) - W(t)| / tick over |W| at the end: the relative speed of learning, 1/s."""
+
+        def speed(record: FlightRecord) -> np.ndarray:
+            assert record.critic is not None
+            size = np.linalg.norm(np.diff(record.critic.weights, axis=0), axis=1)
+            final = float(np.linalg.norm(record.critic.weights[-1]))
+            # A logarithmic axis has no place for rest.
+            return np.where(size > 0.0, size / np.diff(record.times) / final, np.nan)
+
+        return self._of_flights(title, "|W'| / |W(end)|, 1/s", records, speed, scale="log", marked=self.marks())
+
+
+def _monomial(exponents: np.ndarray) -> str:
+    """z1 z2, z4^2: the states of a weight, numbered as the errors are."""
+    return " ".join(f"z{i + 1}" + (f"^{power}" if power > 1 else "") for i, power in enumerate(exponents) if power)
+
+
+def figures_of(section: str, configuration: Configuration, flown: Flights) -> Iterator[PaperFigure]:
+    """The paper's figures of a section."""
+    T_w = configuration.predefined_time(section)
+    law, uncertain = _Panels(T_w), _Panels(T_w, "uncertainty")
+    if section == "5.1":
+        drawn = ((PRINTED, *_LEARNED, CERTIFIED_FF, EXACT_FF), (*_LEARNED, EXACT), _LEARNED)
+        groups = [[[flown[FlightPlan(angle, name)] for name in laws] for angle in (CASE_I, CASE_II)] for laws in drawn]
+        each = (zip(records, _CASES, strict=True) for records in zip(*groups[2], strict=True))
+        learned = [(record, f"{record.plan.law}, {title}") for pairs in each for record, title in pairs]
+        yield from _eight_figures(3, "{}", law, _CASES, groups, learned)
+    elif section == "5.2":
+        shown = [flown[FlightPlan(CASE_II, name)] for name in (MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL)]
+        yield PaperFigure(11, "State comparison, 5 deg", 1, tuple(law.states(each, each, shown) for each in TRACKED))
+        yield PaperFigure(12, "Error comparison, 5 deg", 1, law.errors(shown))
+        yield PaperFigure(13, "Control comparison, 5 deg", 1, law.inputs(("",), (shown,)))
+    elif section == "5.3":
+        group = [[flown[plan] for plan in flights_of("every uncertainty", configuration, name)] for name in _LEARNED]
+        flights = (record for records in zip(*group, strict=True) for record in records)
+        learned = [(record, f"{record.plan.law}, {uncertain.label(record)}") for record in flights]
+        yield from _eight_figures(14, "Model uncertainty and {}, 5 deg", uncertain, _LEARNED, [group] * 3, learned)
+    else:
+        shown = [flown[FlightPlan(CASE_II, name, noise=True)] for name in (*_LEARNED, CERTIFIED_FF)]
+        yield PaperFigure(22, "Tracking errors under measurement noise, 5 deg", 1, law.errors(shown))
+        panels = tuple(law.weights(record, record.plan.law) for record in shown[:2])
+        yield PaperFigure(23, "Critic weights under measurement noise, 5 deg", 2, panels)
+
+
+def _eight_figures(
+    first: int,
+    title: str,
+    panels: _Panels,
+    columns: Sequence[str],
+    groups: Sequence[Sequence[Sequence[FlightRecord]]],
+    learned: Sequence[tuple[FlightRecord, str]],
+) -> Iterator[PaperFigure]:
+    """States, inputs and learning, two columns each. groups: of the states, the inputs and the learning, by column."""
+
+    def beside(panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]) -> tuple[PlotPanel, ...]:
+        return tuple(panel(name, records) for name, records in zip(columns, group, strict=True))
+
+    tracked, steered, learning = groups
+    drawn = [(f"{_WORDS[state]} tracking", beside(partial(panels.states, state), tracked)) for state in TRACKED]
+    drawn += [
+        ("control inputs", panels.inputs(columns, steered)),
+        ("critic weights", tuple(panels.weights(*each) for each in learned)),
+        ("critic-weight increments", tuple(panels.weights(*each, increments=True) for each in learned)),
+        ("Bellman residuals", beside(panels.residuals, learning)),
+        ("critic weight-update norms", beside(panels.updates, learning)),
+    ]
+    for number, (name, found) in enumerate(drawn, first):
+        whole = title.format(name)
+        yield PaperFigure(number, whole[0].upper() + whole[1:], 2, found)
+
+
+def draw(picture: PaperFigure) -> Figure:
+    """The picture, with one legend for all panels."""
+    rows = -(-len(picture.panels) // picture.columns)
+    figure, title = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows), str(picture)
+    grid = figure.subplots(rows, picture.columns, squeeze=False, sharex=True)
+    labels: dict[str, Any] = {}
+    for axes, panel in zip(grid.ravel(), picture.panels, strict=False):
+        _draw_panel(axes, panel)
+        if axes.get_legend() is None:
+            labels = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True)) | labels
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    for axes in grid.ravel()[len(picture.panels) :]:
+        axes.set_axis_off()
+    if labels:  # above, where no caption is
+        columns = min(len(labels), 2 + picture.columns)
+        figure.legend(labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title)
+    else:
+        figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
+    largest = max((float(np.nanmax(np.abs(line.y), initial=0.0)) for line in panel.lines), default=0.0)
+    if panel.scale == "symlog" and largest > 0.0:
+        axes.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(largest * panel.linear_part)))
+    elif panel.scale == "log":
+        axes.set_yscale("log")
+    for index, line in enumerate(panel.lines):
+        style = _STYLES.get(line.label.partition(_LOST)[0], _CYCLE[index % len(_CYCLE)])
+        if line.y.ndim == 2:
+            axes.plot(line.x, line.y, label=[line.label, *["_"] * (line.y.shape[1] - 1)], **_BUNDLE)
+            continue
+        axes.plot(line.x, line.y, label=line.label, **style)
+    if any(line.y.ndim == 2 for line in panel.lines):  # named lines of one panel are not those of the next
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
+    drawn = np.concatenate([line.y.ravel() for line in panel.lines])
+    for limit in panel.limits:
+        if np.any(drawn / limit > _NEAR):
+            axes.axhline(limit, color="black", linestyle=(0, (6, 3)), linewidth=0.7, zorder=0, label="limit")
+    for time, _ in panel.marked:
+        axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
+    if panel.title and panel.marked:  # panels without a title are below one that has the names already
+        times, names = zip(*panel.marked, strict=True)
+        top = axes.secondary_xaxis("top")
+        top.set_xticks(times, names, fontsize=8)
+        top.tick_params(length=0, pad=1)
+    axes.set_title(panel.title, fontsize=10)
+    axes.set_ylabel(panel.y_label, fontsize=9)
+    axes.tick_params(labelsize=8, which="both")
+    axes.grid(alpha=0.3)
+    axes.margins(x=0.02)
+    if panel.scale == "linear":
+        enlarge_first_second(axes)

@@ -1,0 +1,330 @@
+"""The flights of Section 5: the two aircraft with their games, the laws, and what came out of each flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from controller import Basis, FlownLaw, Game, Harmonic, Signal, Stack, basis, learn, published_game, random_pool
+from controller.flight.closed_loop import ClosedLoop
+from controller.flight.plants import LinearPlant
+from controller.flight.simulation import CompiledLoop, Flight
+from controller.policy.learned_gain import baseline_weights, online_law
+from controller.policy.policies import TrackingPolicy, tracking_constants
+from controller.policy.signals import zero
+from controller.riccati.feedforward import exosystem
+from hfa_model import LINEAR_STATES, Aircraft, published_models
+from hfa_support.errors import refuse_unknown
+from studies.section5.configuration import Configuration
+from studies.section5.critic_policy import CriticPolicy, forcing
+from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
+from studies.update_law.published_law import PublishedLaw, PublishedSettings, published_law
+from trim.linear.compare import regenerate
+from trim.point.condition import CONTROL_LIMITS
+from verification import GameSolution, exosystem_feedforward, solve_game
+
+#: The two aircraft of Section 5.1, degrees of dihedral.
+CASE_I, CASE_II = 15.0, 5.0
+#: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
+MATRICES = ("regenerated", "printed")
+PRINTED, MODIFIED = "published, as printed", "published, modified"
+CERTIFIED, CERTIFIED_FF = "certified", "certified + feed-forward"
+INTEGRAL = "integral RL"
+EXACT, EXACT_FF, REWEIGHTED = "exact", "exact + feed-forward", "exact, alpha reweighted"
+#: What each law is, for tables and figures.
+LAWS = {
+    PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
+    MODIFIED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
+    CERTIFIED: "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified",
+    CERTIFIED_FF: "the same, with the exact feed-forward from the first certified gain on",
+    INTEGRAL: "u = -K(t) z, learned in flight by integral RL from the same gentle LQR",
+    EXACT: "u = -K z with the exact solution of the game",
+    EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
+    REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
+}
+_N = len(LINEAR_STATES)
+#: From the memory of a law at the ticks, (N, k), to what it has learned.
+Learned = Callable[[np.ndarray], Critic]
+
+
+@dataclass(frozen=True, eq=False)
+class PaperCase:
+    """One aircraft of Section 5.1. trim_inputs: U0, (5,), of the trim that is linearized."""
+
+    dihedral_deg: float
+    game: Game
+    trim_inputs: np.ndarray
+
+    @property
+    def input_limits(self) -> np.ndarray:
+        """Lowest and highest deviations of the inputs, (2, 5), by the limits of a trim here; the paper has none."""
+        limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
+        return limits
+
+    @cached_property
+    def exact(self) -> GameSolution:
+        """The exact solution of the game."""
+        return solve_game(self.game)
+
+    def reweighted(self, alpha_factor: float) -> PaperCase:
+        """The same aircraft with the weight of the angle of attack multiplied."""
+        factors = np.where(np.array(LINEAR_STATES) == "alpha", alpha_factor, 1.0)
+        return replace(self, game=replace(self.game, Q=self.game.Q * np.diag(factors)))
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """The configuration and the two aircraft, 15 degrees first. matrices: one of `MATRICES`."""
+
+    configuration: Configuration
+    matrices: str
+    cases: tuple[PaperCase, ...]
+
+    def case(self, dihedral_deg: float) -> PaperCase:
+        """The aircraft of that dihedral angle."""
+        return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What decides the numbers, as plain values."""
+        models = [
+            {"dihedral_deg": case.dihedral_deg, "A": case.game.A.tolist(), "B": case.game.B.tolist()}
+            for case in self.cases
+        ]
+        return {"matrices": self.matrices, "models": models, "reading": self.configuration.to_dict()}
+
+
+def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
+    """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and B."""
+    refuse_unknown("unknown matrices", matrices, MATRICES)
+    cases = []
+    for published in published_models():
+        model = regenerate(Aircraft(), published)
+        source = published if matrices == "printed" else model
+        cases.append(PaperCase(published.dihedral_deg, published_game(source.A, source.B), model.input_offsets))
+    return Setting(configuration, matrices, tuple(cases))
+
+
+@dataclass(frozen=True)
+class FlightPlan:
+    """law controls the aircraft of a dihedral angle whose A is off by `uncertainty` * A.
+
+    noise: whether the sensors have the noise of 5.4. commanded: False for the disturbance alone, from rest and without
+    a command.
+    """
+
+    dihedral_deg: float
+    law: str
+    uncertainty: float = 0.0
+    noise: bool = False
+    commanded: bool = True
+
+    @property
+    def name(self) -> str:
+        """For example "5 deg, certified, A + 0.3 A"."""
+        parts = [f"{self.dihedral_deg:g} deg", self.law]
+        if self.uncertainty:
+            parts.append(f"A {'+' if self.uncertainty > 0 else '-'} {abs(self.uncertainty):g} A")
+        parts += ["noise"] * self.noise + ["disturbance alone"] * (not self.commanded)
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class FlightRecord:
+    """What a flight was like. Arrays have one row a tick, up to the last one before the flight was lost.
+
+    times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman residual of the learned
+    value at the simulated error; critic: None for laws that do not learn. learned_from: s, when a learned gain takes
+    over. lost_at: s, inf when it came to its end. limits: (2, 5), lowest and highest inputs that this project assumes.
+    """
+
+    plan: FlightPlan
+    times: np.ndarray
+    states: np.ndarray
+    commands: np.ndarray
+    errors: np.ndarray
+    inputs: np.ndarray
+    critic: Critic | None
+    residual: np.ndarray
+    learned_from: float
+    lost_at: float
+    metrics: dict[str, Any]
+    limits: np.ndarray
+
+    @property
+    def held(self) -> bool:
+        """Whether the flight came to its end."""
+        return bool(np.isinf(self.lost_at))
+
+
+def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
+    """Fly a plan under the conditions of a section of the paper."""
+    configuration, case = setting.configuration, setting.case(plan.dihedral_deg)
+    reference = configuration.reference if plan.commanded else zero(_N)
+    T_w, each = configuration.predefined_time(section), configuration.steps_per_tick()
+    flown, learned = law_of(setting, case, plan.law, T_w, configuration.frozen(section), reference)
+    plant = LinearPlant((1.0 + plan.uncertainty) * case.game.A, case.game.B)
+    noise = configuration.noise if plan.noise else zero(_N)
+    loop = CompiledLoop(ClosedLoop(plant, flown.policy, reference, configuration.disturbance, noise))
+    start = configuration.initial if plan.commanded else np.zeros(_N)
+    flight, lost_at = _flown(configuration, loop, flown, start)
+    times, errors = flight.times[::each], flight.errors[::each]
+    # A flight that is lost in its first tick leaves its start behind.
+    critic = learned(flight.memory[::each]) if learned is not None else None
+    metrics = flight_metrics(configuration, case.game, case.input_limits, flight, lost_at)
+    residual = np.zeros(0)
+    if critic is not None:
+        residual = residual_at(case.game, critic.basis, critic.weights, errors)
+        metrics["learning"] = learning_metrics(times, critic, residual, T_w, lost_at)
+    return FlightRecord(
+        plan=plan,
+        times=times,
+        states=flight.states[::each],
+        commands=reference.sampled(times),
+        errors=errors,
+        inputs=flight.inputs[::each],
+        critic=critic,
+        residual=residual,
+        learned_from=flown.certified_from,
+        lost_at=lost_at,
+        metrics=metrics,
+        limits=case.input_limits,
+    )
+
+
+def _flown(
+    configuration: Configuration, loop: CompiledLoop, flown: FlownLaw, start: np.ndarray
+) -> tuple[Flight, float]:
+    """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
+    settings, limit = configuration.flight, configuration.flight.lost_beyond
+    with np.errstate(invalid="ignore", over="ignore"):
+        flight = loop.fly(
+            start,
+            flown.constants,
+            step=settings.step,
+            steps_per_tick=configuration.steps_per_tick(),
+            ticks=round(settings.duration / settings.tick),
+            memory=flown.memory,
+            stop=lambda rows, _: not (np.all(np.abs(rows[:, 1 : 1 + _N]) <= limit) and np.all(np.isfinite(rows))),
+        )
+        sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
+        sound &= np.all(np.isfinite(flight.memory), axis=1)
+    if np.all(sound):
+        return flight, np.inf
+    lost = int(np.argmin(sound))
+    parts = {name: value[: max(1, lost)] for name, value in vars(flight).items()}
+    return replace(flight, **parts), float(flight.times[lost])
+
+
+def law_of(
+    setting: Setting, case: PaperCase, law: str, predefined_time: float, frozen: bool, reference: Signal
+) -> tuple[FlownLaw, Learned | None]:
+    """The law ready to fly a case that has learned nothing yet, and how to read what it learns; None if nothing.
+
+    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which feed-forward and the
+    published drift know.
+    """
+    if law in (PRINTED, MODIFIED):
+        return _published(setting, case, law, predefined_time, frozen, reference)
+    if law in (CERTIFIED, CERTIFIED_FF, INTEGRAL):
+        return _learned(setting, case, law, predefined_time, reference)
+    tuned = case.reweighted(setting.configuration.reweighted.alpha_factor) if law == REWEIGHTED else case
+    w, F = generator(reference), feedforward(tuned, reference)
+    constants = tracking_constants(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
+    return FlownLaw(law, TrackingPolicy(w), constants[None], np.zeros(0)), None
+
+
+def generator(reference: Signal) -> Signal:
+    """w = [1, t, sin f₁t, cos f₁t, ...]: the signals that a reference is made of, (2 + 2 k,)."""
+    unit = np.eye(2 + 2 * len(reference.harmonics))
+    waves = tuple(Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i]) for i, h in enumerate(reference.harmonics))
+    return Signal(unit[0], unit[1], waves)
+
+
+def feedforward(case: PaperCase, reference: Signal) -> np.ndarray:
+    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k), with the w of `generator`."""
+    made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
+    return -case.game.R_inverse_B_transposed @ exosystem_feedforward(case.game, case.exact.P, made_by)
+
+
+def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
+    """The random states from which the stack of every critic is chosen."""
+    critic = setting.configuration.critic
+    return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
+
+
+def published(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> PublishedLaw:
+    """Eq. (46) on the recorded stack, as printed or modified."""
+    configuration = setting.configuration
+    critic, modified = configuration.critic, configuration.published_modified
+    own = modified if law == MODIFIED else configuration.published_as_printed
+    functions = basis(modified.basis if law == MODIFIED else critic.basis, _N)
+    start: Any = configuration.published_as_printed.initial_weight
+    if law == MODIFIED:
+        start_game = replace(case.game, Q=modified.start_Q * np.eye(_N), delta=np.inf)
+        start = tuple(functions.weights(solve_game(start_game).P).tolist())
+    chosen = PublishedSettings(
+        predefined_time=predefined_time,
+        step=configuration.flight.step,
+        theta=critic.theta,
+        basis=functions.name,
+        samples=critic.samples,
+        initial_weights=start,
+        recorded_weights=start,
+        normalisation=critic.normalisation,
+        gains=(modified.alpha1, modified.alpha2) if law == MODIFIED else None,
+        coordinates=own.coordinates,
+    )
+    return published_law(case.game, chosen, critic.seed, recorded_pool(setting, case))
+
+
+def _published(
+    setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
+) -> tuple[FlownLaw, Learned]:
+    law, configuration = published(setting, case, name, predefined_time), setting.configuration
+    own = configuration.published_modified if name == MODIFIED else configuration.published_as_printed
+    told = forcing(case.game.A, reference) if own.drift == "with reference" else zero(_N)
+    learning = int(np.ceil(predefined_time / configuration.flight.tick - 1e-9))
+    ticks = np.arange(learning + 1 if frozen else 1)
+
+    def critic(memory: np.ndarray) -> Critic:
+        weights = np.array([law.equations.unscaled(row) for row in memory])
+        residual = np.array([law.equations.reported_residuals(row)["residual_norm"] for row in memory])
+        facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
+        return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
+
+    learns = (ticks < learning).astype(float)[:, None]
+    return FlownLaw(name, CriticPolicy(law, told), learns, law.start()["weights"]), critic
+
+
+def _learned(
+    setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
+) -> tuple[FlownLaw, Learned]:
+    """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
+    configuration, critic = setting.configuration, setting.configuration.critic
+    tick, kind = configuration.flight.tick, "irl" if law == INTEGRAL else "certified"
+    if law == INTEGRAL:
+        chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
+    else:
+        chosen = {"pool": recorded_pool(setting, case), "predefined_time": predefined_time, "tick": tick}
+        chosen |= {"theta": critic.theta, "basis": critic.basis, "samples": critic.samples}
+        chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
+    learned = learn(case.game, kind, critic.seed, **chosen)
+    plan, F = online_law(case.game, kind, learned, tick), feedforward(case, reference)
+    begun = tick * np.arange(len(plan.gains)) >= plan.certified_from - 1e-9
+    uses = begun & (law == CERTIFIED_FF)
+    table = np.array([tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(plan.gains, uses, strict=True)])
+
+    def told(memory: np.ndarray) -> Critic:
+        rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
+        rows = np.clip(rows, 0, len(learned.times) - 1)
+        facts = {"status": learned.outcome, "learned_from": plan.certified_from} | learned.diagnostics
+        functions: Basis = basis(learned.basis, _N)
+        return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
+
+    policy = TrackingPolicy(generator(reference))
+    return FlownLaw(law, policy, table, np.zeros(0), {}, plan.certified_from, learned), told
