@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 
@@ -84,6 +86,10 @@ class Store:
         """Number of chunks."""
         return -(-self.rows // self.chunk)
 
+    def end(self, number: int) -> int:
+        """One beyond the last row of a chunk."""
+        return min((number + 1) * self.chunk, self.rows)
+
     def missing(self) -> list[int]:
         """Numbers of the chunks that are not complete."""
         return [number for number, flag in enumerate(self._flags()) if flag != 1]
@@ -140,20 +146,18 @@ class Store:
         return self.path.joinpath(name, "c", str(number), *["0"] * (self._arrays[name].ndim - 1))
 
     def _span(self, number: int) -> slice:
-        return slice(number * self.chunk, min((number + 1) * self.chunk, self.rows))
+        return slice(number * self.chunk, self.end(number))
 
     def _flags(self) -> list[int]:
         """One flag a chunk; 0 where it cannot be read."""
-        try:
-            return np.asarray(self._done[:]).tolist()
-        except ValueError:  # as in `read`
-            return [self._flag(number) for number in range(self.chunks)]
 
-    def _flag(self, number: int) -> int:
-        try:
-            return int(self._done[number])
-        except ValueError:  # as in `read`
-            return 0
+        def flags(first: int, last: int) -> list[int]:
+            try:
+                return list(np.asarray(self._done[first:last]).tolist())
+            except ValueError:  # as in `read`
+                return [0] if last - first == 1 else [flag for n in range(first, last) for flag in flags(n, n + 1)]
+
+        return flags(0, self.chunks)
 
 
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
@@ -161,22 +165,18 @@ def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | Non
 
     It is made in a folder beside it and renamed, so that it appears whole.
     """
-    _refuse_existing(path)
+    taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
+    if path.exists():
+        raise taken
     with temporary_folder(path.parent) as folder:
         unfinished = folder / "store"
         _fill(_zarr().open_group(str(unfinished), mode="w"), layout, provenance)
         (unfinished / _DIGEST).write_text(_digest(unfinished), encoding="ascii")
         try:
             unfinished.rename(path)
-        except OSError:
-            _refuse_existing(path)  # another run was faster
-            raise
+        except OSError as error:
+            raise (taken if path.exists() else error) from None  # another run was faster
     return Store(path, "r+")
-
-
-def _refuse_existing(path: Path) -> None:
-    if path.exists():
-        raise BadInputError(f"{path} exists; continue it with --resume, or choose another name")
 
 
 def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> None:
@@ -233,36 +233,30 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         whole = False
     if not whole:
         raise BadInputError(f"{path} is damaged, its names, units or attributes are not those written; start anew")
-    store = Store(path, "r" if layout is None else "r+")
-    if layout is not None:
-        _check_job(store, layout)
+    if layout is None:
+        return Store(path)
+    store, own = Store(path, "r+"), toolchain_version()
+    begun = store.attributes["toolchain"]
+    if (store.attributes["schema"], store.attributes["identity"]) != (layout.schema, layout.identity):
+        raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
+    if begun != own:
+        raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
     return store
 
 
-def _check_job(store: Store, layout: Layout) -> None:
-    """Raise BadInputError unless the store is of this job and this version."""
-    path, known = store.path, store.attributes
-    if known["schema"] != layout.schema:
-        raise BadInputError(f"{path} is not a {layout.what} store of schema {layout.schema}")
-    if known["identity"] != layout.identity:
-        raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
-    begun, own = known["toolchain"], toolchain_version()
-    if begun != own:
-        raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
-
-
-def begin_session(path: Path, token: str) -> None:
-    """Mark a store as the one into which the workers of this run write."""
+@contextmanager
+def session(path: Path) -> Iterator[str]:
+    """A token that the store bears while the block runs; workers write into the store that bears it."""
+    token = uuid4().hex
     (path / _SESSION).write_text(token, encoding="ascii")
-
-
-def end_session(path: Path) -> None:
-    """Take the mark away."""
-    (path / _SESSION).unlink(missing_ok=True)
+    try:
+        yield token
+    finally:
+        (path / _SESSION).unlink(missing_ok=True)
 
 
 def store_of_session(path: Path, token: str) -> Store | None:
-    """The store that bears the mark, or None where this process does not see it (or sees a copy of it)."""
+    """The store that bears the token, or None where this process does not see it (or sees a copy of it)."""
     try:
         ours = (path / _SESSION).read_text(encoding="ascii") == token
     except (OSError, ValueError):

@@ -10,19 +10,10 @@ import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
-from uuid import uuid4
 
 import numpy as np
 
-from hfa_support.jobs.store import (
-    Layout,
-    Store,
-    begin_session,
-    create_store,
-    end_session,
-    open_store,
-    store_of_session,
-)
+from hfa_support.jobs.store import Layout, Store, create_store, open_store, session, store_of_session
 from hfa_support.jobs.workers import Task, workers
 from hfa_support.progress import Progress
 
@@ -58,7 +49,7 @@ def stream(
     store must be new. provenance: of a new store. progress is called with (chunks done, chunks in all), first at the
     start. The results do not depend on where they were computed.
     """
-    layout, place, token = job.layout, path.resolve(), uuid4().hex
+    layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as run:
         store = open_store(place, layout) if resume else create_store(place, layout, provenance)
         damaged = store.damaged() if resume else []
@@ -68,21 +59,18 @@ def stream(
             text = f"{path}: {len(damaged)} of {store.chunks} chunks were damaged and are computed again"
             warnings.warn(text, stacklevel=2)
         missing = store.missing()
-        done = store.chunks - len(missing)
-        if progress is not None and missing:
-            progress(done, store.chunks)  # the first chunk may take a while: code is compiled
-        tasks = ((number, (place, token, number, job.function, _task(job, number))) for number in missing)
-        begin_session(place, token)
-        try:
-            for number, rows in run(run_and_write, tasks):
+        show = progress if progress is not None and missing else lambda *_: None
+        show(store.chunks - len(missing), store.chunks)  # the first chunk may take a while: code is compiled
+        with session(place) as token:
+            tasks = (
+                (number, (place, token, number, job.function, job.task(number * store.chunk, store.end(number))))
+                for number in missing
+            )
+            for done, (number, rows) in enumerate(run(run_and_write, tasks), start=store.chunks - len(missing) + 1):
                 if rows is not None:
                     store.write(number, rows)
                 store.complete(number)
-                done += 1
-                if progress is not None:
-                    progress(done, store.chunks)
-        finally:
-            end_session(place)
+                show(done, store.chunks)
     return store
 
 
@@ -96,8 +84,3 @@ def run_and_write(
         return rows
     store.write(number, rows)
     return None
-
-
-def _task(job: Job, number: int) -> Task:
-    chunk = job.layout.chunk
-    return job.task(number * chunk, min((number + 1) * chunk, job.layout.rows))

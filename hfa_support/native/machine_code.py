@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import stat
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -76,22 +75,16 @@ def _renamed(function: ca.Function, symbol: str) -> ca.Function:
 def _own_folder(folder: Path) -> Path:
     """The folder, made if need be, which only its owner can write; RuntimeError when that is somebody else."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if not _is_ours(folder.stat()):
+    if os.name == "posix" and folder.stat().st_uid != os.geteuid():
         raise RuntimeError(f"{folder} belongs to another user")
     folder.chmod(0o700)
     return folder
 
 
-def _is_ours(found: os.stat_result) -> bool:
-    return os.name != "posix" or found.st_uid == os.geteuid()
-
-
 def _kept(folder: Path, symbol: str) -> Path | None:
-    """The library of an earlier run; what is damaged or not ours alone goes."""
+    """The library of an earlier run; what is damaged goes."""
     for library in sorted(folder.glob(f"{symbol}-*.so")):
-        found = library.lstat()
-        alone = stat.S_ISREG(found.st_mode) and _is_ours(found) and not found.st_mode & 0o022
-        if alone and library == _named(folder, symbol, library):
+        if library == _named(folder, symbol, library):
             return library
         library.unlink(missing_ok=True)
     return None
