@@ -43,7 +43,7 @@ _TARGETS = ("c", "fmu", "matlab", "formats")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa export`."""
-    options.add_condition(parser, dihedral_required=False)
+    options.add_trim(parser, dihedral_required=False)
     parser.set_defaults(dihedral=math.radians(15.0))
     options.add_aircraft(parser)
     add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
@@ -99,7 +99,7 @@ def _check(arguments: argparse.Namespace) -> None:
         if arguments.fmu is not None and arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
     if arguments.controller is None:
-        options.refuse(arguments, ("actuators", "engine"), "belongs to --controller; leave it out")
+        options.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
 
 
 def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:

@@ -24,14 +24,13 @@ from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 #: How help shows colon-separated numbers.
-_OUTER = "PEAK[:DELAY]"
-_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE[:FADE]"
+_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN[:OUTER_PEAK[:DELAY]]]", "SIGMA:SCALE[:FADE]"
 OF_TURBULENCE = ("ft/s", "ft", "s")
 _TICK = 0.01
 #: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
 #: How help shows colon-separated numbers.
-_LAG_RATE, _ACTUATORS, _FAULT = "LAG:RATE", "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
+_ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 
 
 def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
@@ -43,10 +42,8 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     missed = "factor on a parameter of the simulated aircraft, unknown to the design"
     add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", missed)
     add_actuators(parser)
-    add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s"), _GUST, "1-cosine updraft, ft, ft/s and s")
-    add_value(
-        parser, "--outer-gust", numbers(_OUTER, 1, "ft/s", "s"), _OUTER, "other peak at the outer panels, ft/s; s later"
-    )
+    about = "1-cosine updraft, ft, ft/s and s; another peak at the outer panels, so much later"
+    add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s", "ft/s", "s"), _GUST, about)
     parser.add_argument(
         "--spanwise", action="store_true", help="turbulence that differs between center and outer panels"
     )
@@ -100,20 +97,17 @@ def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
 
 
 def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float) -> Gust | None:
-    for option, needed in (("outer_gust", "gust"), ("spanwise", "turbulence")):
-        if getattr(arguments, option) and getattr(arguments, needed) is None:
-            raise BadInputError(f"--{option.replace('_', '-')} belongs to --{needed}; give that too, or leave it out")
+    if arguments.spanwise and arguments.turbulence is None:
+        raise BadInputError("--spanwise belongs to --turbulence; give that too, or leave it out")
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     speed = point.states.speed
     if arguments.gust is not None:
-        length, peak, *begin = arguments.gust
-        gust = _one_minus_cosine("gust", duration, length, peak, speed, *begin)
-        if arguments.outer_gust is None:
+        length, peak, *more = arguments.gust
+        gust = _one_minus_cosine(duration, length, peak, speed, *more[:1])
+        if len(more) < 2:
             return gust
-        outer_peak, *delay = arguments.outer_gust
-        later = gust.begin + (delay[0] if delay else 0.0)
-        return side_by_side(gust, _one_minus_cosine("outer-gust", duration, length, outer_peak, speed, later))
+        return side_by_side(gust, _one_minus_cosine(duration, length, more[1], speed, gust.begin + sum(more[2:])))
     if arguments.turbulence is not None:
         intensity, scale, *fade = arguments.turbulence
         turbulence = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
@@ -124,11 +118,9 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float)
     return None
 
 
-def _one_minus_cosine(
-    option: str, duration: float, length: float, peak: float, speed: float, begin: float = 0.0
-) -> OneMinusCosine:
+def _one_minus_cosine(duration: float, length: float, peak: float, speed: float, begin: float = 0.0) -> OneMinusCosine:
     if not 0 <= begin < duration:
-        raise BadInputError(f"--{option} begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
+        raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
     return OneMinusCosine(length, peak, speed, begin)
 
 
@@ -198,16 +190,9 @@ def _check_state(name: str, names: tuple[str, ...]) -> None:
 
 
 def add_actuators(parser: argparse._ActionsContainer, faults: bool = True) -> None:
-    """--actuators, --engine, and --fault unless there are none."""
+    """--actuators, and --fault unless there are none."""
     about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
     add_value(parser, "--actuators", numbers(_ACTUATORS, 2, "s", "deg/s", "1"), _ACTUATORS, about)
-    add_value(
-        parser,
-        "--engine",
-        numbers(_LAG_RATE, 2, "s", "1/s"),
-        _LAG_RATE,
-        "another lag and rate for the throttle, s and 1/s",
-    )
     if not faults:
         parser.set_defaults(fault=None)
         return
@@ -218,24 +203,19 @@ def add_actuators(parser: argparse._ActionsContainer, faults: bool = True) -> No
 def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
     """The actuators that the options name, None without them."""
     if arguments.actuators is None:
-        for name in ("engine", "fault"):
-            if getattr(arguments, name) is not None:
-                raise BadInputError(f"--{name} belongs to --actuators; give both")
+        if arguments.fault is not None:
+            raise BadInputError("--fault belongs to --actuators; give both")
         return None
     lag, degrees_per_second, *order = arguments.actuators
     if degrees_per_second <= 0:
         raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
     rate = math.radians(degrees_per_second)
-    engine_lag, engine_rate = lag, np.inf
-    if arguments.engine is not None:
-        engine_lag, engine_rate = arguments.engine
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    surfaces = len(lowest) - 1
     return Actuators(
-        Input(engine_lag, *[lag] * surfaces),
+        Input(*[lag] * len(lowest)),
         lowest,
         highest,
-        Input(engine_rate, *[rate] * surfaces),
+        Input(np.inf, *[rate] * (len(lowest) - 1)),
         order=int(order[0]) if order else 1,
         faults=() if arguments.fault is None else (arguments.fault,),
     )

@@ -37,7 +37,7 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
     for suffix in ("npz", "mat", "csv"):
         assert hfa(*words, "-o", f"flight.{suffix}").code == 0
-    for apart in (("--gust", "50:2", "--outer-gust", "1:0.1"), ("--turbulence", "1:500", "--spanwise")):
+    for apart in (("--gust", "50:2:0:1:0.1"), ("--turbulence", "1:500", "--spanwise")):
         data = json.loads(hfa(*FLY, "--duration", "0.5", *apart, "-o", "apart.json", "--json").out)
         assert data["scenario"]["gust"]["kind"] == "SpanwiseGust"
         updrafts = json.loads(Path("apart.json").read_text(encoding="utf-8"))["history"]["updrafts"]
@@ -112,24 +112,6 @@ def test_the_command_checks_itself() -> None:
     assert "FAIL integration_pitch_rate" in coarse.out
 
 
-def test_the_command_learns_in_flight() -> None:
-    words = (
-        "fly",
-        "--dihedral",
-        "15",
-        "--online",
-        "--set",
-        "predefined_time=1",
-        "--duration",
-        "2",
-        "--initial",
-        "speed=0.05",
-    )
-    result = hfa(*words)
-    assert result.code == 0
-    assert "the baseline gain is used until the first stabilizing certificate, at 0." in result.out
-
-
 def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, game: Game
 ) -> None:
@@ -167,48 +149,25 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
         ("--law published", "unknown law 'published'"),
         ("--law exact --online", "--online belongs to a learning law"),
         ("--law exact --set eta=0.5", "--set belongs to a learning law"),
-        ("--set span=1", "no setting 'span'"),
         ("--duration 0", "duration is 0"),
-        ("--duration soon", "--duration is 'soon'"),
         ("--duration 1e8", "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s"),
         ("--step 0.003", "whole number"),
         ("--initial roll=1", "--initial roll is not among the states speed"),
         ("--initial paper --initial speed=1", "--initial paper goes alone"),
-        ("--noise alpha=1 --noise paper", "--noise paper goes alone"),
-        ("--initial speed", "'speed' is not NAME=VALUE"),
-        ("--reference altitude=1", "--reference altitude is not among the states speed"),
         ("--noise alpha=1:2", "--noise alpha is '1:2'"),
-        ("--disturbance alpha=x", "alpha is 'x'"),
         ("--error span=0.9", "unknown parameter 'span'"),
         ("--error lift_slope=-1", "the factor on lift_slope is -1"),
         ("--gust 400", "--gust is '400'"),
-        ("--gust 0:10", "length is 0"),
-        ("--outer-gust 5", "--outer-gust belongs to --gust"),
-        ("--gust 400:5 --outer-gust x", "--outer-gust is 'x'"),
-        ("--gust 400:5:1 --outer-gust 5:-2", "--outer-gust begins at -1 s; the flight lasts"),
+        ("--gust 400:5:1:5:-2", "--gust begins at -1 s; the flight lasts"),
         ("--spanwise", "--spanwise belongs to --turbulence"),
         ("--gust 400:10 --turbulence 5:1750", "do not go together"),
         ("--turbulence 5", "--turbulence is '5'"),
-        ("--turbulence 5:0", "scale is 0"),
-        ("--turbulence 1:0.01", "scale is 0.01 ft"),
         ("--actuators 0.05", "--actuators is '0.05'"),
-        ("--actuators 0:60", "lag of throttle is 0"),
         ("--actuators 1e-9:60", "lag of throttle is 1e-09 s"),
-        ("--engine 1:10", "--engine belongs to --actuators"),
         ("--envelope roll=0:1", "no state 'roll'"),
         ("--envelope angle_of_attack=10:20", "the trim has alpha"),
-        ("--envelope alpha=1", "alpha is '1'; give LOW:HIGH"),
-        ("--envelope alpha=10:-10", "lower one"),
         ("--envelope dihedral=0:10", "outside the envelope"),
-        ("--picture flight.jpg", "'.jpg'"),
-        ("--seed -1", "--seed is -1"),
-        ("--delta 0", "delta is 0"),
-        ("-o flight.txt", "'.txt'"),
     ],
 )
 def test_the_command_refuses_in_one_line(words: str, named: str) -> None:
     assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
-
-
-def test_a_game_without_a_value_is_refused_with_exit_1() -> None:
-    assert_refused(hfa(*FLY, "--delta", "100"), 1, "delta_min")

@@ -22,7 +22,6 @@ from controller.export.exported_controller import (
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import ServoPolicy
 from hfa_model import LINEAR_STATES, Aircraft
-from hfa_support import BadInputError
 from hfa_support.files import write_texts
 from trim import OperatingPoint
 
@@ -144,8 +143,3 @@ def test_the_footprint_is_static_and_the_names_are_there(folder: Path) -> None:
     assert "HFA_COMMAND_DIHEDRAL, /* rad */" in header
     assert "from * / here" in header
     assert "5 to 20 deg" in header
-
-
-def test_a_controller_of_another_aircraft_is_refused(controller: ScheduledController, point: OperatingPoint) -> None:
-    with pytest.raises(BadInputError, match="was designed for published dynamics"):
-        c_controller_texts(controller, Aircraft(dynamics="newton"), point, "")

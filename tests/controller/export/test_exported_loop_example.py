@@ -17,7 +17,6 @@ from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
 from hfa_model import STATES, Aircraft, Input
-from hfa_support import BadInputError
 from hfa_support.files import write_texts
 from trim import OperatingPoint
 
@@ -86,9 +85,3 @@ def test_it_flies_what_we_fly_and_says_its_time(
     (tmp_path / EXAMPLE).write_text(text.replace("flown[0] += 1.0", "flown[0] += 1.02"))
     planted = ran(tmp_path, "-DHERTZ=1000", EXAMPLE, SOURCE)
     assert max(abs(planted[name] - value) for name, value in zip(STATES, known, strict=True)) > 3e-3 * size
-
-
-def test_what_the_actuators_do_not_have_is_refused(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    controller = integrating_controller(published_aircraft, measurements=("aileron_outer_rate", "dihedral"))
-    with pytest.raises(BadInputError, match="rates of its actuators"):
-        controller_example(controller, published_aircraft, point, actuators(1), "")

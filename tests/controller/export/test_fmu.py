@@ -23,7 +23,6 @@ from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
-from hfa_support import NoSolutionError
 from trim import OperatingPoint
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -181,13 +180,3 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
         archive.extractall(tmp_path)
     words = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE]
     assert subprocess.run([compiler, *words], cwd=tmp_path / "sources", capture_output=True).stderr == b""
-
-
-@pytest.mark.parametrize(("compiler", "said"), [(None, "needs a C compiler"), ("/bin/false", "cannot compile the FMU")])
-def test_without_a_compiler_nothing_is_written(
-    compiler: str | None, said: str, unit: Unit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(fmu, "c_compiler", lambda: compiler)
-    with pytest.raises(NoSolutionError, match=said):
-        write_fmu(unit.loop, tmp_path / "a.fmu", ORIGIN)
-    assert list(tmp_path.iterdir()) == []

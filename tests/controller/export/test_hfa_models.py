@@ -90,16 +90,6 @@ def test_outputs_come_along(folder: Path) -> None:
     np.testing.assert_array_equal(seen["C"][0], [0, -1, 1, 0, 0, 0])
 
 
-def test_a_file_without_models_is_said(folder: Path) -> None:
-    assert "gain.mat has no A, B, states and inputs" in read_arrays(folder / "missing.mat")["missing"][0]
-
-
-def test_an_array_of_systems_is_refused_where_there_is_none(folder: Path) -> None:
-    assert read_arrays(folder / "missing.mat")["array"] == [
-        "hfa_models: Octave has no arrays of systems; use models, a cell array"
-    ]
-
-
 @pytest.mark.parametrize("version", [pytest.param(6, marks=pytest.mark.slow), 7])
 def test_plants_and_critics_of_octave_are_checked(version: int, folder: Path) -> None:
     plant = str(folder / f"plant{version}.mat")

@@ -75,12 +75,6 @@ def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float)
     assert stated(f"lag of all actuators, eigenvalues at {degrees:g} deg") == found
 
 
-def test_less_dihedral_stands_more_lag() -> None:
-    one, other = (rounded_down(largest_lag(model_at(14.0, "newton"), gain(weights))) for weights in WEIGHTS)
-    text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
-    assert f"At 14 degrees more is tolerated, {one:.3f} s and {other:.3f} s." in text
-
-
 @pytest.mark.slow  # the eigenvalues are above, shorter flights below
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(weights: str) -> None:

@@ -65,12 +65,6 @@ def test_positions_and_rates_stay_within_their_limits() -> None:
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
 
 
-def test_positions_are_absolute_about_the_trim() -> None:
-    trim = np.array([0.3, 0.0, 0.0, -0.4, 0.0])
-    flight = flown(LIMITED, constant(10.0, 10.0, 0.0, -10.0, 0.0), trim=trim)
-    np.testing.assert_allclose(flight.inputs[-1] + trim, [0.4, 0.4, 0.0, -0.5, 0.0], atol=1e-6)
-
-
 def test_fast_actuators_without_limits_are_no_actuators() -> None:
     """The closed loop with actuators comes to the one without them, in proportion to the lag."""
     gain = np.zeros((M, N))
@@ -112,11 +106,6 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
     assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
-def test_a_trim_that_the_actuators_cannot_hold_is_refused() -> None:
-    with pytest.raises(BadInputError, match=r"elevator_outer is 0\.7 at trim"):
-        LIMITED.refuse_trim(np.array([0.0, 0.0, 0.0, 0.0, 0.7]))
-
-
 def test_of_order_2_it_is_the_second_order_response_and_its_rate_is_limited() -> None:
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, constant(1.0, -2.0, 0.0, 0.0, 0.0))
@@ -153,9 +142,3 @@ def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
 def test_faults_that_cannot_be_flown_are_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(BadInputError, match=said):
         ActuatorFault(**change)
-
-
-@pytest.mark.parametrize(("change", "said"), [({"order": 3}, "order of the"), ({"damping": 0.0}, "damping of the")])
-def test_actuators_of_another_order_are_refused(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=said):
-        replace(FREE, **change)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import casadi as ca
 import numpy as np
 import pytest
 from flight_cases import FlownCase, flown
@@ -122,13 +121,3 @@ def test_turbulence_is_flown_from_both_sources(newton: FlownCase) -> None:
     assert 0.1 < np.abs(outer - center).max() < 9.0
     with pytest.raises(BadInputError, match=r"is 0\.0 ft; it must"):
         spanwise_dryden(TURBULENCE, 0.0)
-
-
-def test_sizes_add_up() -> None:
-    gust = spanwise_dryden(TURBULENCE, 80.0)
-    assert (gust.memory_size, gust.constants_size, gust.start().shape) == (4, 2, (4,))
-    noise = np.concatenate([source.constants(7) for source in gust.sources])
-    np.testing.assert_array_equal(gust.constants(7), noise)
-    memory, p = ca.SX.sym("memory", 4), ca.SX.sym("p", 2)
-    assert gust.memory_rate(0.0, memory, p).shape == (4, 1)
-    assert gust.updraft(0.0, memory, p).shape == (2, 1)

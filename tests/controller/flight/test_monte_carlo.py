@@ -24,7 +24,7 @@ from controller import (
     gain_law,
     stream_monte_carlo,
 )
-from controller.flight import integrator, monte_carlo
+from controller.flight import monte_carlo
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.monte_carlo import MonteCarloJob, MonteCarloResult, fly_member, fly_members
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
@@ -232,17 +232,6 @@ def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: Cr
     assert np.abs(summary.memory - start).max() > 1e-6
 
 
-def test_all_members_fly_one_compiled_function(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-    monkeypatch.setattr(monte_carlo, "COMPILE_FROM_STEPS", 1)
-    monkeypatch.setattr(integrator, "machine_code", lambda function: made.append(function) or function)
-    result = fly_members(replace(plan, seed=99), 0, 4)  # no other test has this plan's loop made
-    assert len(made) == 1
-    assert len(np.unique(result["final"][:, 0])) == 4
-    _, alone = fly_member(replace(plan, seed=99), 2)
-    np.testing.assert_array_equal(result["final"][2], alone.final + np.array(plan.point.states))
-
-
 # Plans.
 
 
@@ -385,23 +374,6 @@ def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path:
     assert set(data["effort"].values()) == {None}
     assert data["errors"]["panel_mass"]["deviation"] is None
     assert data["first_left"] < 0.5
-
-
-@pytest.mark.parametrize("turbulence", [EVERYTHING.turbulence, None])
-def test_deviations_are_shown_where_the_air_moves(
-    plan: MonteCarlo, tmp_path: Path, turbulence: tuple[float, ...] | None
-) -> None:
-    few = replace(with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=turbulence)), members=2)
-    text = MonteCarloResult.of(few, stream_monte_carlo(few, tmp_path / "a.zarr")).report().text()
-    assert ("peak deviation" in text) == (turbulence is not None)
-    assert "rms error dihedral" in text
-
-
-def test_members_that_are_all_alike_are_said_to_be(plan: MonteCarlo, tmp_path: Path) -> None:
-    said = "Note: nothing differs from member to member: give parameter errors, noise or turbulence"
-    alike = replace(with_scenario(plan, uncertainty=Uncertainty()), members=1)
-    assert said in MonteCarloResult.of(alike, stream_monte_carlo(alike, tmp_path / "a.zarr")).report().text()
-    assert said not in MonteCarloResult.of(plan, stream_monte_carlo(plan, tmp_path / "b.zarr")).report().text()
 
 
 def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(

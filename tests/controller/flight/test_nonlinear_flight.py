@@ -18,12 +18,6 @@ from hfa_support import BadInputError
 N = len(LINEAR_STATES)
 
 
-def test_at_rest_nothing_moves(at_15: FlownCase) -> None:
-    result = flown(at_15, Scenario(duration=0.5))
-    assert result.departure is None
-    assert np.abs(result.flight.states).max() < 1e-10
-
-
 def test_a_flight_shows_its_report_at_the_prompt_and_can_be_kept(newton: FlownCase) -> None:
     result = flown(newton, Scenario(duration=0.1, gust=OneMinusCosine(200.0, 4.0, 68.0)))
     assert repr(result).startswith("Flight, newton dynamics, dihedral 15 deg\nstayed within limits: 0.1 s inside the")
@@ -97,13 +91,6 @@ def test_a_long_downdraft_tilts_the_path_and_hardly_the_flow(newton: FlownCase) 
     assert result.departure is None
     assert np.degrees(result.states[:, STATES.index("alpha")]).max() > 30.0
     assert np.degrees(np.abs(result.angles_of_attack)).max() < 20.0
-
-
-def test_in_still_air_both_angles_are_one(newton: FlownCase) -> None:
-    result = flown(newton, Scenario(duration=0.2, initial=SMALL))
-    np.testing.assert_array_equal(result.angles_of_attack, result.states[:, STATES.index("alpha")])
-    assert "angle_of_attack" not in result.report().text()
-    assert list(result.report().data["envelope"]) == list(STATES)
 
 
 @pytest.mark.parametrize(

@@ -60,12 +60,6 @@ def test_a_seed_that_ignores_the_member_is_noticed(plan: MonteCarlo, monkeypatch
     assert complaint in complaints_about_draws(plan, 300)
 
 
-def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = Uncertainty.factors
-    monkeypatch.setattr(Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2)
-    assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
-
-
 def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
     one, again, next_one = plan.member(3), replace(plan, members=99).member(3), plan.member(4)
     other_seed = replace(plan, seed=8).member(3)
@@ -111,7 +105,3 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
 def test_what_no_spread_can_be_is_refused(given: dict[str, object], said: str) -> None:
     with pytest.raises(BadInputError, match=said):
         Uncertainty(**given)  # type: ignore[arg-type]
-
-
-def test_no_spread_at_all_is_the_nominal_aircraft() -> None:
-    assert Uncertainty(errors={"lift_slope": 0.0}).factors(1, 0).tolist() == [1.0]

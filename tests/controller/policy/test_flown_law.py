@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from controller import Signal, gain_law
-from controller.policy.policies import TrackingPolicy
+from controller import gain_law
 from hfa_support import BadInputError
 
 GAINS = np.random.default_rng(1).normal(size=(3, 5, 6))
@@ -28,8 +25,3 @@ def test_one_gain_stays_and_several_follow_each_other_and_the_last_stays() -> No
 def test_another_shape_is_refused(gains: np.ndarray) -> None:
     with pytest.raises(BadInputError, match=r"the gain has shape .*; give 5 x 6 finite numbers"):
         gain_law("bad", gains)
-
-
-def test_what_is_no_gain_has_no_gains() -> None:
-    law, tracking = gain_law("one", GAINS[0]), TrackingPolicy(Signal(np.zeros(2), np.zeros(2)))
-    assert replace(law, policy=tracking).gains.shape == (0, 5, 6)

@@ -48,12 +48,6 @@ def test_the_integral_law_flies_from_the_baseline(newton: FlownCase) -> None:
         learned_value(newton.game, "irl", 0, iterations=1)
 
 
-def test_a_plant_that_no_input_moves_has_no_baseline() -> None:
-    game = Game(np.eye(2), np.zeros((2, 1)), np.eye(2), np.eye(2), np.eye(1), 10.0)
-    with pytest.raises(NoSolutionError, match="no baseline gain"):
-        baseline_gain(game)
-
-
 def test_a_value_that_is_zero_for_a_state_without_cost_takes_over_too() -> None:
     """P is singular where Q is; rounding makes its smallest eigenvalue negative in one case of two."""
     rng = np.random.default_rng(18)

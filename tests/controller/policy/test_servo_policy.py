@@ -12,7 +12,6 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 
 from controller import (
-    ActuatorFault,
     Actuators,
     CommandedStates,
     CommandSteps,
@@ -104,16 +103,6 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.05)
     np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
-
-
-def test_a_fault_takes_effectiveness_from_its_time_on(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    controller = integrating_controller(published_aircraft)
-    whole = flown(published_aircraft, point, controller)
-    weak = replace(FREE, faults=(ActuatorFault(6.0, 0.25, 0.5),))
-    failed = flown(published_aircraft, point, controller, actuators=weak)
-    before = whole.flight.times <= 6.0
-    np.testing.assert_allclose(failed.flight.states[before], whole.flight.states[before], atol=1e-12)
-    assert np.abs(failed.flight.inputs[-1]).max() < 0.7 * np.abs(whole.flight.inputs[-1]).max()
 
 
 def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircraft, point: OperatingPoint) -> None:

@@ -46,20 +46,3 @@ def test_limits_are_said_and_drawn_where_the_flight_came_near(flight: NonlinearF
     panels = drawn(replace(near, envelope=replace(near.envelope, lowest=steep)))
     assert levels(panels["deflections, deg"]) == [pytest.approx(20.0)]
     assert levels(panels["alpha, deg"]) == [pytest.approx(np.degrees(steep.alpha))]
-
-
-def test_a_transient_of_the_first_second_has_its_inset_and_a_slow_change_none(flight: NonlinearFlight) -> None:
-    times = flight.flight.times
-    for decay, insets in ((0.1, 1), (5.0, 0)):
-        throttle = drawn(with_inputs(flight, "throttle", 10.0 * np.exp(-times / decay)))["throttle"]
-        assert len(throttle.child_axes) == insets  # type: ignore[attr-defined]
-    figure = flight_figure(flight, "a flight")
-    assert figure.axes[-1].get_legend().get_title().get_text() == "still air"  # in the place of the updraft
-    assert figure.legends == []
-
-
-def test_updrafts_of_center_and_outer_panels_are_told_apart(flight: NonlinearFlight) -> None:
-    both = np.column_stack([np.full(len(flight.flight.times), size) for size in (1.0, -2.0)])
-    air = drawn(replace(flight, flight=replace(flight.flight, updrafts=both)))["updraft, ft/s"]
-    assert [line.get_ydata()[0] for line in air.lines] == [1.0, -2.0]  # type: ignore[attr-defined]
-    assert [text.get_text() for text in air.get_legend().get_texts()] == ["center", "outer"]  # type: ignore[attr-defined]
