@@ -110,7 +110,7 @@ def _run(words: list[str]) -> int:
             module, arguments = _parsed(words)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
-        _refuse_same_file(words, arguments)
+        _refuse_same_file(words[1:], arguments)
         return _run_parsed(module, arguments, words)
 
 

@@ -87,4 +87,4 @@ def checks_block(checks: Iterable[Check]) -> Part:
 
 def verdict_text(ok: bool) -> str:
     """How a table says whether a check holds."""
-    return Cell("pass", "good") if ok else Cell("FAIL", "bad")
+    return Cell("PASS", "good") if ok else Cell("FAIL", "bad")

@@ -221,7 +221,7 @@ def test_sweep_without_a_single_trim_exits_1() -> None:
 def test_regenerate_passes_with_the_shipped_parameters() -> None:
     said = text("regenerate")
     assert "\nBoth pairs regenerated: yes\n" in said
-    assert said.count(" pass\n") == 8
+    assert said.count(" PASS\n") == 8
     assert "FAIL" not in said
     data = answer("regenerate")
     assert data["ok"] is True

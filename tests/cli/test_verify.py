@@ -36,7 +36,7 @@ def test_verify_prints_a_table_of_checks() -> None:
     assert said.startswith("Critic on plant.json, against the exact game solution: PASS\n")
     assert "\ncheck " in said
     assert "FAIL" not in said
-    assert said.count(" pass\n") == 21
+    assert said.count(" PASS\n") == 21
     assert "\nP(x1, x2) " in said
 
 

@@ -34,7 +34,7 @@ def test_it_names_the_smallest_margins_and_what_it_is_told(published_aircraft: A
     )
     assert isinstance(table, Table)
     assert [tuple(each)[:-1] for each in table.rows][1] == ("10", "7.25", "-0.1250", "0.2000", "0.8000")
-    assert [str(each[-1]) for each in table.rows] == ["pass", "FAIL", "pass"]
+    assert [str(each[-1]) for each in table.rows] == ["PASS", "FAIL", "PASS"]
     assert smallest == (
         "smallest disk margin at inputs: 0.2000 at 10 deg, gain 2, phase 33 deg\n"
         "smallest disk margin at sensors: 0.6000 at 20 deg, gain 2, phase 33 deg"

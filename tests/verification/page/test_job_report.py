@@ -18,11 +18,11 @@ from verification.page.page_html import slider
 
 
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
-    assert [row[1] for row in verdicts(job).rows] == ["pass"] * 3
+    assert [row[1] for row in verdicts(job).rows] == ["PASS"] * 3
     pair = job.regeneration.pairs[0]
     wrong = replace(pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:]))
     planted = replace(job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:])))
-    assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "pass", "pass"]
+    assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "PASS", "PASS"]
     assert not planted.ok
 
 
@@ -36,7 +36,7 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
     assert "No game solution: no solution: planted" in text
     assert "short period" in text
     planted = replace(job, angles=(angle,))
-    assert [row[1] for row in verdicts(planted).rows] == ["pass", "pass", "FAIL", "FAIL", "pass"]
+    assert [row[1] for row in verdicts(planted).rows] == ["PASS", "PASS", "FAIL", "FAIL", "PASS"]
 
 
 def test_a_solution_is_shown_in_full(job: MainJob) -> None:
