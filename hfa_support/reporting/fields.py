@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from hfa_support.reporting.checks import Check, checks_block
-from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table, matrix_table, numbered
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.text import matrix_table, numbered
 
 #: Matrices with more rows or columns, and longer lists, are said by their shape.
 _MOST = 12
@@ -21,39 +21,22 @@ _LONGEST = 110
 class Shown(Reported):
     """A dataclass that shows its fields at the prompt, where arrays would fill the screen."""
 
-    #: Properties that are shown before the fields: a verdict.
-    says: ClassVar[tuple[str, ...]] = ()
-
     def report(self) -> Report:
-        """The first line of the docstring, the fields, the matrices, the checks."""
-        held = {name: getattr(self, name) for name in self.says}
-        held |= {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
-        matrices = {name: value for name, value in held.items() if _is_matrix(value)}
-        checks = {name: value for name, value in held.items() if isinstance(value, tuple) and _are_checks(value)}
-        lines = [f"{name}: {_said(value)}" for name, value in held.items() if name not in {**matrices, **checks}]
-        return Report(
-            f"{type(self).__name__}: {(type(self).__doc__ or '').partition(chr(10))[0]}",
-            [
-                "\n".join(lines),
-                *(_entries(name, matrix) for name, matrix in matrices.items()),
-                *map(checks_block, checks.values()),
-            ],
-            data=held,
-        )
-
-
-def _entries(name: str, matrix: np.ndarray) -> Table:
-    rows, columns = (numbered("", count) for count in matrix.shape)
-    return matrix_table(name, rows, columns, matrix)
-
-
-def _is_matrix(value: Any) -> bool:
-    kept = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "iuf"
-    return kept and value.size > 0 and max(value.shape) <= _MOST
-
-
-def _are_checks(values: tuple[Any, ...]) -> bool:
-    return bool(values) and all(isinstance(each, Check) for each in values)
+        """The first line of the docstring, the fields, small matrices, the checks."""
+        held = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        lines: list[str] = []
+        matrices: list[Part] = []
+        checks: list[Part] = []
+        for name, value in held.items():
+            if isinstance(value, np.ndarray) and value.ndim == 2 and value.size and max(value.shape) <= _MOST:
+                rows, columns = (numbered("", count) for count in value.shape)
+                matrices.append(matrix_table(name, rows, columns, value))
+            elif isinstance(value, tuple) and value and isinstance(value[0], Check):
+                checks.append(checks_block(value))
+            else:
+                lines.append(f"{name}: {_said(value)}")
+        title = f"{type(self).__name__}: {(type(self).__doc__ or '').partition(chr(10))[0]}"
+        return Report(title, ["\n".join(lines), *matrices, *checks], data=held)
 
 
 def _said(value: Any) -> str:

@@ -16,9 +16,6 @@ from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
 from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
-from hfa_support.jobs.store import open_store
-from hfa_support.reporting.data_files import save_data
-from hfa_support.reporting.text import Table
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
@@ -213,57 +210,7 @@ def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.Monke
     assert second.read_bytes() == first.read_bytes()
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat", "csv"])
-def test_files_have_the_rights_of_ordinary_files(tmp_path: Path, suffix: str) -> None:
-    ordinary = tmp_path / "ordinary"
-    ordinary.touch()
-    path, _ = written(tmp_path / "new", "trim", suffix)
-    assert path.stat().st_mode == ordinary.stat().st_mode
-
-
-def test_a_suffix_in_capitals_is_the_same_format(tmp_path: Path) -> None:
-    paths = [written(tmp_path / suffix, "trim", suffix)[0] for suffix in ("JSON", "json")]
-    first, second = (json.loads(path.read_text(encoding="utf-8")) for path in paths)
-    assert first | {"provenance": None} == second | {"provenance": None}
-
-
-def test_a_store_in_capitals_is_a_store(tmp_path: Path) -> None:
-    path = tmp_path / "a.ZARR"
-    assert hfa("sweep", "--dihedral", "0:5:1", "-o", str(path)).code == DONE
-    assert (path.is_dir(), open_store(path).missing()) == (True, [])
-
-
-def test_no_format_is_written_for_want_of_another(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="unknown suffix"):
-        save_data(tmp_path / "a.zarr", {"schema": "hfa.sweep/1"}, Table(("a",), [(1.0,)]))
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
-
-
-def test_a_sweep_without_a_trim_draws_no_empty_picture(tmp_path: Path) -> None:
-    path = tmp_path / "locus.png"
-    result = hfa("sweep", "--speed", "1:5:1", "--picture", str(path))
-    assert (result.code, list(tmp_path.iterdir())) == (FAILED, [])
-    assert f"nothing to draw: {path} is not written" in result.err
-
-
-@pytest.mark.parametrize(
-    ("suffix", "start"),
-    [
-        pytest.param("png", b"\x89PNG\r\n\x1a\n", marks=pytest.mark.slow),  # of all three: test_figure.py
-        ("svg", b"<?xml"),
-        pytest.param("pdf", b"%PDF-", marks=pytest.mark.slow),
-    ],
-)
-def test_two_runs_draw_the_same_picture(tmp_path: Path, suffix: str, start: bytes) -> None:
-    paths = [tmp_path / f"{name}.{suffix}" for name in ("first", "second")]
-    for path in paths:
-        assert hfa("sweep", "--dihedral", "0:20:5", "--picture", str(path)).code == DONE
-    assert sorted(tmp_path.iterdir()) == paths
-    assert paths[0].read_bytes().startswith(start)
-    assert paths[0].read_bytes() == paths[1].read_bytes()

@@ -78,20 +78,6 @@ def test_our_own_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
     assert_solved_and_checked(plant, gain, known)
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("plant.csv", "0,1\n1,0\n", "A.csv with B.csv beside it"),
-        ("A.csv", "0,1\n1,0\n", "there is no B"),
-        ("A.csv", "", "A has no numbers"),
-        ("A.csv", "a,b\n1,c\n", "A has 'c' in row 1"),
-    ],
-)
-def test_refusals_are_one_line(name: str, text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text(text, encoding="utf-8")
-    assert_refused(hfa("solve", "--model", str(tmp_path / name)), 2, name, said)
-
-
 @pytest.mark.parametrize("command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)])
 def test_tables_are_read_as_they_are(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column "unit"."""
@@ -125,14 +111,6 @@ def is_number(cell: str) -> bool:
 def has_unit(name: str, header: list[str]) -> bool:
     beside = name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
     return beside or name.endswith("]") or name.endswith("_deg")
-
-
-def test_what_is_no_table_of_numbers_with_units_is_seen(tmp_path: Path) -> None:
-    polars, path = pytest.importorskip("polars"), tmp_path / "table.csv"
-    path.write_text("speed,time [s]\nnan,NaN\n1.0,1.0\n", encoding="utf-8")
-    table = polars.read_csv(path)
-    assert [has_unit(name, table.columns) for name in table.columns] == [False, True]
-    assert [table[name].dtype.is_numeric() for name in table.columns] == [False, True]
 
 
 def test_a_column_of_units_is_found(tmp_path: Path) -> None:

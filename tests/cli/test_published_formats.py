@@ -61,11 +61,6 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
     assert said in " ".join(complaints_about(trim | change))
 
 
-def test_a_missing_key_is_seen(trim: dict[str, Any]) -> None:
-    left = {key: value for key, value in trim.items() if key != "provenance"}
-    assert complaints_about(left) == ["$: 'provenance' is a required property"]
-
-
 def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path, published_aircraft: Aircraft) -> None:
     save_controller(tmp_path / "a.npz", small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))

@@ -173,15 +173,6 @@ def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path)
         assert result.code == 0, (result.out, result.err)
 
 
-@pytest.mark.parametrize(("matrix", "rows"), [("P", 6), ("K", 5)])
-def test_the_tables_of_what_was_learned_are_in_the_units_of_the_data(matrix: str, rows: int) -> None:
-    words = ("learn", *AT, "--units", "si")
-    data, lines = json.loads(hfa(*words, "--json").out)[matrix], hfa(*words).out.splitlines()
-    begin = next(i for i, line in enumerate(lines) if line.split()[:2] == [matrix, "speed"])
-    for shown, row in zip(lines[begin + 1 : begin + 1 + rows], data, strict=True):
-        assert [float(word) for word in shown.split()[1:]] == pytest.approx(row, rel=1e-3, abs=1e-4)
-
-
 def test_weights_over_time_in_the_units_of_their_columns(tmp_path: Path) -> None:
     """A table says its units in the names of its columns; without them they are those of the plant."""
     file = tmp_path / "run.csv"

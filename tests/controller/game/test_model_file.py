@@ -176,28 +176,6 @@ def test_damaged_files_are_refused_in_one_line(tmp_path: Path, load: Any, suffix
     assert "\n" not in str(refusal.value)
 
 
-def test_truncated_files_are_refused(tmp_path: Path, model: dict[str, np.ndarray]) -> None:
-    np.savez(tmp_path / "plant.npz", **model)
-    savemat(tmp_path / "plant.mat", model, do_compression=True)
-    for name in ("plant.npz", "plant.mat"):
-        whole = (tmp_path / name).read_bytes()
-        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-        with pytest.raises(BadInputError, match=r"cannot be read|there is no"):
-            load_game(tmp_path / name)
-
-
-def test_pickled_objects_are_not_loaded(tmp_path: Path) -> None:
-    np.savez(tmp_path / "plant.npz", A=np.array([{"a": 1}], dtype=object), B=np.eye(1))
-    with pytest.raises(BadInputError, match=r"cannot be read as \.npz"):
-        load_game(tmp_path / "plant.npz")
-
-
-def test_complex_matrices_are_refused(tmp_path: Path) -> None:
-    savemat(tmp_path / "plant.mat", {"A": np.array(A2) * 1j, "B": B2, "Q": Q2, "R": R1})
-    with pytest.raises(BadInputError, match="A does not consist of rows of real numbers"):
-        load_game(tmp_path / "plant.mat")
-
-
 def test_missing_file_unknown_suffix_and_new_matlab_files(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match=r"plant.json: there is no such file"):
         load_game(tmp_path / "plant.json")
@@ -257,24 +235,6 @@ def test_names_that_are_none_are_left_out(tmp_path: Path, key: str, damaged: obj
     found = stored_game(_json(tmp_path / "plant.json", content))
     assert found.game.delta == 9.0
     assert (found.names, found.provenance) == ({}, {})
-
-
-@pytest.mark.parametrize(
-    ("names", "said"),
-    [
-        ({"states": ["x", "y", "z"]}, "states has not one name for each; they are called x1 and so on"),
-        ({"state_labels": ["x", "x"]}, "states has not one name for each; they are called x1 and so on"),
-        ({"state_units": ["ft"]}, "state_units has not one unit for each; none is used"),
-    ],
-)
-def test_names_that_do_not_fit_are_left_out_and_the_user_is_told(
-    tmp_path: Path, names: dict[str, list[str]], said: str
-) -> None:
-    content = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0, "inputs": ["push"]}
-    found = stored_game(_json(tmp_path / "plant.json", content | names))
-    (note,) = [note for note in found.notes if "has not one" in note]
-    assert note.endswith(f"plant.json: {said}")
-    assert found.names == {"inputs": ("push",)}
 
 
 def test_a_structure_is_looked_into_only_where_nothing_stands_outside(tmp_path: Path) -> None:

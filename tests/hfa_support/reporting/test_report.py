@@ -96,13 +96,6 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
         found.save(tmp_path / "a.txt")
 
 
-def test_rows_that_are_made_are_counted_and_end() -> None:
-    rows = RowsMade(2, lambda i: (i,))
-    assert (len(rows), list(rows), list(rows)) == (2, [(0,), (1,)], [(0,), (1,)])
-    with pytest.raises(IndexError):
-        rows[2]
-
-
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
     table = Table(("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")])
     plain, shown = Report("", (table,)).text(), Report("", (table,)).text(Style(color=True))
