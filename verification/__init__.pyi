@@ -11,7 +11,7 @@ from .critic.candidate import (
 from .critic.check_result import CriticCheck as CriticCheck, check_report as check_report
 from .critic.critic_check import check_critic as check_critic, check_history as check_history
 from .critic.critic_errors import relative_error as relative_error
-from .enclosures.trim_family import Family as Family
+from .enclosures.trim_branch import Family as Family
 from .exact_solution import (
     GameSolution as GameSolution,
     OutputGame as OutputGame,

@@ -33,7 +33,7 @@ from hfa_support.errors import BadInputError, said_of
 
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
-    from verification.enclosures.trim_family import Family
+    from verification.enclosures.trim_branch import Family
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {

@@ -14,7 +14,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:
-    from verification.enclosures.trim_family import Family
+    from verification.enclosures.trim_branch import Family
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
@@ -41,7 +41,7 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
 
     errors: every identified parameter may be off by this many of its standard errors.
     """
-    from verification.enclosures.trim_family import Family
+    from verification.enclosures.trim_branch import Family
 
     flights = options.flight_of(arguments)
     parameters = options.parameters_of(arguments)

@@ -21,9 +21,8 @@ from hfa_support.errors import refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from verification.critic.candidate import Candidate, from_stored
-from verification.critic.check_result import CriticCheck
+from verification.critic.check_result import CriticCheck, history_errors
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
-from verification.critic.critic_history import history_errors
 from verification.critic.diagnosis import diagnose
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.

@@ -29,8 +29,7 @@ from verification.arithmetic.taylor_model import TaylorModel
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import lyapunov_operator
 from verification.enclosures.taylor import DihedralBox, bisected
-from verification.enclosures.trim_branch import ModelForms, TrimBranch
-from verification.enclosures.trim_family import Family
+from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated
 

@@ -18,8 +18,7 @@ from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
 from verification.enclosures.taylor import DihedralBox, bisected, roomy
-from verification.enclosures.trim_branch import TrimBranch
-from verification.enclosures.trim_family import Family
+from verification.enclosures.trim_branch import Family, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 

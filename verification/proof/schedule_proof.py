@@ -20,8 +20,7 @@ from verification.arithmetic.balls import doubles
 from verification.arithmetic.taylor_model import TaylorModel
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.taylor import DihedralBox, bisected
-from verification.enclosures.trim_branch import ModelForms, TrimBranch
-from verification.enclosures.trim_family import Family
+from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 

@@ -21,7 +21,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import CertifiedSettings, Game, Stack, basis, learn, random_pool, record, run
 from controller.game.basis import BASES
 from controller.laws.certified import after, certified_law, decay_rate
-from controller.training_data.probing import ProbingFlight
+from controller.laws.integral_rl import ProbingFlight
 from controller.training_data.recording import natural_spread
 from hfa_support import NoSolutionError
 

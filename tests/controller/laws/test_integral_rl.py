@@ -11,8 +11,7 @@ from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
 from controller import IrlSettings, basis, learn, random_pool, run
-from controller.laws.integral_rl import IntegralLearning, integral_learning
-from controller.training_data.probing import ProbingFlight
+from controller.laws.integral_rl import IntegralLearning, ProbingFlight, integral_learning
 from controller.training_data.recording import natural_spread
 from hfa_support import BadInputError, NoSolutionError
 

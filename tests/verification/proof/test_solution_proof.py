@@ -16,8 +16,7 @@ from verification import minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix
 from verification.enclosures.game_balls import BallGame, enclose_solution
-from verification.proof.delta_proof import none_exists, prove_delta_min, value_is_proved
-from verification.proof.solution_proof import distance
+from verification.proof.solution_proof import distance, none_exists, prove_delta_min, value_is_proved
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
