@@ -34,6 +34,9 @@ def main() -> int:
     except (BadInputError, NoSolutionError, OSError) as error:
         print(f"studies.servo: {on_one_line(str(error))}", file=sys.stderr)
         return 1 if isinstance(error, NoSolutionError) else 2
+    except KeyboardInterrupt:
+        print("studies.servo: interrupted", file=sys.stderr)
+        return 130
     print(report.json() if arguments.json else report.text())
     return 0 if report.data.get("ok", True) else 1
 

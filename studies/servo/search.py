@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Actuator, Design, DesignModel, ScheduledController
+from controller import Design, ScheduledController
 from controller.design.controllers import controller_at, controller_table
 from controller.design.corners import corner_loops
 from controller.design.design import Feedforward
 from controller.design.design_file import design_of
-from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
+from controller.design.servo_loop import servo_loop, servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError, Report
@@ -34,9 +34,6 @@ PENALTY, LOST = 1e3, 1e6
 
 #: Dynamics and dihedral, rad, of a linear model.
 Place = tuple[str, float]
-Tables = Callable[[Place], ScheduledController]
-#: Dihedral, rad, and actuator of a linear flight -> its plant and its loop.
-Loops = Mapping[tuple[float, Actuator], tuple[DesignModel, ServoLoop]]
 
 
 class Evaluation(NamedTuple):
@@ -95,19 +92,40 @@ class DesignEvaluation:
             return Evaluation(2.0 * LOST, math.inf)
         return found
 
-    def _tables(self, design: Design) -> Tables:
+    def _tables(self, design: Design) -> Callable[[Place], ScheduledController]:
         """The controllers of a design, each made when it is first asked for."""
         return cache(lambda place: quick_controller(*self._models[place], design))
 
     def _parts(self, design: Design) -> Iterator[Evaluation]:
-        """The evaluation with ever more in it, by what it takes; no part makes the cost smaller."""
-        tuning, account = self._tuning, _Account(self._tuning.power)
-        table_at = self._tables(replace(design, feedforward=None))
-        loops = {(angle, actuator): self._loop(angle, actuator, table_at) for angle, actuator in tuning.places}
+        """The evaluation with ever more in it, by the time that it takes; no part makes the cost smaller."""
+        tuning, found = self._tuning, Evaluation(0.0, math.inf)
+        sizes: list[float] = []  # of errors, weighted
+        missed: list[float] = []  # of constraints, as shares of their limits
+
+        def with_more(**figures: Any) -> Evaluation:
+            nonlocal found
+            with np.errstate(over="ignore"):
+                norm = np.linalg.norm(sizes, tuning.power) if sizes else 0.0
+            found = found._replace(cost=float(norm + PENALTY * sum(max(0.0, each) for each in missed)), **figures)
+            return found
+
+        table_at, loops = self._tables(replace(design, feedforward=None)), {}
+        for angle, actuator in tuning.places:
+            table = table_at((self._own, angle))
+            actuators = dict.fromkeys(table.inputs, actuator)
+            plant = servo_plant(*self._models[self._own, angle], table, actuators)
+            loops[angle, actuator] = plant, servo_loop(plant, table)
         worst, abscissa = max(loop.abscissa for _, loop in loops.values()), -math.inf
         if worst < 0.0:
-            found = self._add_turbulence(account, loops)
-            yield found._replace(cost=min(found.cost, LOST))  # a corner may be unstable yet
+            rms = []
+            for air in tuning.turbulence:
+                states = turbulence_rms(*loops[air.dihedral, air.actuator], air.intensity, air.scale)
+                rms.append({name: states[name] for name in air.objective})
+                sizes += [size * states[name] for name, size in air.objective.items()]
+            fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in loops.values())
+            missed.append(fastest / tuning.fastest - 1.0)
+            part = with_more(rms=tuple(rms), fastest=fastest)
+            yield part._replace(cost=min(part.cost, LOST))  # a corner may be unstable yet
         for place in self._corners:
             corners = corner_loops(*self._models[place], table_at(place))
             abscissa = max(abscissa, *(loop.abscissa for _, loop in corners))
@@ -116,65 +134,24 @@ class DesignEvaluation:
                 yield Evaluation(LOST * (1.0 + worst), worst)
         if worst >= 0.0:
             return
-        yield account.add(missed=[(abscissa - tuning.abscissa) / abs(tuning.abscissa)], abscissa=abscissa)
-        told_at = self._tables(design) if design.feedforward else table_at
-        yield self._add_commands(account, loops, told_at, design.feedforward or Feedforward())
+        missed.append((abscissa - tuning.abscissa) / abs(tuning.abscissa))
+        yield with_more(abscissa=abscissa)
+        shaped_at, flights = self._tables(design) if design.feedforward else table_at, []
+        for case in tuning.cases:
+            plant, table = loops[case.dihedral, case.actuator][0], shaped_at((self._own, case.dihedral))
+            flights.append(fly_commands(plant, table, case.ends, case.each, design.feedforward or Feedforward()))
+        errors, rates = zip(*flights, strict=True)
+        sizes += [size * each[name] for each in errors for name, size in tuning.objective.items()]
+        missed += [rate / tuning.rate - 1.0 for rate in rates]
+        yield with_more(errors=errors, rates=rates)
         if tuning.margin:
-            margin = min(_margin(loop) for _, loop in loops.values())
-            yield account.add(missed=[1.0 - margin / tuning.margin], margin=margin)
+            margins = [(loop.margin_at_inputs().disk, loop.margin_at_sensors().disk) for _, loop in loops.values()]
+            missed.append(1.0 - min(map(min, margins)) / tuning.margin)
+            yield with_more(margin=min(map(min, margins)))
         for place, gust in self._in_gusts:
             share = gust_share(*self._models[place], table_at(place), gust)
-            yield account.add(missed=[share - 1.0], gusts=(*account.found.gusts, share))
-
-    def _loop(self, angle: float, actuator: Actuator, table_at: Tables) -> tuple[DesignModel, ServoLoop]:
-        """The plant with this actuator at every input, and its loop."""
-        table = table_at((self._own, angle))
-        plant = servo_plant(*self._models[self._own, angle], table, dict.fromkeys(table.inputs, actuator))
-        return plant, servo_loop(plant, table)
-
-    def _add_turbulence(self, account: _Account, loops: Loops) -> Evaluation:
-        """What turbulence costs, of stable loops, and their fastest pole."""
-        sizes, rms = [], []
-        for air in self._tuning.turbulence:
-            states = turbulence_rms(*loops[air.dihedral, air.actuator], air.intensity, air.scale)
-            rms.append({name: states[name] for name in air.objective})
-            sizes += [size * states[name] for name, size in air.objective.items()]
-        fastest = max(float(np.abs(np.linalg.eigvals(loop.closed)).max()) for _, loop in loops.values())
-        return account.add(sizes, [fastest / self._tuning.fastest - 1.0], rms=tuple(rms), fastest=fastest)
-
-    def _add_commands(self, account: _Account, loops: Loops, table_at: Tables, shaping: Feedforward) -> Evaluation:
-        """What the commands of the cases cost."""
-        flights = []
-        for case in self._tuning.cases:
-            plant, table = loops[case.dihedral, case.actuator][0], table_at((self._own, case.dihedral))
-            flights.append(fly_commands(plant, table, case.ends, case.each, shaping))
-        errors, rates = zip(*flights, strict=True)
-        sizes = [size * each[name] for each in errors for name, size in self._tuning.objective.items()]
-        return account.add(sizes, [rate / self._tuning.rate - 1.0 for rate in rates], errors=errors, rates=rates)
-
-
-class _Account:
-    """An evaluation with ever more in it."""
-
-    def __init__(self, power: float) -> None:
-        self._power = power
-        self._sizes: list[float] = []
-        self._missed: list[float] = []
-        self.found = Evaluation(0.0, math.inf)
-
-    def add(self, sizes: Sequence[float] = (), missed: Sequence[float] = (), **figures: Any) -> Evaluation:
-        """sizes: of errors, weighted. missed: of constraints, as shares of their limits. figures: of the evaluation."""
-        self._sizes += sizes
-        self._missed += missed
-        with np.errstate(over="ignore"):
-            norm = np.linalg.norm(self._sizes, self._power) if self._sizes else 0.0
-        cost = float(norm + PENALTY * sum(max(0.0, each) for each in self._missed))
-        self.found = self.found._replace(cost=cost, **figures)
-        return self.found
-
-
-def _margin(loop: ServoLoop) -> float:
-    return min(loop.margin_at_inputs().disk, loop.margin_at_sensors().disk)
+            missed.append(share - 1.0)
+            yield with_more(gusts=(*found.gusts, share))
 
 
 def quick_controller(aircraft: Aircraft, model: LinearModel, design: Design) -> ScheduledController:

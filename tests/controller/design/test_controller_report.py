@@ -40,10 +40,3 @@ def test_it_names_the_smallest_margins_and_what_it_is_told(published_aircraft: A
         "smallest disk margin at sensors: 0.6000 at 20 deg, gain 2, phase 33 deg"
     )
     assert (report.data["delta"], report.data["angles"]) == (200.0, about["angles"])
-
-
-def test_without_commands_and_delta_it_says_so(published_aircraft: Aircraft) -> None:
-    plain = small_controller(published_aircraft, command_filter=(), about={})
-    assert "told: dihedral_command, dihedral_command_rate" in plain.report().parts[0]
-    assert "command filter" not in plain.report().parts[0]
-    assert str(plain.report().parts[0]).startswith("delta inf; ")

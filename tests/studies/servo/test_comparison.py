@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,19 @@ import pytest
 from known_models import model_at
 from project import ROOT
 
-from controller import Actuator, ActuatorFault, CommandSteps, design_controller, load_design, save_controller
+from controller import (
+    Actuator,
+    ActuatorFault,
+    CommandSteps,
+    Dryden,
+    design_controller,
+    flight_envelope,
+    load_design,
+    save_controller,
+)
+from controller.flight.nonlinear_flight import fly_law
+from controller.flight.plants import NonlinearPlant
+from controller.policy.servo_policy import ServoPolicy
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from studies.servo import comparison
@@ -169,3 +182,22 @@ def test_gusts_that_our_servos_stand(given: tuple[str, str, float]) -> None:
     assert all(share(degrees, STOOD[given]) <= 1.0 for degrees in (5.0, 15.0))
     if design == "servo" and sign > 0.0:
         assert share(5.0, 1.5 * STOOD[given]) > 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feels_the_air", [True, False])
+def test_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, feels_the_air: bool
+) -> None:
+    """With A_z made of alpha over ground its integral fights the air that rises, and the aircraft is lost."""
+    commands, point = comparison.simvfa_commands(), model_at(11.0).point
+    law = laws_of(1, {})["servo"](comparison.Start(published_aircraft, point, commands))
+    assert isinstance(law.policy, ServoPolicy)
+    if not feels_the_air:
+        monkeypatch.setattr(law.policy.outputs, "F", 0.0 * law.policy.outputs.F)
+    air = Dryden(6.0, 1750.0, point.states.speed, 0.05, 2000, 0, 20.0)
+    scenario = comparison.scenario_of(CASES["order-1"], commands, 100.0)
+    scenario = replace(scenario, step=0.001, tick=0.05, gust=air)
+    envelope = flight_envelope(published_aircraft.parameters, point)
+    result = fly_law(NonlinearPlant(published_aircraft, point), law, scenario, envelope)
+    assert (result.departure is None) == feels_the_air
