@@ -14,8 +14,7 @@ from hfa_model.outputs import OUTPUTS, unit_of
 from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
-from trim.linear.linear_model import LinearModel
-from trim.linear.output_model import output_model
+from trim.linear.linear_model import LinearModel, linearize
 
 #: Rows whose smallest singular value is below this, in units in which rows and columns have size 1, are dependent.
 RANK = 1e-10
@@ -161,7 +160,7 @@ def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> 
     """
     plain = [name.removesuffix(SHORT_PERIOD) for name in names]
     known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
-    found = output_model(aircraft, model.point, tuple(known))
+    found = linearize(aircraft, model.point, outputs=tuple(known))
     C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
     for row, (name, output) in enumerate(zip(names, plain, strict=True)):
         if output in found.outputs:

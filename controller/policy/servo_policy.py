@@ -17,7 +17,7 @@ from controller.policy.policies import FlownLaw, Seen, Unvaried
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unknown
-from trim.linear.output_model import output_model
+from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
@@ -66,7 +66,7 @@ class MeasuredOutputs:
             if of in INPUTS and what in ("position", "rate"):
                 (self.D if what == "position" else self.rates)[row, INPUTS.index(of)] = 1.0
                 continue
-            model = output_model(aircraft, point, (name.removesuffix(SHORT_PERIOD),), disturbances=_AIR)
+            model = linearize(aircraft, point, outputs=(name.removesuffix(SHORT_PERIOD),), disturbances=_AIR)
             self.C[row], self.D[row], self.F[row] = model.C[0], model.D[0], model.F[0]
             if name.endswith(SHORT_PERIOD):
                 self.C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
+from hfa_model.dynamics import by_name, symbols
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
+from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, STATES, UNITS
-from hfa_model.winds import DISTURBANCE_UNIT
+from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
 from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
 from trim.linear.modes import modes_of, modes_table
-from trim.linear.output_model import UPDRAFT, OutputModel, output_model
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -24,6 +28,8 @@ from trim.point.solve import find_operating_point
 if TYPE_CHECKING:
     import control
 
+#: What w is unless winds are named.
+UPDRAFT = ("updraft",)
 #: Why a model comes without bands.
 NO_BANDS = (
     "No bands of the rounding of the print: they are known for the six printed states of the identified aircraft only"
@@ -104,12 +110,12 @@ LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(ByValue, Reported):
-    """x' = A x + B u with x = X - X0, u = U - U0 (paper Eq. 9); y - Y0 = C x + D u + F w and x' = A x + B u + E w where
-    outputs or disturbances were asked for.
+    """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
     A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0. output_part: None when
-    nothing else was asked for: the outputs are the states, and E and F have no columns.
+    point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the states unless
+    others were asked for, with C (k, n) the identity and D (k, m) zero. output_offsets: Y0, (k,). disturbances: winds w with
+    names of `hfa_model.winds`, ft/s; without any E (n, l) and F (k, l) have no columns.
     """
 
     A: np.ndarray
@@ -117,47 +123,31 @@ class LinearModel(ByValue, Reported):
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     point: OperatingPoint
-    output_part: OutputModel | None = None
+    outputs: tuple[str, ...] = ()
+    C: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    E: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    F: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    output_offsets: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    disturbances: tuple[str, ...] = ()
 
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Name of each output, in order: the states unless others were asked for."""
-        return self.states if self.output_part is None else self.output_part.outputs
+    def __post_init__(self) -> None:
+        """Without outputs, watch the states."""
+        if not self.outputs:
+            n = len(self.states)
+            seen = {"outputs": self.states, "C": np.eye(n), "D": np.zeros(self.B.shape), "E": np.zeros((n, 0))}
+            for name, value in (seen | {"F": np.zeros((n, 0)), "output_offsets": self.state_offsets}).items():
+                object.__setattr__(self, name, value)
 
     @property
     def output_units(self) -> tuple[str, ...]:
         """Unit of each output, in order."""
-        return self.state_units if self.output_part is None else self.output_part.output_units
-
-    @property
-    def C(self) -> np.ndarray:
-        """(k, n), the identity when the outputs are the states."""
-        return np.eye(len(self.states)) if self.output_part is None else self.output_part.C
-
-    @property
-    def D(self) -> np.ndarray:
-        """(k, m), zero when the outputs are the states."""
-        return np.zeros(self.B.shape) if self.output_part is None else self.output_part.D
-
-    @property
-    def disturbances(self) -> tuple[str, ...]:
-        """Name of each wind w, in order."""
-        return () if self.output_part is None else self.output_part.disturbances
+        return tuple(map(unit_of, self.outputs))
 
     @property
     def disturbance_units(self) -> tuple[str, ...]:
         """Unit of each wind, in order."""
-        return () if self.output_part is None else self.output_part.disturbance_units
-
-    @property
-    def E(self) -> np.ndarray:
-        """∂f/∂w, (n, l)."""
-        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.E
-
-    @property
-    def F(self) -> np.ndarray:
-        """∂y/∂w, (k, l)."""
-        return np.zeros((len(self.states), 0)) if self.output_part is None else self.output_part.F
+        return (DISTURBANCE_UNIT,) * len(self.disturbances)
 
     @property
     def state_units(self) -> tuple[str, ...]:
@@ -185,13 +175,19 @@ class LinearModel(ByValue, Reported):
         BadInputError when the model has no such name, or it comes twice.
         """
         rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
+        seen = rows if self.outputs == self.states else list(range(len(self.outputs)))
         return replace(
             self,
             A=self.A[np.ix_(rows, rows)],
             B=self.B[np.ix_(rows, columns)],
             states=tuple(self.states[i] for i in rows),
             inputs=tuple(self.inputs[i] for i in columns),
-            output_part=None if self.output_part is None else self.output_part.part(rows, columns),
+            outputs=tuple(self.outputs[i] for i in seen),
+            C=self.C[np.ix_(seen, rows)],
+            D=self.D[np.ix_(seen, columns)],
+            E=self.E[rows],
+            F=self.F[seen],
+            output_offsets=self.output_offsets[seen],
         )
 
     def report(self) -> Report:
@@ -281,9 +277,9 @@ def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) ->
         "modes": [mode.to_dict() for mode in modes_of(model.A, model.states)],
         "warnings": point.warnings,
     }
-    if (part := model.output_part) is not None:
-        data |= {"disturbances": list(part.disturbances), "disturbance_units": list(part.disturbance_units)}
-        data |= {"E": part.E.tolist(), "F": part.F.tolist(), "output_offsets": part.offsets.tolist()}
+    if model.disturbances:
+        data |= {"disturbances": list(model.disturbances), "disturbance_units": list(model.disturbance_units)}
+        data |= {"E": model.E.tolist(), "F": model.F.tolist(), "output_offsets": model.output_offsets.tolist()}
     if bands is not None:
         data["A_band"], data["B_band"] = bands.A.tolist(), bands.B.tolist()
     if other is not None:
@@ -352,15 +348,34 @@ def linearize(
     """
     point.refuse_other(aircraft.variant)
     _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))
-    watched = None
+    model = LinearModel(A, B, STATES, INPUTS, point)
     if outputs is not None or disturbances is not None:
-        seen = tuple(outputs or (STATES if full else LINEAR_STATES))
-        winds = tuple(disturbances or UPDRAFT)
-        watched = output_model(aircraft, point, seen, STATES, winds, ground_drag=ground_drag)
-    model = LinearModel(A, B, STATES, INPUTS, point, watched)
+        seen, winds = tuple(outputs or (STATES if full else LINEAR_STATES)), tuple(disturbances or UPDRAFT)
+        for what, chosen, known in (("output", seen, (*STATES, *OUTPUTS)), ("disturbance", winds, (*DISTURBANCES,))):
+            for name in chosen:
+                refuse_unknown(f"unknown {what}", name, known)
+                if chosen.count(name) > 1:
+                    raise BadInputError(f"{what} {name} is named twice; name it once")
+        found = _watched(aircraft.variant, seen, winds, ground_drag)(
+            np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
+        )
+        offsets, C, D, F, E = (np.array(ca.DM(part)) for part in found)
+        model = replace(model, outputs=seen, disturbances=winds, C=C, D=D, E=E, F=F, output_offsets=offsets.ravel())
     return model if full else model.select(LINEAR_STATES)
 
 
 def level_model(aircraft: Aircraft, dihedral: float) -> LinearModel:
     """A, B at the paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
     return linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
+
+
+@lru_cache(maxsize=16)
+def _watched(variant: Variant, names: tuple[str, ...], disturbances: tuple[str, ...], ground_drag: bool) -> ca.Function:
+    """(x, u, p) -> y, ∂y/∂x, ∂y/∂u, ∂y/∂w, ∂f/∂w at w = 0."""
+    (x, u, p), w = symbols(), ca.SX.sym("w", len(disturbances))
+    winds = winds_named(disturbances, ca.vertsplit(w), ground_drag=ground_drag)
+    moment = moment_of(*by_name(x, u, p), variant, winds)
+    y, f = ca.vertcat(ca.SX(0, 1), *outputs_of(moment, names)), ca.vertcat(*moment.rates)
+    parts = [y, *(ca.jacobian(y, by) for by in (x, u, w)), ca.jacobian(f, w)]
+    still = [ca.densify(ca.substitute(part, w, 0)) for part in parts]
+    return ca.Function("outputs", [x, u, p], still)

@@ -20,7 +20,6 @@ from hfa_model import LINEAR_STATES, Aircraft
 from hfa_model.outputs import moment_of, outputs_of
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
-from trim.linear.output_model import output_model
 from verification import solve_game
 
 #: Weights that no actuator or integral needs.
@@ -87,7 +86,7 @@ def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircr
     still = design_at(published_aircraft, design, 11.0)
     np.testing.assert_array_equal(gusty.A, still.A)
     assert gusty.E.shape == (len(gusty.states), 1)
-    found = output_model(published_aircraft, gusty.model.point, ("vertical_acceleration",))
+    found = linearize(published_aircraft, gusty.model.point, outputs=("vertical_acceleration",))
     assert gusty.E[-1, 0] == pytest.approx(found.F[0, 0])
     assert found.F[0, 0] == pytest.approx(68.0 * found.E[1, 0], rel=1e-9)  # V alpha'
     assert gusty.E[6:-1].any() == np.False_
@@ -128,7 +127,7 @@ def test_sensors_are_states_or_outputs_in_the_order_of_their_names(published_air
     np.testing.assert_allclose(built.V, np.diag([0.1, 0.2, 0.3, 0.4, 0.5]))
     for row in (0, 2, 3):
         np.testing.assert_array_equal(built.C[row], [float(name == names[row]) for name in built.states])
-    found = output_model(published_aircraft, built.model.point, ("load_factor",))
+    found = linearize(published_aircraft, built.model.point, outputs=("load_factor",))
     columns = [built.model.inputs.index(name) for name in built.inputs]
     through_actuators = np.hstack([found.C[0], found.D[0, columns]])
     np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=1e-12)
@@ -151,7 +150,7 @@ def test_a_sensor_with_a_lag_follows_its_output(published_aircraft: Aircraft) ->
     np.testing.assert_allclose(0.2 * lagged.A[place, others], plain.C[1])
     assert lagged.A[place, place] == -5.0
     assert lagged.E.shape == (11, 7)
-    found = output_model(published_aircraft, lagged.model.point, ("load_factor",))
+    found = linearize(published_aircraft, lagged.model.point, outputs=("load_factor",))
     np.testing.assert_allclose(lagged.E[place, 0], 2.0 * found.F[0, 0] / 0.2)  # the lag lets the gust be seen
     np.testing.assert_array_equal(lagged.E[:, 1:], 3.0 * np.eye(11, 6))
 

@@ -27,8 +27,7 @@ from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
 from hfa_support import BadInputError
-from trim import OperatingPoint
-from trim.linear.output_model import output_model
+from trim import OperatingPoint, linearize
 
 Z = "vertical_acceleration_short_period"
 FREE = Actuators(Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5), Input(*[np.inf] * 5))
@@ -55,7 +54,7 @@ def flown(
 def test_outputs_are_those_of_the_linear_model(published_aircraft: Aircraft, point: OperatingPoint) -> None:
     names = (Z, "pitch_rate", "aileron_outer_position", "elevator_center_rate", "load_factor")
     outputs = MeasuredOutputs(published_aircraft, point, names)
-    model = output_model(published_aircraft, point, ("vertical_acceleration", "load_factor"))
+    model = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor"))
     rng = np.random.default_rng(2)
     x, a, v = rng.normal(size=6), rng.normal(size=5), rng.normal(size=5)
     y = np.array(ca.DM(outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
@@ -73,11 +72,11 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
     names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
     outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
     rest = ca.SX(5, 1)
-    F = output_model(published_aircraft, point, ("vertical_acceleration", "load_factor")).F[:, 0]
+    F = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor")).F[:, 0]
     for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX([3.0, 3.0]), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
         y = np.array(ca.DM(outputs.at(Seen(still, still, rest, rest, updraft)))).ravel()
         np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
-    alpha = output_model(published_aircraft, point, ("vertical_acceleration",)).C[0, LINEAR_STATES.index("alpha")]
+    alpha = linearize(published_aircraft, point, outputs=("vertical_acceleration",)).C[0, LINEAR_STATES.index("alpha")]
     assert F[0] == pytest.approx(alpha / point.states.speed, rel=0.05)  # an updraft w is an alpha of w / V
 
 
