@@ -114,8 +114,8 @@ class LinearModel(ByValue, Reported):
 
     A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
     point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the states unless
-    others were asked for, with C (k, n) the identity and D (k, m) zero. output_offsets: Y0, (k,). disturbances: winds w with
-    names of `hfa_model.winds`, ft/s; without any E (n, l) and F (k, l) have no columns.
+    others were asked for, with C (k, n) the identity and D (k, m) zero. output_offsets: Y0, (k,).
+    disturbances: winds w with names of `hfa_model.winds`, ft/s; without any E (n, l) and F (k, l) have no columns.
     """
 
     A: np.ndarray
