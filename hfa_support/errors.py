@@ -10,9 +10,10 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 _LONGEST = 60
 _LONGEST_LINE = 1000
@@ -69,6 +70,8 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
     """Values as an array of floats; BadInputError when they are no numbers, or some of them are masked."""
+    import numpy as np  # the command sets the threads of its libraries before it is loaded
+
     try:
         if not np.ma.is_masked(values):
             return np.asarray(values, dtype=float)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Protocol, TypeVar
 
 Item = TypeVar("Item")
@@ -13,9 +13,6 @@ class Progress(Protocol):
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
         """`done` of `total` parts are done; `what` is at work."""
-
-
-NamedProgress = Callable[[str, int, int], None]
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
