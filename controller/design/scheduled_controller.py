@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD, signal_unit
-from controller.design.dihedral_table import shares
 from controller.game.array_file import read_arrays
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
@@ -25,6 +24,7 @@ from hfa_model.vectors import INPUTS, STATES
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, shown
 from hfa_support.jsonable import jsonable
+from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.report import Report, Reported
@@ -123,8 +123,7 @@ class ScheduledController(ByValue, Reported):
 
     def at(self, dihedral: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, C, D at η, rad."""
-        share = shares(self.dihedrals, dihedral)
-        A, B, C, D = (np.tensordot(share, stack, 1) for stack in (self.A, self.B, self.C, self.D))
+        A, B, C, D = (LinearTable(self.dihedrals, stack).at(dihedral) for stack in (self.A, self.B, self.C, self.D))
         return A, B, C, D
 
     def refuse_other(self, aircraft: Aircraft, lowest: float, highest: float) -> None:

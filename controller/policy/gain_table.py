@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.design.dihedral_table import shares
 from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array, words
 from controller.game.critic_file import load_critic
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
+from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.fields import Shown
 
 _STATES = len(LINEAR_STATES)
@@ -76,7 +76,7 @@ class GainTable(Shown):
 
     def at(self, dihedral: float) -> np.ndarray:
         """K, (5, n), at a dihedral, rad."""
-        return np.asarray(np.tensordot(shares(self.dihedral_deg, np.degrees(dihedral)), self.K, axes=1))
+        return LinearTable(self.dihedral_deg, self.K).at(np.degrees(dihedral))
 
 
 def load_gains(path: Path) -> GainTable:

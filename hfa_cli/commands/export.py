@@ -129,8 +129,7 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
     from controller.design.scheduled_controller import load_controller
     from controller.export.c_model import CModel, c_model_texts
-    from controller.export.exported_controller import c_controller_texts
-    from controller.export.exported_loop import EXAMPLE, controller_example, controller_loop
+    from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, controller_loop
     from controller.export.fmu import write_fmu
 
     controller = load_controller(arguments.controller)

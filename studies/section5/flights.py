@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from controller import Basis, FlownLaw, Game, Harmonic, Signal, Stack, basis, learn, published_game, random_pool
@@ -14,10 +15,10 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.learned_gain import baseline_weights, online_law
-from controller.policy.policies import TrackingPolicy, tracking_constants
+from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import zero
 from controller.riccati.feedforward import exosystem
-from hfa_model import LINEAR_STATES, Aircraft, published_models
+from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
@@ -46,9 +47,36 @@ LAWS = {
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
 }
-_N = len(LINEAR_STATES)
+_N, _M = len(LINEAR_STATES), len(INPUTS)
+_ENTRIES = _M * _N
 #: From the memory of a law at the ticks, (N, k), to what it has learned.
 Learned = Callable[[np.ndarray], Critic]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingPolicy(Memoryless):
+    """u = -K z + F w(t), K (5, 6) and F (5, k) from p (`tracking_constants`).
+
+    generator: w (k,), the signals that the reference is made of.
+    """
+
+    generator: Signal
+
+    @property
+    def constants_size(self) -> int:
+        """The entries of K and F."""
+        return _M * (_N + self.generator.size)
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """-K z + F w(t)."""
+        feedback = ca.mtimes(ca.reshape(p[:_ENTRIES], _M, _N), seen.error)
+        feedforward = ca.mtimes(ca.reshape(p[_ENTRIES:], _M, self.generator.size), self.generator.at(t))
+        return feedforward - feedback
+
+
+def tracking_constants(K: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """The p of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    return np.concatenate([gain_constants(K), np.asarray(F, dtype=float).ravel(order="F")])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.design.dihedral_table import interpolated
 from controller.flight.envelope import Envelope
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
@@ -23,6 +22,7 @@ from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, UNITS, Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.linear_table import LinearTable
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
@@ -70,21 +70,18 @@ class Schedule:
         inputs = np.array([point.inputs for point in points])
         return cls(states[:, STATES.index("dihedral")], states, inputs, np.array(gains))
 
-    def states_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
-        """X0(η), (7,), as a CasADi column."""
-        return self._at(self.states, dihedral)
+    def states_at(self, dihedral: ca.SX) -> ca.SX:
+        """X0(η), (7,)."""
+        return LinearTable(self.dihedrals, self.states).expression(dihedral)
 
-    def inputs_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
-        """U0(η), (5,), as a CasADi column."""
-        return self._at(self.inputs, dihedral)
+    def inputs_at(self, dihedral: ca.SX) -> ca.SX:
+        """U0(η), (5,)."""
+        return LinearTable(self.dihedrals, self.inputs).expression(dihedral)
 
-    def gain_at(self, dihedral: Quantity) -> ca.SX | ca.DM:
-        """K(η), (5, 6), as a CasADi matrix."""
-        flat = self.gains.transpose(0, 2, 1).reshape(len(self.gains), _M * _N)
-        return ca.reshape(self._at(flat, dihedral), _M, _N)
-
-    def _at(self, table: np.ndarray, dihedral: Quantity) -> ca.SX | ca.DM:
-        return interpolated(self.dihedrals, table, dihedral)
+    def gain_at(self, dihedral: ca.SX) -> ca.SX:
+        """K(η), (5, 6)."""
+        flat = LinearTable(self.dihedrals, self.gains.transpose(0, 2, 1)).expression(dihedral)
+        return ca.reshape(flat, _M, _N)
 
 
 @dataclass(frozen=True)
@@ -293,7 +290,7 @@ def _between(aircraft: Aircraft, schedule: Schedule, condition: Callable[[float]
     worst = -np.inf
     for dihedral in ((schedule.dihedrals[:-1] + schedule.dihedrals[1:]) / 2).tolist():
         model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
-        gain = np.array(schedule.gain_at(dihedral))
+        gain = LinearTable(schedule.dihedrals, schedule.gains).at(dihedral)
         worst = max(worst, spectrum(model.A - model.B @ gain).abscissa)
     return worst
 

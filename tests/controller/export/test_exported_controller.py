@@ -12,7 +12,7 @@ from c_files import called, compiled, footprint, needs_gcc
 from controllers import small_controller
 
 from controller import CommandSteps, ScheduledController, servo_law
-from controller.export.exported_controller import (
+from controller.export.exported_loop import (
     HEADER,
     SOURCE,
     c_controller_texts,

@@ -11,8 +11,7 @@ from c_files import needs_gcc, ran
 from controllers import integrating_controller, small_controller
 
 from controller import Actuators, CommandedStates, CommandSteps, Scenario, ScheduledController, servo_law
-from controller.export.exported_controller import SOURCE, c_controller_texts
-from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, controller_example
+from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, SOURCE, c_controller_texts, controller_example
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
