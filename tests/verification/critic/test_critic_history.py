@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from planted_critics import weights_of
 
-from controller import Game, History, basis, learn
+from controller import Game, History, LearningResult, basis, learn
+from controller.game.learning_result import settled_at
 from hfa_support import BadInputError
 from verification import CriticCheck, check_history, solve_game
 from verification.critic.check_result import check_figure
+from verification.critic.critic_check import worthless_start
 
 NAMES = ("x",) * 6, ("u",) * 5
 TIMES = 0.25 * np.arange(41)
@@ -107,3 +111,31 @@ def test_the_last_row_is_judged_with_the_gain_that_belongs_to_it(game: Game) -> 
 def test_rows_of_another_length_are_refused(game: Game, columns: int) -> None:
     with pytest.raises(BadInputError, match=f"there are {columns} weights; basis 'quadratic' on 6 states has 21"):
         check_history(game, History(TIMES, W=np.ones((len(TIMES), columns))))
+
+
+FOUR_TIMES = np.array([0.0, 1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "settled"),
+    [
+        ([9.0, 0.1, 9.0, 0.1], 3.0),
+        ([0.1, 0.1, 0.1, 0.1], 0.0),
+        ([9.0, 1.0, 1.0, 1.0], 1.0),
+        ([0.1, 0.1, 0.1, 9.0], math.inf),
+        ([0.1, 0.1, 0.1, math.nan], math.inf),
+    ],
+)
+def test_it_settles_where_it_stays_within_the_limit_to_the_end(sizes: list[float], settled: float) -> None:
+    assert settled_at(FOUR_TIMES, np.array(sizes), 1.0) == settled
+
+
+@pytest.mark.parametrize(
+    ("A", "law", "worthless"),
+    [(-1e-3, "published", False), (0.0, "published", True), (1e-3, "published", True), (0.0, "certified", False)],
+)
+def test_a_start_that_leaves_a_mode_undamped_has_no_value(A: float, law: str, worthless: bool) -> None:
+    """K = 0 at the start: the abscissa is A itself."""
+    one, run = np.eye(1), cast(LearningResult, SimpleNamespace(weights=np.array([[0.0], [1.0]]), law=law))
+    said = worthless_start(Game(A * one, one, one, one, one, 2.0), run, basis("quadratic", 1))
+    assert ("has no value to learn from" in said) == worthless

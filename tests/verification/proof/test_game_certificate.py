@@ -100,11 +100,13 @@ def _solution(content: Content) -> None:
 
 
 def _bracket(content: Content) -> None:
-    content["statement"]["delta_min"] = [content["statement"]["delta_min"][1]] * 2
+    most = content["statement"]["delta_min"][1]
+    content["statement"]["delta_min"][0] = most * (1.0 - 1e-12)
 
 
 def _above(content: Content) -> None:
-    content["statement"]["delta_min"] = [content["statement"]["delta_min"][0]] * 2
+    above = content["statement"]["delta_min"][0]
+    content["statement"]["delta_min"][1] = above * (1.0 + 1e-12)
 
 
 def _modes(content: Content) -> None:
