@@ -56,7 +56,7 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     if declared is str or isinstance(declared, tuple):
         known = declared if isinstance(declared, tuple) else ()
         if not isinstance(value, str) or (known and value not in known):
-            wanted = f"one of {', '.join(known)}" if known else "a text in quotes"
+            wanted = ("one of " * (len(known) > 1) + ", ".join(known)) or "a text in quotes"
             raise BadInputError(f"{where}: {entry} is {shown(value)}; give {wanted}")
         return value
     if isinstance(declared, list):
@@ -81,7 +81,8 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
         found[name] = checked(where, each, kinds.get(name, declared.get(str)), f"{place}{shortened(name)}")
     for name in declared:
         if isinstance(name, str) and name.endswith("*") and name[:-1] not in found:
-            raise BadInputError(f"{where}: {place}{name[:-1]} is missing; add it")
+            what = "the table" if isinstance(declared[name], dict) else "it"
+            raise BadInputError(f"{where}: {place}{name[:-1]} is missing; add {what}")
     return found
 
 

@@ -197,11 +197,11 @@ def test_unknown_commands_and_options(words: str, named: str) -> None:
 @pytest.mark.parametrize(
     ("pattern", "replacement", "named"),
     [
-        (r"\[chord\]\n(.+\n)+", "", "'chord' is missing"),
-        (r"\Z", "\n[rudder]\nvalue = 1.0\n", "'rudder'"),
-        (r"(?<=\[chord\]\n)value = .*", "value = -8.0", "[chord] is -8.0"),
-        (r"(?<=\[chord\]\n)value = .*", "value = 'eight'", "[chord]"),
-        (r'(?<=\[chord\]\nvalue = 8.0\nunit = )"ft"', '"m"', "[chord] is in 'm'"),
+        (r"\[chord\]\n(.+\n)+", "", "chord is missing"),
+        (r"\Z", "\n[rudder]\nvalue = 1.0\n", "unknown entry rudder"),
+        (r"(?<=\[chord\]\n)value = .*", "value = -8.0", "chord.value is -8.0"),
+        (r"(?<=\[chord\]\n)value = .*", "value = 'eight'", "chord.value is 'eight'"),
+        (r'(?<=\[chord\]\nvalue = 8.0\nunit = )"ft"', '"m"', "chord.unit is 'm'; give ft"),
     ],
 )
 @pytest.mark.parametrize("words", ["trim --dihedral 15", "regenerate", "report -o new"])
