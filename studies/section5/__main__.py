@@ -26,38 +26,13 @@ from hfa_support.files import write_text
 from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import jsonable, records_text
 from hfa_support.reporting.figure import save
-from studies.section5.claims import CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE, TRACKING, Evidence, check_claim, claims_of
+from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, plans_of
 from studies.section5.configuration import SECTIONS, section5_configuration
 from studies.section5.figures import draw, figures_of
-from studies.section5.flights import (
-    CASE_I,
-    CASE_II,
-    CERTIFIED,
-    CERTIFIED_FF,
-    EXACT,
-    EXACT_FF,
-    INTEGRAL,
-    LAWS,
-    MATRICES,
-    MODIFIED,
-    PRINTED,
-    REWEIGHTED,
-    FlightPlan,
-    Setting,
-    make_setting,
-    simulate_plan,
-)
+from studies.section5.flights import BESIDE, LAWS, MATRICES, MODIFIED, OWN, Setting, make_setting, simulate_plan
 
-TITLES = {
-    "5.1": "Different trim points",
-    "5.2": "Comparison with integral reinforcement learning",
-    "5.3": "Model uncertainty",
-    "5.4": "Measurement noise",
-}
-#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
-_OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
-#: Whose numbers are beside those of a claim's subject.
-_BESIDE = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
+_LEARNING = "Comparison with integral reinforcement learning"
+_TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement noise")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,28 +51,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     origin = Provenance(command, "published", aircraft.name, parameter_hash(aircraft.values))
     try:
         setting = make_setting(section5_configuration(), chosen.matrices)
-        table = reproduce(sections, setting, chosen.o, origin, resume=chosen.resume, processes=chosen.workers)
+        table = reproduce(sections, setting, chosen.o, origin, chosen.resume, chosen.workers)
     except (BadInputError, NoSolutionError) as error:
         print(f"section5: {error}", file=sys.stderr)
         return 2 if isinstance(error, BadInputError) else 1
     lines = [f"{claim['number']:<8}{claim['verdict']:<32}{claim['says']}" for claim in table["claims"]]
     print(*lines, "", counts_text(table), *(f"failed: {name}" for name in table["own_failures"]), sep="\n")
     return 1 if table["own_failures"] else 0
-
-
-def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
-    """The flights of a section."""
-    both, factors = (CASE_I, CASE_II), setting.configuration.uncertainty.factors
-    if section == "5.1":  # and from rest under the disturbance alone
-        flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
-        alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
-        return (*flown, *(FlightPlan(angle, law, commanded=False) for law in alone for angle in both))
-    if section == "5.2":
-        laws = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL, EXACT, EXACT_FF)
-        return tuple(FlightPlan(CASE_II, law) for law in laws)
-    if section == "5.3":
-        return tuple(FlightPlan(CASE_II, law, factor) for law in TRACKING for factor in factors)
-    return tuple(FlightPlan(CASE_II, law, noise=noise) for law in TRACKING for noise in (True, False))
 
 
 def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
@@ -111,13 +71,7 @@ def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
 
 
 def reproduce(
-    sections: Sequence[str],
-    setting: Setting,
-    folder: Path,
-    origin: Provenance,
-    *,
-    resume: bool = False,
-    processes: int = 1,
+    sections: Sequence[str], setting: Setting, folder: Path, origin: Provenance, resume: bool, processes: int
 ) -> dict[str, Any]:
     """Run sections into folder/section each, and write the table of their claims, which is returned.
 
@@ -161,7 +115,7 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
     content = {
         "schema": "hfa.experiment/1",
         "section": section,
-        "title": TITLES[section],
+        "title": _TITLES[SECTIONS.index(section)],
         "matrices": setting.matrices,
         "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in flown)},
         "flights": [
@@ -189,7 +143,7 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
             "schema": "hfa.claims/1",
             "setting": setting.identity,
             "laws": {law: text for law, text in LAWS.items() if law in used},
-            "verdicts": {verdict: verdicts.count(verdict) for verdict in (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)},
+            "verdicts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
             "lost_flights": [
                 {"section": section, "name": one["name"], "law": one["law"], "lost_at": one["metrics"]["lost_at"]}
                 for section, one in flights
@@ -206,28 +160,25 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 def _failed(flight: Mapping[str, Any]) -> bool:
     """Whether a law of this project lost the aircraft, or its learning was not certified."""
     status = flight["metrics"].get("learning", {}).get("facts", {}).get("status", "converged")
-    return flight["law"] in _OWN and (flight["metrics"]["lost_at"] is not None or status != "converged")
+    return flight["law"] in OWN and (flight["metrics"]["lost_at"] is not None or status != "converged")
 
 
 def counts_text(table: Mapping[str, Any]) -> str:
     """How many claims have each verdict, and which flights were lost."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
-    lost = table["lost_flights"]
-    if not lost:
-        return f"{counts}; no flight was lost"
-    laws, times = sorted({flight["law"] for flight in lost}), [flight["lost_at"] for flight in lost]
-    return f"{counts}; {len(lost)} flights were lost ({'; '.join(laws)}), at {min(times):.3g} to {max(times):.3g} s"
+    laws = "; ".join(sorted({flight["law"] for flight in table["lost_flights"]}))
+    return f"{counts}; {len(table['lost_flights'])} flights were lost ({laws})" if laws else counts
 
 
 def claims_markdown(table: Mapping[str, Any]) -> str:
     """The number of each claim's subject, of the certified law and of the optimum; one in bold fulfils the claim."""
-    header = ("claim", "the paper says", "measured", "asked for", MODIFIED, *_BESIDE, "verdict")
+    header = ("claim", "the paper says", "measured", "asked for", MODIFIED, *BESIDE, "verdict")
     lines = [header, ("---",) * len(header)]
     for claim in table["claims"]:
         found, subject = claim["findings"], claim["subject"]
         own = ("" if subject == MODIFIED else f"{subject}: ") + _cell(found[subject])
         words = (claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}")
-        cells = (*words, own, *(_cell(found.get(law)) for law in _BESIDE), claim["verdict"])
+        cells = (*words, own, *(_cell(found.get(law)) for law in BESIDE), claim["verdict"])
         lines.append(tuple(cell.replace("|", "\\|") for cell in cells))
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from studies.section5.flights import (
     INTEGRAL,
     MODIFIED,
     PRINTED,
+    REWEIGHTED,
     FlightPlan,
     FlightRecord,
     Setting,
@@ -37,6 +38,7 @@ from studies.section5.metrics import over
 
 CONFIRMED, NOT_CONFIRMED = "confirmed", "not confirmed"
 NOT_DECIDABLE = "not decidable from the paper"
+VERDICTS = (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)
 #: Laws that claims name together: whose learning is measured, and which track.
 LEARNING = (PRINTED, MODIFIED, CERTIFIED)
 TRACKING = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
@@ -47,16 +49,30 @@ OPTIMUM = EXACT_FF
 
 def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
     """Flights of a law by the name that claims give them."""
-    both, case = (CASE_I, CASE_II), CASE_II
-    groups: dict[str, Callable[[], tuple[FlightPlan, ...]]] = {
-        "both cases": lambda: tuple(FlightPlan(angle, law) for angle in both),
-        "5 deg": lambda: (FlightPlan(case, law),),
-        "disturbance alone": lambda: tuple(FlightPlan(angle, law, commanded=False) for angle in both),
-        INTEGRAL: lambda: (FlightPlan(case, INTEGRAL),),
-        "every uncertainty": lambda: tuple(FlightPlan(case, law, dA) for dA in configuration.uncertainty.factors),
-        "noise": lambda: (FlightPlan(case, law, noise=True),),
-    }
-    return groups[group]()
+    both, at_5 = (CASE_I, CASE_II), FlightPlan(CASE_II, law)
+    return {
+        "both cases": tuple(FlightPlan(angle, law) for angle in both),
+        "5 deg": (at_5,),
+        "disturbance alone": tuple(FlightPlan(angle, law, commanded=False) for angle in both),
+        INTEGRAL: (FlightPlan(CASE_II, INTEGRAL),),
+        "every uncertainty": tuple(replace(at_5, uncertainty=factor) for factor in configuration.uncertainty.factors),
+        "noise": (replace(at_5, noise=True),),
+    }[group]
+
+
+def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
+    """The flights of a section."""
+    both, factors = (CASE_I, CASE_II), setting.configuration.uncertainty.factors
+    if section == "5.1":  # and from rest under the disturbance alone
+        flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
+        alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
+        return (*flown, *(FlightPlan(angle, law, commanded=False) for law in alone for angle in both))
+    if section == "5.2":
+        laws = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL, EXACT, EXACT_FF)
+        return tuple(FlightPlan(CASE_II, law) for law in laws)
+    if section == "5.3":
+        return tuple(FlightPlan(CASE_II, law, factor) for law in TRACKING for factor in factors)
+    return tuple(FlightPlan(CASE_II, law, noise=noise) for law in TRACKING for noise in (True, False))
 
 
 class FlightLostError(Exception):
@@ -136,7 +152,7 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
         record, case = evidence.record(plan), evidence.setting.case(plan.dihedral_deg)
         T_w = evidence.setting.configuration.predefined_time(evidence.section)
         row = min(int(np.searchsorted(record.times, T_w - 1e-9)), len(record.times) - 1)
-        K = case.game.gain(_learned_value(record, -1 if at_the_end else row))
+        K = case.game.gain(record.learned_value(-1 if at_the_end else row))
         return float(np.linalg.norm(K - case.exact.K) / np.linalg.norm(case.exact.K))
 
     def measure(evidence: Evidence, law: str) -> float:
@@ -145,15 +161,10 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
     return measure
 
 
-def _learned_value(record: FlightRecord, row: int) -> np.ndarray:
-    assert record.critic is not None
-    return record.critic.basis.matrix(record.critic.weights[row])
-
-
 def _final_abscissa(evidence: Evidence, law: str) -> float:
     """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
     record, game = evidence.record(FlightPlan(CASE_II, law)), evidence.setting.case(CASE_II).game
-    return float(np.linalg.eigvals(game.A - game.B @ game.gain(_learned_value(record, -1))).real.max())
+    return float(np.linalg.eigvals(game.A - game.B @ game.gain(record.learned_value(-1))).real.max())
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
@@ -163,22 +174,12 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
     return float(min(second / first for first, second in zip(*sizes, strict=True)))
 
 
-def _commanded_dihedral(evidence: Evidence, law: str) -> float:
-    return float(np.degrees(evidence.setting.configuration.reference.constant[LINEAR_STATES.index("dihedral")]))
-
-
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
     """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue, 1/s."""
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
-    quoted = [_quoted(text) for text in published_data()["eigenvalues_quoted_for_5_deg"]["magnitudes"]]
-    return float(max(np.abs(folded - value).min() for value in quoted))
-
-
-def _quoted(text: str) -> complex:
-    """ "4.82 +/- 18.66i" and "7.11" as numbers."""
-    real, imaginary = re.fullmatch(r"([\d.]+)(?: \+/- ([\d.]+)i)?", text).groups()  # type: ignore[union-attr]
-    return complex(float(real), float(imaginary or 0.0))
+    quoted = published_data()["eigenvalues_quoted_for_5_deg"]["magnitudes"]  # such as "4.82 +/- 18.66i" and "7.11"
+    return float(max(np.abs(folded - complex(re.sub(" .* (.*)i", r"+\1j", text))).min() for text in quoted))
 
 
 def _last_gain_error_over_integral(evidence: Evidence, law: str) -> float:
@@ -192,35 +193,25 @@ NAMED: dict[str, Measure] = {
     "last gain error over that of integral RL": _last_gain_error_over_integral,
     "abscissa with the last gain": _final_abscissa,
     "printed pitch-rate coupling": _printed_coupling,
-    "commanded dihedral": _commanded_dihedral,
+    "commanded dihedral": lambda evidence, _: float(np.degrees(evidence.setting.configuration.reference.constant[4])),
     "quoted eigenvalues": _eigenvalue_difference,
 }
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One checkable sentence: `measure(evidence, law) relation limit`; the entries are explained in claims.toml."""
+    """One checkable sentence, explained in claims.toml. limit: a number, or the name of one of the criteria."""
 
     number: str
     says: str
     measured: str
     measure: str | Mapping[str, Any]
-    must: str
+    relation: str
+    limit: float | str
     laws: tuple[str, ...] = ("tracking",)
     subject: str = MODIFIED
     missing: str = ""
     why: str = ""
-
-    @property
-    def relation(self) -> str:
-        """One of <, <=, > and >=."""
-        return self.must.split()[0]
-
-    @property
-    def limit(self) -> float | str:
-        """A number, or the name of one of the criteria of section5.toml."""
-        limit = self.must.split()[1]
-        return limit if limit.isidentifier() else float(limit)
 
 
 def claims_of(section: str) -> tuple[Claim, ...]:
@@ -234,10 +225,12 @@ def _entries() -> tuple[dict[str, Any], ...]:
     return tuple(entry for claim in table["claims"] for entry in _each(**claim))
 
 
-def _each(each: tuple[dict[str, str], ...] = ({},), **claim: Any) -> Iterator[dict[str, Any]]:
+def _each(must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any) -> Iterator[dict[str, Any]]:
     """A claim for every entry of `each`, with its words in the places {..}."""
+    relation, limit = must.split()
+    asked = {"relation": relation, "limit": limit if limit.isidentifier() else float(limit)}
     for words in each:
-        yield _filled(claim, words) | ({"number": words["number"]} if words else {})
+        yield _filled(claim, words) | asked | ({"number": words["number"]} if words else {})
 
 
 def _filled(value: Any, words: dict[str, str]) -> Any:
@@ -281,8 +274,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """The subject's number against the limit, what the optimum does, and what lies behind it."""
-    own = checks[claim.subject]
-    parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
+    own, parts = checks[claim.subject], [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"
     parts.append(f"{claim.subject}: {told}; the limit is {claim.relation} {limit:.3g}")
     if claim.subject == MODIFIED and OPTIMUM in checks and not own.ok:

@@ -57,11 +57,6 @@ def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configur
 
 
 def _signal_table(signal: Signal) -> dict[str, Any]:
-    waves = signal.harmonics
-    return {
-        "constant": signal.constant,
-        "slope": signal.slope,
-        "frequencies": [wave.frequency for wave in waves],
-        "sine": [wave.sine for wave in waves],
-        "cosine": [wave.cosine for wave in waves],
-    }
+    frequencies, sine, cosine = zip(*signal.harmonics, strict=True)
+    waves = {"frequencies": frequencies, "sine": sine, "cosine": cosine}
+    return {"constant": signal.constant, "slope": signal.slope, **waves}

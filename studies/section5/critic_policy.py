@@ -84,8 +84,12 @@ class CriticPolicy:
 
 def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
     """Eq. (46) learning in flight, from the initial weights of its law."""
-    law = policy.law
-    identity = {"law": name, "seed": law.seed, "forcing": policy.forcing.to_dict(), **asdict(law.settings)}
+    identity = {
+        "law": name,
+        "seed": policy.law.seed,
+        "forcing": policy.forcing.to_dict(),
+        **asdict(policy.law.settings),
+    }
     return FlownLaw(name, policy, np.ones((1, 1)), policy.law.start()["weights"], identity)
 
 

@@ -36,12 +36,8 @@ if TYPE_CHECKING:
 Flights = Mapping[FlightPlan, FlightRecord]
 Values = Callable[[FlightRecord], np.ndarray]
 _COMMAND, _LOST = "command", " (lost at "
-#: Of a limit: from there on it is drawn.
-_NEAR = 0.8
-#: Below this a logarithmic axis shows nothing: rounding.
-_FLOOR = 1e-16
-#: Weights of a critic that a picture names.
-_NAMED = 4
+#: A limit is drawn where a line passes this share of it; residuals below the floor are rounding; named weights.
+_NEAR, _FLOOR, _NAMED = 0.8, 1e-16, 4
 _SYMBOLS = {"speed": "V", "alpha": "α", "pitch": "θ", "pitch_rate": "q", "dihedral": "η", "dihedral_rate": "η'"}
 _WORDS = dict(zip(TRACKED, ("speed", "angle of attack", "dihedral"), strict=True))
 _CASES = ("Case I, 15 deg", "Case II, 5 deg")
@@ -103,10 +99,6 @@ class PaperFigure:
     title: str
     columns: int
     panels: tuple[PlotPanel, ...]
-
-    def __str__(self) -> str:
-        """Number and title."""
-        return f"Figure {self.number}. {self.title}"
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -275,7 +267,8 @@ def _eight_figures(
 def draw(picture: PaperFigure) -> Figure:
     """The picture, with one legend for all panels."""
     rows = -(-len(picture.panels) // picture.columns)
-    figure, title = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows), str(picture)
+    figure = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows)
+    title = f"Figure {picture.number}. {picture.title}"
     grid = figure.subplots(rows, picture.columns, squeeze=False, sharex=True)
     labels: dict[str, Any] = {}
     for axes, panel in zip(grid.ravel(), picture.panels, strict=False):
@@ -286,11 +279,11 @@ def draw(picture: PaperFigure) -> Figure:
         axes.set_xlabel("time, s")
     for axes in grid.ravel()[len(picture.panels) :]:
         axes.set_axis_off()
-    if labels:  # above, where no caption is
-        columns = min(len(labels), 2 + picture.columns)
-        figure.legend(labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title)
-    else:
+    if not labels:
         figure.suptitle(title, fontsize=10)
+        return figure
+    columns = min(len(labels), 2 + picture.columns)  # above, where no caption is
+    figure.legend(labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title)
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -23,7 +23,7 @@ from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
-from studies.update_law.published_law import PublishedLaw, PublishedSettings, published_law
+from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
 from verification import GameSolution, exosystem_feedforward, solve_game
@@ -47,6 +47,10 @@ LAWS = {
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
 }
+#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
+OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
+#: Whose numbers are beside those of a claim's subject.
+BESIDE = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 _ENTRIES = _M * _N
 #: From the memory of a law at the ticks, (N, k), to what it has learned.
@@ -188,6 +192,11 @@ class FlightRecord:
         """Whether the flight came to its end."""
         return bool(np.isinf(self.lost_at))
 
+    def learned_value(self, row: int) -> np.ndarray:
+        """P of the weights at a tick, (6, 6)."""
+        assert self.critic is not None
+        return self.critic.basis.matrix(self.critic.weights[row])
+
 
 def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     """Fly a plan under the conditions of a section of the paper."""
@@ -285,15 +294,17 @@ def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
     return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
 
 
-def published(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> PublishedLaw:
+def _published(
+    setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
+) -> tuple[FlownLaw, Learned]:
     """Eq. (46) on the recorded stack, as printed or modified."""
-    configuration = setting.configuration
-    critic, modified = configuration.critic, configuration.published_modified
-    own = modified if law == MODIFIED else configuration.published_as_printed
-    functions = basis(modified.basis if law == MODIFIED else critic.basis, _N)
-    start: Any = configuration.published_as_printed.initial_weight
-    if law == MODIFIED:
+    configuration, critic = setting.configuration, setting.configuration.critic
+    own, modified = configuration.published_as_printed, configuration.published_modified
+    start, functions, gains = own.initial_weight, basis(critic.basis, _N), None
+    if name == MODIFIED:
+        own = modified
         start_game = replace(case.game, Q=modified.start_Q * np.eye(_N), delta=np.inf)
+        functions, gains = basis(modified.basis, _N), (modified.alpha1, modified.alpha2)
         start = tuple(functions.weights(solve_game(start_game).P).tolist())
     chosen = PublishedSettings(
         predefined_time=predefined_time,
@@ -304,45 +315,45 @@ def published(setting: Setting, case: PaperCase, law: str, predefined_time: floa
         initial_weights=start,
         recorded_weights=start,
         normalisation=critic.normalisation,
-        gains=(modified.alpha1, modified.alpha2) if law == MODIFIED else None,
+        gains=gains,
         coordinates=own.coordinates,
     )
-    return published_law(case.game, chosen, critic.seed, recorded_pool(setting, case))
-
-
-def _published(
-    setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
-) -> tuple[FlownLaw, Learned]:
-    law, configuration = published(setting, case, name, predefined_time), setting.configuration
-    own = configuration.published_modified if name == MODIFIED else configuration.published_as_printed
-    told = forcing(case.game.A, reference) if own.drift == "with reference" else zero(_N)
+    law = published_law(case.game, chosen, critic.seed, recorded_pool(setting, case))
+    drift = forcing(case.game.A, reference) if own.drift == "with reference" else zero(_N)
     learning = int(np.ceil(predefined_time / configuration.flight.tick - 1e-9))
     ticks = np.arange(learning + 1 if frozen else 1)
 
-    def critic(memory: np.ndarray) -> Critic:
+    def told(memory: np.ndarray) -> Critic:
         weights = np.array([law.equations.unscaled(row) for row in memory])
         residual = np.array([law.equations.reported_residuals(row)["residual_norm"] for row in memory])
         facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
         return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
 
     learns = (ticks < learning).astype(float)[:, None]
-    return FlownLaw(name, CriticPolicy(law, told), learns, law.start()["weights"]), critic
+    return FlownLaw(name, CriticPolicy(law, drift), learns, law.start()["weights"]), told
+
+
+@lru_cache(maxsize=4)
+def _plan(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> FlownLaw:
+    """The gains of a learning run, tick by tick; flights that differ in the plant or in noise share it."""
+    configuration, critic = setting.configuration, setting.configuration.critic
+    if law == "irl":
+        chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
+    else:
+        chosen = {name: getattr(critic, name) for name in ("theta", "basis", "samples")}
+        chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
+        chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
+        chosen |= {"pool": recorded_pool(setting, case)}
+    return online_law(case.game, law, learn(case.game, law, critic.seed, **chosen), configuration.flight.tick)
 
 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
 ) -> tuple[FlownLaw, Learned]:
     """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
-    configuration, critic = setting.configuration, setting.configuration.critic
-    tick, kind = configuration.flight.tick, "irl" if law == INTEGRAL else "certified"
-    if law == INTEGRAL:
-        chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
-    else:
-        chosen = {"pool": recorded_pool(setting, case), "predefined_time": predefined_time, "tick": tick}
-        chosen |= {"theta": critic.theta, "basis": critic.basis, "samples": critic.samples}
-        chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
-    learned = learn(case.game, kind, critic.seed, **chosen)
-    plan, F = online_law(case.game, kind, learned, tick), feedforward(case, reference)
+    plan = _plan(setting, case, "irl" if law == INTEGRAL else "certified", predefined_time)
+    learned, tick, F = plan.learned, setting.configuration.flight.tick, feedforward(case, reference)
+    assert learned is not None
     begun = tick * np.arange(len(plan.gains)) >= plan.certified_from - 1e-9
     uses = begun & (law == CERTIFIED_FF)
     table = np.array([tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(plan.gains, uses, strict=True)])

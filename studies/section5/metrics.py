@@ -21,9 +21,7 @@ _ROWS = [LINEAR_STATES.index(name) for name in TRACKED]
 _BY_NAME = {
     **dict.fromkeys(("rms_error", "peak_error", "late_peak_error"), LINEAR_STATES),
     **dict.fromkeys(("relative_error", "rise", "settling", "growth"), TRACKED),
-    **dict.fromkeys(
-        ("rms_input", "peak_input", "peak_rate", "wiggle", "remaining_range", "beyond_limits"), tuple(INPUTS)
-    ),
+    **dict.fromkeys(("rms_input", "peak_input", "peak_rate", "wiggle", "remaining_range", "beyond_limits"), INPUTS),
 }
 _SINGLE = ("cost", "early_cost", "effort", "peak_effort", "attenuation")
 

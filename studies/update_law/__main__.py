@@ -7,7 +7,6 @@ minute on two cores.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 import os
 import sys
@@ -20,6 +19,7 @@ from typing import Any
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jobs.finished import finished, stamped
+from hfa_support.jsonable import records_text
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 
 _HEADER = (
@@ -62,14 +62,10 @@ def study(names: Sequence[str], folder: Path, *, resume: bool = False, workers: 
                 print(f"update_law: {name}", file=sys.stderr)
                 done = list(pool.map(made, *zip(*runs, strict=True)))
                 known = stamped({"row": summed_up(name, done)}, decided)
-                write_text(path, _text(known))
+                write_text(path, records_text(known))
             rows.append(known["row"])
-    write_text(folder / "published_study.json", _text({"schema": SCHEMA, "rows": rows}))
+    write_text(folder / "published_study.json", records_text({"schema": SCHEMA, "rows": rows}))
     return rows
-
-
-def _text(data: dict[str, Any]) -> str:
-    return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:

@@ -22,10 +22,8 @@ from hfa_support import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
 ROWS = 1000
-#: Residuals below this count as this in the curvature, which is infinite at 0.
-CURVATURE_FLOOR = 1e-14
-#: The smallest normal number: dividing 0 by it gives 0.
-TINY = float(np.finfo(float).tiny)
+#: Residuals below this count as this in the curvature, which is infinite at 0; dividing 0 by the tiny one gives 0.
+CURVATURE_FLOOR, TINY = 1e-14, float(np.finfo(float).tiny)
 #: Most Newton steps of one implicit step, and the relative step at which it has converged.
 MOST_STEPS, SETTLED = 60, 1e-10
 _WORDS = {

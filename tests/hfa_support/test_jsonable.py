@@ -1,16 +1,12 @@
-"""Committed and written JSON: a row of a table a line, the same values."""
+"""Written JSON: a row of a table a line, the same values."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from hfa_support.jsonable import jsonable, records_text
-
-RESULTS = Path(__file__).parents[3] / "docs" / "results"
 
 
 def test_a_table_has_one_row_a_line() -> None:
@@ -25,13 +21,6 @@ def test_tables_within_rows_are_tables() -> None:
     value = {"outer": [{"name": "a", "inner": [{"i": 1}, {"i": 2}]}], "none": []}
     assert json.loads(records_text(value)) == value
     assert records_text(value).splitlines()[4:7] == ['   "inner": [', '    {"i": 1},', '    {"i": 2}']
-
-
-@pytest.mark.parametrize("path", sorted(RESULTS.glob("*.json")), ids=lambda path: path.stem)
-def test_committed_results_have_one_record_a_line(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert records_text(json.loads(text)) == text
-    assert len(text.splitlines()) < 300
 
 
 def test_numbers_of_every_width_are_numbers() -> None:

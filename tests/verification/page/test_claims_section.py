@@ -14,7 +14,7 @@ from hfa_support.reporting.text import Table
 from verification.page.claims_section import claims_section, flies_the_same, load_claims
 from verification.page.main_job import MainJob, StoredClaims
 
-STORED = ROOT / "docs" / "results"
+STORED = ROOT / "studies" / "section5" / "results"
 
 
 @pytest.fixture(scope="module")
