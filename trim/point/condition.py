@@ -132,11 +132,15 @@ class TrimCondition:
         """How it differs from the paper's level flight, as JSON data; tables as [dihedral, value] rows."""
         imposed = {name: value for name, value in self.imposed.items() if LEVEL_FLIGHT.imposed.get(name) != value}
         tables = {name: np.column_stack([each.places, each.values]).tolist() for name, each in self.tables.items()}
-        rates = dict(self.rates)
+        rates, paper = dict(self.rates), LEVEL_FLIGHT.imposed
+        begin = {
+            name: self.begin[name] for name in self.free if self.begin.get(name, paper.get(name)) != paper.get(name)
+        }
         changes: dict[str, Any] = {
             "imposed": {**imposed, **tables},
             "free": [name for name in self.free if name not in LEVEL_FLIGHT.free],
             "limits": {name: list(limits) for name, limits in self.limits.items()},
+            "begin": begin,
             "rates": {} if rates == dict.fromkeys(BALANCED, 0.0) else rates,
         }
         return {name: change for name, change in changes.items() if change}

@@ -93,6 +93,16 @@ def test_a_wrong_plan_says_what_is_wrong(parameters: Parameters, axes: dict, sam
         SweepPlan({"dihedral": (0.1, 0.2)}, parameters, "aristotle")
 
 
+def test_where_a_search_begins_is_part_of_a_plan(parameters: Parameters) -> None:
+    """It decides the last bits, and where there are two trims which one is found."""
+    plans = [
+        SweepPlan({"speed": (64.0, 68.0)}, parameters, "published", condition=release(held, free=("alpha",)))
+        for held in (LEVEL_FLIGHT, release(LEVEL_FLIGHT, hold={"alpha": 0.06}))
+    ]
+    assert plans[0].identity != plans[1].identity
+    assert plans[0].condition.to_dict() == {"free": ["alpha"]}
+
+
 def test_steps_that_end_outside_the_limits_are_refused(parameters: Parameters) -> None:
     with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, parameters, "published")
