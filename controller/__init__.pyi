@@ -14,8 +14,6 @@ from .flight.envelope import Envelope as Envelope, flight_envelope as flight_env
 from .flight.gusts import (
     Dryden as Dryden,
     OneMinusCosine as OneMinusCosine,
-    side_by_side as side_by_side,
-    spanwise_dryden as spanwise_dryden,
 )
 from .flight.monte_carlo import MonteCarlo as MonteCarlo, stream_monte_carlo as stream_monte_carlo
 from .flight.nonlinear_flight import fly as fly
@@ -30,7 +28,6 @@ from .laws.integral_rl import IrlSettings as IrlSettings
 from .laws.learn import LAWS as LAWS, learn as learn
 from .laws.run import Process as Process, Run as Run, run as run
 from .policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
-from .policy.gain_table import GainTable as GainTable, load_gains as load_gains
 from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.servo_policy import servo_law as servo_law
 from .policy.signals import Harmonic as Harmonic, Signal as Signal

@@ -28,9 +28,7 @@ from .exact_solution import (
     solve_games as solve_games,
     solve_output_feedback as solve_output_feedback,
 )
-from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
-from .flights.scheduling import certified_schedule as certified_schedule
 from .physics.lagrangian import mechanical_energy as mechanical_energy
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
 from .proof.rate_proof import prove_rate as prove_rate

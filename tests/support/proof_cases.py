@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from known_models import exact_gain, model_at
 
-from controller import GainTable, Game
+from controller import Game
+from controller.policy.gain_table import GainTable
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
 from verification import Family

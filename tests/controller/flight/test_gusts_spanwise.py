@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase, flown
 
-from controller import Dryden, OneMinusCosine, Scenario, side_by_side, spanwise_dryden
+from controller import Dryden, OneMinusCosine, Scenario
 from controller.flight.envelope import angles_of_attack
-from controller.flight.gusts import SpanwiseGust
+from controller.flight.gusts import SpanwiseGust, side_by_side, spanwise_dryden
 from controller.flight.plants import LinearizedAircraft, UncertainLinearization
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import SummedLoop

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from proof_cases import ORIGIN, exact_table, family, forge, scalar_game
 
-from controller import GainTable, Game, basis
+from controller import Game, basis
 from controller.game.critic_file import StoredCritic
+from controller.policy.gain_table import GainTable
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, default_parameters

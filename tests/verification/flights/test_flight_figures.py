@@ -11,7 +11,7 @@ from flight_cases import case_at, flown
 from controller import Scenario
 from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_model import INPUTS, Parameters
-from verification import flight_figure
+from verification.flights.flight_figures import flight_figure
 
 
 @pytest.fixture(scope="module")

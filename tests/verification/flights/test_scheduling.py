@@ -18,7 +18,6 @@ from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
 from trim import OperatingPoint
-from verification import certified_schedule
 from verification.flights.scheduling import (
     CertifiedSchedule,
     DihedralChange,
@@ -26,6 +25,7 @@ from verification.flights.scheduling import (
     Schedule,
     ScheduledPolicy,
     ScheduledReference,
+    certified_schedule,
     change_over,
     fly_schedule,
 )

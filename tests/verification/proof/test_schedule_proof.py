@@ -10,7 +10,7 @@ import pytest
 from known_models import model_at
 from proof_cases import ORIGIN, exact_table, family, unstable_between
 
-from controller import GainTable
+from controller.policy.gain_table import GainTable
 from controller.riccati.balancing import spectrum
 from hfa_model import default_parameters
 from hfa_support import BadInputError
