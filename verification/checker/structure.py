@@ -164,7 +164,9 @@ def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[s
     rate = float(_numbers(f"{where}: rate", box["rate"], ()))
     _require(rate == 0.0 or (kind == "schedule" and name != "motion"), f"{where}: rate", rate)
     if free:
-        _require(type(box["decimals"]) is bool, f"{where}: decimals", box["decimals"])
+        # Statements hold for every decimal that reads as these doubles; a critic, and delta_min, for the doubles alone.
+        wide = kind != "game" or ("delta_min" in claim and name in ("solution", "loop"))
+        _require(box["decimals"] is True or (box["decimals"] is False and not wide), f"{where}: decimals")
         for unknown, parts in _keys(f"{where}: trim", box["trim"], tuple(free)).items():
             found = _numbers(f"{where}: {unknown}", parts, (4 + len(claim["spread"]),), decimals=kind == "game")
             _require(found[3] > 0.0, f"{where}: radius of {unknown}", parts[3])

@@ -358,9 +358,17 @@ def _null(content: Content) -> None:
     content["statement"]["imposed"]["gamma"] = None
 
 
+def _doubles_alone(content: Content) -> None:
+    for boxes in content["boxes"].values():
+        for box in boxes:
+            box["decimals"] = False
+
+
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
+        ("rate", _doubles_alone),
+        ("solution", _doubles_alone),
         ("rate", _one_direction),
         ("critic", _one_entry_of_the_loop),
         ("critic", _damped_by_M),
