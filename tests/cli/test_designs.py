@@ -57,23 +57,6 @@ def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
     assert run["P_rel_error"] == checked["P_rel_error"]
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--design rudder --dihedral 11", "rudder: no design of that name and no readable file; the names are paper"),
-        ("--design simvfa-1", "name the plant: either --dihedral DEG or --model FILE"),
-        ("--design simvfa-1 --model plant.npz", "--design belongs to the aircraft; leave it out with --model"),
-        ("--design simvfa-1 --dihedral 11 --R 1,1,1", "design simvfa-1: R is 3 x 3; with this A and B"),
-        ("--design own.toml --dihedral 11", "own.toml: unknown entry gain"),
-    ],
-)
-@pytest.mark.parametrize("command", ["solve", "learn", "verify"])
-def test_a_design_that_does_not_fit_is_one_line(command: str, words: str, named: str) -> None:
-    np.savez("plant.npz", A=np.eye(2), B=np.eye(2))
-    Path("own.toml").write_text("gain = 3\n", encoding="utf-8")
-    assert_refused(hfa(command, *words.split()), 2, named)
-
-
 # From measured outputs.
 
 SENSORS = """

@@ -13,7 +13,6 @@ from cli import SCRIPT, hfa_process
 from hfa_cli.main import BAD_INPUT, DONE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the faults are made as Linux has them")
-FLY = "fly --dihedral 15 --duration 0.02 --law exact"
 SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--vary", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
 
 

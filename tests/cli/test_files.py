@@ -29,10 +29,6 @@ COMMANDS = {
 }
 
 
-#: In every format by default; the others in one.
-MANY = ("linearize", "failing")
-
-
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     """The file that a command writes, and the JSON that it prints beside."""
     folder.mkdir(exist_ok=True)

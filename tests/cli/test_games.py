@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import Terminal, answer, hfa
+from cli import answer, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small, stored
 from known_models import game_at
 from scipy.io import loadmat
 
 from controller import LAWS, Game
-from hfa_cli.entry import INTERRUPTED
 from hfa_cli.main import DONE, FAILED
 from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
 from verification import solve_game
@@ -202,32 +201,12 @@ def test_learn_irl_needs_a_stabilizing_start() -> None:
     assert answer("verify", *AT_15, *words)["ok"] is True
 
 
-def test_settings_of_every_law_are_reached_from_the_command_line() -> None:
-    words = ["--set", "disturbance_measured=no", "--set", "intervals=60", "--seed", "3"]
-    data = answer("learn", "--dihedral", "5", "--law", "irl", *words, code=FAILED)
-    assert (data["settings"]["disturbance_measured"], data["settings"]["intervals"], data["seed"]) == (False, 60, 3)
-
-
 # Runs are not resumed: the same words give the same bytes.
 
 RUNS = {
     "certified": QUICK,
     "irl": (),
 }
-
-
-def test_an_interrupted_run_leaves_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(_: object, done: float, *__: object) -> None:
-        if done >= 0.6:
-            raise KeyboardInterrupt
-
-    words = ("learn", "--model", small("plant.json"), *QUICK)
-    with monkeypatch.context() as patched:
-        patched.setattr("hfa_cli.options.learning_options.ProgressLine.__call__", stop)
-        stopped = hfa(*words, "-o", "part.json", err=Terminal())
-    assert (stopped.code, stopped.out) == (INTERRUPTED, "")
-    assert stopped.err.endswith("hfa: interrupted\n")
-    assert not Path("part.json").exists()
 
 
 @pytest.mark.parametrize("law", LAWS)

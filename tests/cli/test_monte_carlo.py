@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model import LINEAR_STATES, default_parameters
+from hfa_model import LINEAR_STATES
 from hfa_support.jobs.store import open_store
-
-PARAMETERS = default_parameters().values
-
 
 # The command.
 

@@ -5,13 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from cli import Terminal, answer, hfa
-
-from hfa_model import default_parameters
-from trim import Steps, SweepPlan
-from trim.sweeps.sweep_plan import plan_warnings
 
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 SHORT = ("--law", "exact", "--duration", "0.1")
@@ -23,7 +18,6 @@ COMMANDS = {
     "map": ("map", "--law", "exact", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
     "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
 }
-LIMIT = np.radians(15.0)
 
 
 def sweep_note(beyond: int, points: int) -> str:
@@ -59,22 +53,6 @@ def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> Non
     assert hfa(*words, "-o", str(saved)).err == "hfa: note: dihedral is free: the search begins at --dihedral 10\n"
     again = hfa(*words, "--start", str(saved))
     assert again.err == "hfa: note: dihedral is free: the search begins at --start\n"
-
-
-def test_a_plant_of_the_user_has_no_range(tmp_path: Path) -> None:
-    plant = tmp_path / "plant.json"
-    text = '{"A": [[0, 1], [-1, -1]], "B": [[0], [1]], "E": [[1], [1]], "Q": [[1, 0], [0, 1]], "R": [[1]], "delta": 10}'
-    plant.write_text(text, encoding="utf-8")
-    result = hfa("solve", "--model", str(plant), "--json")
-    assert (result.err, json.loads(result.out)["warnings"]) == ("", [])
-
-
-def test_a_schedule_says_so_when_it_ends_beyond() -> None:
-    result = hfa(
-        "schedule", "--dihedral", "5", "--to", "16", "--over", "5", "--points", "3", "--law", "exact", "--json"
-    )
-    assert result.err == f"hfa: note: {NOTE}\n"
-    assert json.loads(result.out)["warnings"] == [NOTE]
 
 
 def test_a_sweep_has_its_notes_in_its_data_and_files(tmp_path: Path) -> None:
@@ -117,19 +95,3 @@ def test_a_stored_sweep_has_them_in_its_store(
     assert result.err == "".join(f"hfa: note: {note}\n" for note in expected)
     assert json.loads(result.out)["warnings"] == expected
     assert zarr.open_group(str(path), mode="r").attrs["warnings"] == expected
-
-
-@pytest.mark.parametrize(
-    "axis",
-    [
-        Steps(0.0, LIMIT / 30, 41),
-        Steps(-2 * LIMIT, LIMIT / 7, 29),
-        Steps(1.5 * LIMIT, LIMIT, 3),
-        Steps(-3 * LIMIT, LIMIT / 2, 3),
-        Steps(-LIMIT, LIMIT / 3, 7),
-    ],
-)
-def test_a_grid_is_counted_as_if_its_points_were_made(axis: Steps) -> None:
-    plan = SweepPlan({"speed": (66.0, 68.0), "dihedral": axis}, default_parameters().values, "published")
-    beyond = int((np.abs(plan.values(0, plan.count)[:, 1]) > LIMIT * (1 + 1e-9)).sum())
-    assert plan_warnings(plan) == ([sweep_note(beyond, plan.count)] if beyond else [])

@@ -10,22 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli import SCRIPT, assert_refused, hfa, hfa_process
+from cli import SCRIPT, hfa, hfa_process
 
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "named"),
-    [
-        (("trim", "--dihedral", "abc"), BAD_INPUT, "dihedral is 'abc'"),
-        (("frobnicate",), BAD_INPUT, "frobnicate"),
-        (("trim", "--dihedral", "15", "--speed", "20"), FAILED, "no trim"),
-    ],
-)
-def test_failures(tmp_path: Path, words: tuple[str, ...], code: int, named: str) -> None:
-    assert_refused(hfa_process(*words, folder=tmp_path), code, named)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_module_is_the_command(tmp_path: Path) -> None:
@@ -90,14 +77,6 @@ def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path, words:
     done = subprocess.run(limited, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tmp_path, timeout=60)
     assert (done.returncode, done.stderr) == (BAD_INPUT, b"hfa: cannot write the output: File too large\n")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_terminal_without_plus_minus_gets_a_question_mark(tmp_path: Path) -> None:
-    words = ("linearize", "--dihedral", "15")
-    poor, rich = hfa_process(*words, folder=tmp_path, PYTHONIOENCODING="ascii"), hfa(*words)
-    assert (poor.code, poor.err) == (DONE, "")
-    assert "±" in rich.out
-    assert poor.out == rich.out.encode("ascii", "replace").decode("ascii")
 
 
 def test_progress_on_a_real_terminal_leaves_a_clean_line(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ import pytest
 from cli import hfa
 from scipy.io import loadmat
 
-from hfa_model import default_parameters, named_parameters, save_parameters
-from hfa_model.parameters import NAMED
+from hfa_model import default_parameters, save_parameters
 from hfa_model.provenance import parameter_hash
 
 
@@ -44,16 +43,6 @@ def test_text_says_which_aircraft(command: str, heavy: Path) -> None:
     assert f"parameters identified ({parameter_hash(default_parameters().values)})" in plain.splitlines()[-1]
     assert f"({hash_of(heavy)})" in edited.splitlines()[-2]
     assert edited.splitlines()[-1] == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
-
-
-@pytest.mark.parametrize("command", ["trim", "solve", "sweep"])
-def test_text_says_what_is_not_the_paper_s_flight(command: str) -> None:
-    words = ("--speed", "60", "--free", "alpha", "--hold", "aileron_outer=1", "--limit", "throttle=0:90")
-    said = "speed 60 ft/s, aileron_outer 1 deg, alpha free, throttle within 0 and 90"
-    if command == "sweep":  # its speed is a column
-        said = said.partition(", ")[2]
-    assert hfa(command, "--dihedral", "12", *words).out.splitlines()[-1] == f"not the paper's level flight: {said}"
-    assert "not the paper's" not in hfa(command, "--dihedral", "12").out
 
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
@@ -95,17 +84,6 @@ def provenance_of(path: Path) -> str:
     return str(json.loads(first["about"])["provenance"]["parameter_hash"])
 
 
-def test_a_table_reads_as_a_table(tmp_path: Path) -> None:
-    path = tmp_path / "model.csv"
-    hfa("linearize", "--dihedral", "12", "-o", str(path))
-    with path.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [name for name in rows[0] if name != "about"] == ["matrix", "row", "column", "value", "unit", "band"]
-    assert len(rows) == 36 + 30 + 6 + 5
-    assert float(rows[0]["value"]) < 0.0
-    assert all(row["about"] == "" for row in rows[1:])
-
-
 def test_pictures_have_it_in_their_metadata(tmp_path: Path, heavy: Path) -> None:
     path = tmp_path / "sweep.svg"
     words = ("--dihedral", "0:10:5", "--parameters", str(heavy), "--picture", str(path))
@@ -118,13 +96,6 @@ def test_a_plant_of_the_user_s_own_is_named(tmp_path: Path) -> None:
     plant.write_text(json.dumps({"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}), encoding="utf-8")
     found = json.loads(hfa("solve", "--model", str(plant), "--json").out)["provenance"]
     assert (found["model"], found["parameters"]) == (str(plant), "")
-
-
-@pytest.mark.parametrize("name", NAMED)
-def test_a_named_set_is_named(name: str) -> None:
-    found = json.loads(hfa("trim", "--dihedral", "5", "--parameters", name, "--json").out)["provenance"]
-    assert found["parameters"] == name
-    assert found["parameter_hash"] == parameter_hash(named_parameters(name).values)
 
 
 @pytest.mark.parametrize("command", ["sweep", "monte-carlo"])

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from cli import hfa, written_json
+from cli import hfa
 from controllers import small_controller
 from jsonschema import Draft202012Validator
 from project import ROOT, project_sources
-from published_formats import assert_published, complaints_about
+from published_formats import complaints_about
 
 from controller import save_controller
 from hfa_cli.formats import formats, formats_markdown
@@ -70,14 +70,6 @@ def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path
     attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
     assert complaints_about(attributes) == []
     assert complaints_about(attributes | {"rows": "2"}) != []
-
-
-def test_a_file_without_its_format_is_seen(tmp_path: Path) -> None:
-    """The command passes here; the check of what lies beside its output fails."""
-    (tmp_path / "other.json").write_text('{"schema": "hfa.other/1"}', encoding="utf-8")
-    assert written_json(("reproduce", "-o", str(tmp_path))) == [tmp_path / "other.json"]
-    with pytest.raises(AssertionError, match=r"hfa\.other/1 is not published"):
-        assert_published((tmp_path / "other.json").read_text(encoding="utf-8"))
 
 
 def test_the_document_is_that_of_the_command(tmp_path: Path) -> None:

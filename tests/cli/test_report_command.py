@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 from pathlib import Path
@@ -76,16 +75,6 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, f"copy report/{name} to docs/pictures after `make report`"
 
 
-def test_it_is_made_again_byte_for_byte(tmp_path: Path) -> None:
-    made = []
-    for folder in (tmp_path / "first", tmp_path / "second"):
-        folder.mkdir()
-        with contextlib.chdir(folder):
-            made.append((hfa("report", "-o", "page.html", "--json", *QUICK), (folder / "page.html").read_bytes()))
-    assert made[0][0].code == FAILED
-    assert made[0] == made[1]
-
-
 def test_what_is_not_regenerated_is_said_and_fails(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), *QUICK, "--dynamics", "newton").code == FAILED
@@ -110,27 +99,6 @@ def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) 
     html = page.read_text(encoding="utf-8").replace(plotly_script(), "")
     assert html.count("these rates do not balance: dihedral_rate") == 3  # slider, sweep, the angle in full
     assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("--sweep", "0:20:0.02"), ("--sweep", "1,001 points", "at most 151")),
-        (("--dihedral", "0:20:0.02"), ("--dihedral", "at most 20")),
-        (("--sweep", ",".join(f"{i / 20}" for i in range(300))), ("--sweep has 300 angles", "at most 151")),
-        (("--sweep", "0:20"), ("--sweep", "start:stop:step")),
-        (("--outputs", "wing_area"), ("--outputs", "'wing_area'")),
-        (("--claims", "missing.json"), ("--claims", "missing.json", "studies.section5")),
-        (("--claims", str(ROOT / "benchmarks" / "results.json")), ("--claims", "hfa.claims/1")),
-        (("-o", "missing/page.html"), ("the folder missing does not exist",)),
-        (("-o", "page.htm"), ("'.htm'",)),
-    ],
-)
-def test_bad_input_is_one_line(words: tuple[str, ...], named: tuple[str, ...], tmp_path: Path) -> None:
-    output = () if "-o" in words else ("-o", "page.html")
-    with contextlib.chdir(tmp_path):
-        assert_refused(hfa("report", *output, *words), 2, *named)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_plotly_the_page_is_refused_before_anything_is_computed(

@@ -3,7 +3,6 @@ or the command says in one line why it has no such option."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +13,6 @@ from cli import answer, assert_refused, hfa
 
 from hfa_cli.main import COMMANDS
 from hfa_cli.options.shared_options import IN_FEET
-from hfa_model import units_of_data
 
 FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
 AT = ("--dihedral", "12")
@@ -114,12 +112,6 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> 
     assert not complaints(name, before, after)
 
 
-@pytest.mark.parametrize(("table", "key"), [("_ARRAYS", "K"), ("_BY_NAME", "final"), ("_BY_NAME", "gust")])
-def test_what_is_forgotten_is_seen(table: str, key: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delitem(getattr(units_of_data, table), key)
-    assert any(f".{key}." in each for each in complaints("fly", *in_both("fly")))
-
-
 @pytest.mark.parametrize(
     "words",
     [
@@ -182,16 +174,3 @@ def test_weights_over_time_in_the_units_of_their_columns(tmp_path: Path) -> None
     assert hfa("verify", *AT, "--weights", str(file)).code == 0
     file.write_text(text.replace("(m/s)", "(ft/s)"), "utf-8")
     assert hfa("verify", *AT, "--weights", str(file)).code == 1
-
-
-def test_weights_over_time_in_other_units(tmp_path: Path) -> None:
-    path = tmp_path / "w.npz"
-    assert hfa("learn", *AT, "--units", "si", "-o", str(path)).code == 0
-    assert hfa("verify", *AT, "--weights", str(path), "--predefined-time", "10").code == 0
-    content = json.loads(hfa("learn", *AT, "--units", "si", "--json").out)
-    file = tmp_path / "w.json"
-    file.write_text(json.dumps({"W": content["W"], "state_units": content["state_units"]}), encoding="utf-8")
-    assert hfa("verify", *AT, "--weights", str(file)).code == 0
-    content["state_units"][0] = "km/h"
-    file.write_text(json.dumps({"W": content["W"], "state_units": content["state_units"]}), encoding="utf-8")
-    assert_refused(hfa("verify", *AT, "--weights", str(file)), 2, "state 1 is in km/h and that of the plant in ft/s")
