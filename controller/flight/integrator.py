@@ -112,13 +112,15 @@ class RungeKutta:
         else:
             self.rows_per_tick, many = 1, one.fold(steps_per_tick)
         self._tick = BoundFunction(machine_code(many) if compile_code else many)
+        whole, n = self._tick.inputs[0], one.numel_in(0) - rate.numel_in(2)
+        self._time, self._now, self._p = whole[:1], whole[1:n], whole[n:]
+        self._rows = self._tick.results[0].reshape(-1, len(whole))[:, :n]
 
     def rows(self, tick: int, count: int, now: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Rows of one tick."""
-        whole, n = self._tick.inputs[0], 1 + len(now)
-        whole[0], whole[1:n], whole[n:] = tick * self.steps_per_tick * self.step, now, p
+        """Rows of one tick, in an array that the next call overwrites."""
+        self._time[0], self._now[:], self._p[:] = tick * self.steps_per_tick * self.step, now, p
         self._tick()
-        return self._tick.results[0].reshape(-1, len(whole))[:, :n]
+        return self._rows
 
 
 def _runge_kutta_step(rate: ca.Function, h: float, after_step: ca.Function | None) -> ca.Function:

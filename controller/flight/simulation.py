@@ -183,8 +183,9 @@ class SummedLoop:
         kept = np.concatenate([start, [0.0], start, np.zeros(2 * _Z + _U + 1), extremes])
 
         def stop(rows: np.ndarray, p: np.ndarray) -> bool:
-            now = rows[-1]
-            return bool(now[1 + n] < now[0]) if self._stops else lost is not None and lost(now[1 : 1 + _X])
+            if self._stops:
+                return bool(rows[-1, 1 + n] < rows[-1, 0])
+            return lost is not None and lost(rows[-1, 1 : 1 + _X])
 
         ticks = round(seconds / (method.step * method.steps_per_tick))
         end = integrate(method, kept, constants, ticks, stop=stop)[-1]
