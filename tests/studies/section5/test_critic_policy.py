@@ -101,12 +101,6 @@ def test_another_law_is_seen() -> None:
         assert np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()  # the agreement above is 1e-12
 
 
-def test_frozen_means_at_rest() -> None:
-    law = law_with()
-    _, rate = flown(CriticPolicy(law, zero(6)), 0.0, np.ones(6), np.ones(law.basis.size), 0.0)
-    assert np.all(rate == 0.0)
-
-
 def test_forcing_is_the_rate_that_a_reference_adds() -> None:
     A = published_models()[0].A
     r = forcing(A, REFERENCE)
