@@ -16,7 +16,7 @@ from cli import SCRIPT
 #: Command -> its words.
 LONG: dict[str, tuple[str, ...]] = {
     "sweep": (  # three chunks
-        *("sweep", "--dihedral", "0:14:0.01", "--vary", "panel_mass=1:1.02:0.000125"),
+        *("sweep", "--dihedral", "0:14:0.01", "--vary", "speed=66:68:0.0125"),
         *("--workers", "2", "-o", "a.zarr"),
     ),
     "monte-carlo": (
@@ -83,7 +83,10 @@ def run(folder: Path, *words: str, number: signal.Signals | None = None, after: 
 
 def result_of(folder: Path) -> dict[str, Any]:
     """File -> what is in it, without when and by which words it was made."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and "temporary" not in path.parts]
+    # The digest of a store is also of its provenance; the others are what a kill may leave.
+    left, files = ("temporary", "digest", "session"), [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
+    files = [path for path in files if path not in killed and not {*path.parts} & {*left}]
     return {
         str(path.relative_to(folder)): _plain(json.loads(path.read_bytes()))
         if path.suffix == ".json"
@@ -94,6 +97,6 @@ def result_of(folder: Path) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
-        left = ("provenance", "digest", "checksum", "session")
+        left = ("provenance", "digest", "checksum")
         return {key: _plain(each) for key, each in value.items() if key not in left}
     return [_plain(each) for each in value] if isinstance(value, list) else value
