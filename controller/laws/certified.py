@@ -23,7 +23,7 @@ from controller.laws.certify import conclude, refine
 from controller.laws.run import Memory, Run
 from controller.training_data import recording
 from controller.training_data.recording import Stack
-from controller.training_data.stack_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from hfa_support.errors import NoSolutionError
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.learning_result import Excitation, LearningResult, settled_at
 from controller.game.zero_sum import Game
-from controller.training_data.stack_equations import StackEquations, control_root
+from controller.training_data.bellman_equations import StackEquations, control_root
 from hfa_support.reporting.checks import Check, checked
 
 #: Largest relative Riccati residual, |A'P + PA + Q - PSP| over the sum of the norms of its terms.

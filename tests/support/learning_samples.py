@@ -10,7 +10,7 @@ from game_samples import game_models
 from reference_riccati import Reference, reference_solution, relative_error
 
 from controller import Basis, Game, LearningResult, basis, random_pool
-from controller.training_data.stack_equations import StackEquations
+from controller.training_data.bellman_equations import StackEquations
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.

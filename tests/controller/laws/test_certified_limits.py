@@ -14,7 +14,7 @@ from controller import CertifiedSettings, Game, basis, learn, random_pool, recor
 from controller.laws import certified
 from controller.laws.certified import CertifiedLaw, Point, certified_law, stabilizing_step
 from controller.laws.law_settings import MOST_SAMPLES
-from controller.training_data.stack_equations import LQ, PartialGame, StackEquations, newton_step
+from controller.training_data.bellman_equations import LQ, PartialGame, StackEquations, newton_step
 from hfa_support import BadInputError, NoSolutionError
 
 # The edge of stability.

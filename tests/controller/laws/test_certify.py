@@ -22,7 +22,7 @@ from controller.laws.certify import (
     riccati_residual,
 )
 from controller.training_data.recording import choose
-from controller.training_data.stack_equations import StackEquations
+from controller.training_data.bellman_equations import StackEquations
 from verification import minimum_delta
 
 
