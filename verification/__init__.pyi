@@ -29,12 +29,12 @@ from .exact_solution import (
     solve_output_feedback as solve_output_feedback,
 )
 from .flights.recoverable_map import recoverable_map as recoverable_map
+from .page.main_job import JudgedCritic as JudgedCritic, judged_critic as judged_critic
 from .physics.lagrangian import mechanical_energy as mechanical_energy
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
 from .proof.rate_proof import prove_rate as prove_rate
 from .proof.schedule_proof import prove_schedule as prove_schedule
 from .proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
-from .regeneration.judged_critic import JudgedCritic as JudgedCritic, judged_critic as judged_critic
 from .regeneration.regeneration import (
     RegeneratedPair as RegeneratedPair,
     Regeneration as Regeneration,

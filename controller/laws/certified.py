@@ -22,8 +22,8 @@ from controller.laws import law_settings
 from controller.laws.certify import conclude, refine
 from controller.laws.run import Memory, Run
 from controller.training_data import recording
-from controller.training_data.recording import Stack
 from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from controller.training_data.recording import Stack
 from hfa_support.errors import NoSolutionError
 
 

@@ -16,8 +16,8 @@ from controller.laws import law_settings
 from controller.laws.certify import conclude
 from controller.laws.run import Memory, Run
 from controller.training_data import recording
-from controller.training_data.recording import Stack, record, refuse_poor, unit_rows
 from controller.training_data.bellman_equations import StackEquations
+from controller.training_data.recording import Stack, record, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 
 #: Sines per channel. n(n+1)/2 products of states must be told apart; m + k channels with three sines each do.

@@ -16,8 +16,8 @@ import numpy as np
 
 from controller import Basis, Game, LearningResult, Run, Stack, basis, random_pool
 from controller.laws.certify import conclude
-from controller.training_data.recording import choose
 from controller.training_data.bellman_equations import StackEquations
+from controller.training_data.recording import choose
 from hfa_support import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.

@@ -57,7 +57,7 @@ def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: Made) -> Non
     assert parameter_hash(default_parameters().values) in html
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
-    assert f"read from {CLAIMS}" in html
+    assert f"Read from {CLAIMS}" in html
 
 
 def test_the_pictures_of_the_documents_are_its(made: Made) -> None:

@@ -15,6 +15,7 @@ import hfa_model
 import hfa_support
 import trim
 import verification
+from controller.policy.gain_table import GainTable
 from trim.identification.identify import fit
 
 #: Result -> a line that its report has at the prompt.
@@ -67,7 +68,7 @@ def results() -> dict[str, Any]:
     model = trim.linearize(aircraft, point)
     game, critic = controller.published_game(model), verification.judged_critic(model)
     family, gain = verification.Family(aircraft), verification.solve_game(game).K
-    gains = controller.GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]))
+    gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]))
     regeneration = verification.regenerate_all(aircraft)
     found = (
         aircraft,

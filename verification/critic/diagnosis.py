@@ -1,8 +1,8 @@
 """The mistake in a wrong critic, where its numbers identify one.
 
-A repair is a guess from the critic's own numbers. Another game (another δ, Q, R, matrices or dihedral angle) is found by
-a search along one parameter, and solved. A mistake is named only when the repaired critic, or the answer of the other
-game, is the exact one but for `EXPLAINED` of the error.
+A repair is a guess from the critic's own numbers. Another game (another δ, Q, R, matrices or dihedral angle) is found
+by a search along one parameter, and solved. A mistake is named only when the repaired critic, or the answer of the
+other game, is the exact one but for `EXPLAINED` of the error.
 """
 
 from __future__ import annotations

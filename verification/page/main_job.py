@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from controller.analysis.solution_report import AnalysedGame, analyse_game
+from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import published_game
+from controller.laws.learn import learn
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import angle_text, in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
@@ -24,7 +27,9 @@ from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
-from verification.regeneration.judged_critic import JudgedCritic, judged_critic
+from verification.critic.candidate import from_run
+from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.critic_check import check_critic
 from verification.regeneration.regeneration import Regeneration, regenerate_all
 
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
@@ -35,33 +40,53 @@ ASKED = tuple(sorted(model.dihedral for model in published_models()))
 MOST_SWEPT, MOST_ASKED = 151, 20
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class JudgedCritic(Reported):
+    """The model, the run of the default law on the paper's game, and the verdict."""
+
+    model: LinearModel
+    run: LearningResult
+    check: CriticCheck
+
+    def report(self) -> Report:
+        """The table of checks and the entries of P and K."""
+        return check_report(self.check, *self.names)
+
+    @property
+    def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
+        """States, inputs, what the model is called, units of states and inputs."""
+        model, point = self.model, self.model.point
+        origin = f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
+        return model.states, model.inputs, origin, model.state_units, model.input_units
+
+
+def judged_critic(model: LinearModel) -> JudgedCritic:
+    """A critic learned on a linear model with the default law and settings, compared with the exact game solution."""
+    game = published_game(model.A, model.B)
+    run = learn(game)
+    time = run.settings["predefined_time"]
+    return JudgedCritic(model, run, check_critic(game, from_run(game, run), run=run, predefined_time=time))
+
+
 @dataclass(frozen=True, eq=False)
-class TrimmedAngle:
-    """The trim and the linear model at a dihedral angle (rad); without a trim no model, and `reason` says why."""
+class Angle:
+    """The trim and the linear model at a dihedral angle (rad); of an asked angle the game and its critic too.
+
+    printed: None where the paper prints no pair. model, solution, critic: None where there is none; `reason` says why.
+    """
 
     dihedral: float
     condition: TrimCondition
     model: LinearModel | None = None
+    printed: PublishedModel | None = None
+    solution: AnalysedGame | None = None
+    critic: JudgedCritic | None = None
     reason: str = ""
 
     @property
     def dihedral_deg(self) -> float:
         """As it was asked for, degrees."""
         return in_degrees(self.dihedral)
-
-
-@dataclass(frozen=True, eq=False)
-class AngleResult:
-    """A trimmed angle with its print, and on the paper's game the exact solution and the critic learned.
-
-    printed: None where the paper prints no pair. solution, critic: None where there is none, `reason` says why.
-    """
-
-    trimmed: TrimmedAngle
-    printed: PublishedModel | None = None
-    solution: AnalysedGame | None = None
-    critic: JudgedCritic | None = None
-    reason: str = ""
 
     @property
     def ok(self) -> bool:
@@ -75,34 +100,26 @@ def trimmed_angle(
     outputs: tuple[str, ...] | None = None,
     flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
-) -> TrimmedAngle:
-    """Trim and linearize a flight at a dihedral angle; an angle without a trim keeps the reason."""
+) -> Angle:
+    """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the reason."""
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
         point = find_operating_point(aircraft, condition, start)
     except NoSolutionError as error:
-        return TrimmedAngle(dihedral, condition, reason=str(error))
-    return TrimmedAngle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
+        return Angle(dihedral, condition, reason=str(error))
+    return Angle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
 
 
-def angle_result(
-    aircraft: Aircraft,
-    dihedral: float,
-    outputs: tuple[str, ...] | None = None,
-    flight: TrimCondition = LEVEL_FLIGHT,
-    start: OperatingPoint | None = None,
-) -> AngleResult:
+def with_game(angle: Angle) -> Angle:
     """The same with the game solved, and a critic learned and compared with the solution."""
-    trimmed = trimmed_angle(aircraft, dihedral, outputs, flight, start)
-    model = trimmed.model
+    model = angle.model
     if model is None:
-        return AngleResult(trimmed, reason=trimmed.reason)
-    printed = printed_at(model.point)
+        return angle
+    angle = replace(angle, printed=printed_at(model.point))
     try:
-        solution = analyse_game(published_game(model.A, model.B))
-        return AngleResult(trimmed, printed, solution, judged_critic(model))
+        return replace(angle, solution=analyse_game(published_game(model.A, model.B)), critic=judged_critic(model))
     except NoSolutionError as error:
-        return AngleResult(trimmed, printed, reason=str(error))
+        return replace(angle, reason=str(error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +141,8 @@ class MainJob:
     parameters: ParameterSet
     regeneration: Regeneration
     sweep: Sweep
-    points: tuple[TrimmedAngle, ...]
-    angles: tuple[AngleResult, ...]
+    points: tuple[Angle, ...]
+    angles: tuple[Angle, ...]
     claims: StoredClaims | None = None
 
     @property
@@ -164,6 +181,6 @@ def main_job(
     found = []
     for count, angle in enumerate(asked):
         progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle)}")
-        found.append(angle_result(aircraft, angle, outputs, flight, start))
+        found.append(with_game(trimmed_angle(aircraft, angle, outputs, flight, start)))
     progress(1.0, 1.0)
     return MainJob(aircraft, parameters, regeneration, over, points, tuple(found), claims)

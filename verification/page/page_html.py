@@ -12,9 +12,9 @@ from importlib.resources import files
 from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from verification.page.front_view import front_view
 from verification.page.job_report import point_report, verdicts
 from verification.page.main_job import MainJob
+from verification.page.plots import front_view
 
 TITLE = "Highly flexible aircraft: linear models"
 #: A browser that follows it loads nothing from any network.
@@ -47,7 +47,7 @@ def slider(job: MainJob) -> str:
     """One slider over the sweep: the drawing, and one section an angle, of which the chosen one is shown."""
     drawn = front_view(job.aircraft, job.points, "trim.png")
     shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
-    asked = [angle.trimmed.dihedral_deg for angle in job.angles]
+    asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
     sections = "\n".join(
         f'<section class="point" data-angle="{label}"{"" if i == first else " hidden"}>'
@@ -65,7 +65,7 @@ keyboard: arrow keys. <span class="noscript">It needs scripts.</span></p>
 
 
 def _listed(job: MainJob) -> str:
-    return html.escape(", ".join(f"{angle.trimmed.dihedral_deg:g}" for angle in job.angles)) + " deg"
+    return html.escape(", ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)) + " deg"
 
 
 def _file(name: str) -> str:

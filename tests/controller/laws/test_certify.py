@@ -21,8 +21,8 @@ from controller.laws.certify import (
     relative_residual,
     riccati_residual,
 )
-from controller.training_data.recording import choose
 from controller.training_data.bellman_equations import StackEquations
+from controller.training_data.recording import choose
 from verification import minimum_delta
 
 

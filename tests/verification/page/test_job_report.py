@@ -1,20 +1,35 @@
-"""What the page says: verdicts that can fail, and what the slider shows of an angle."""
+"""What the page says: verdicts that can fail, what the slider shows of an angle, and the claims that were stored."""
 
 from __future__ import annotations
 
+import copy
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from project import ROOT
 
 from controller import published_game
 from hfa_model import published_models
-from hfa_support import NoSolutionError
-from hfa_support.reporting.text import four_decimals
+from hfa_support import BadInputError, NoSolutionError
+from hfa_support.reporting.text import Table, four_decimals
 from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
-from verification.page.job_report import angle_report, point_report, verdicts
-from verification.page.main_job import AngleResult, MainJob
+from verification.page.job_report import (
+    angle_report,
+    claims_section,
+    flies_the_same,
+    load_claims,
+    point_report,
+    verdicts,
+)
+from verification.page.main_job import MainJob, StoredClaims
 from verification.page.page_html import slider
+
+STORED = ROOT / "studies" / "section5" / "results"
 
 
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
@@ -31,7 +46,7 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
         raise NoSolutionError("no solution: planted")
 
     monkeypatch.setattr(main_job, "analyse_game", unsolved)
-    angle = main_job.angle_result(job.aircraft, job.points[1].dihedral)
+    angle = main_job.with_game(job.points[1])
     text = angle_report(job, angle).text()
     assert "No game solution: no solution: planted" in text
     assert "short period" in text
@@ -42,16 +57,16 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
 def test_a_solution_is_shown_in_full(job: MainJob) -> None:
     trimmed = job.points[2]
     solution = analyse_game(published_game(trimmed.model.A, trimmed.model.B))
-    report = angle_report(job, AngleResult(trimmed, solution=solution))
+    report = angle_report(job, replace(trimmed, solution=solution))
     assert "Exact game solution for the model at dihedral 15 deg" in report.text()
     assert report.data["solution"]["P"] is not None
 
 
 def test_the_print_stands_beside_a_model_in_its_own_units(job: MainJob) -> None:
-    report = angle_report(job, AngleResult(job.points[2], printed=published_models()[1]))
+    report = angle_report(job, replace(job.points[2], printed=published_models()[1]))
     assert "printed" in report.text()
     with shown_in("si"):
-        assert "printed" not in angle_report(job, AngleResult(job.points[2], printed=published_models()[1])).text()
+        assert "printed" not in angle_report(job, replace(job.points[2], printed=published_models()[1])).text()
 
 
 def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
@@ -66,7 +81,42 @@ def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
 def test_the_slider_begins_at_the_first_angle_that_was_asked_for(job: MainJob) -> None:
     shown = [f"{point.dihedral_deg:g}" for point in job.points]
     for asked in (1, 2):
-        text = slider(replace(job, angles=(AngleResult(job.points[asked]),)))
+        text = slider(replace(job, angles=(job.points[asked],)))
         assert re.findall(r'data-angle="([\d.]+) deg">', text) == [shown[asked]]
         assert f'value="{asked}" aria-valuetext="{shown[asked]} deg"' in text
     assert 'value="0"' in slider(job)
+
+
+@pytest.fixture(scope="module")
+def claims() -> StoredClaims:
+    return load_claims(STORED)
+
+
+def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: StoredClaims) -> None:
+    section = claims_section(claims, job.regeneration)
+    (table,) = (part for part in section.parts if isinstance(part, Table))
+    stored = claims.table["claims"]
+    assert [(row[0], row[-1]) for row in table.rows] == [(claim["number"], claim["verdict"]) for claim in stored]
+    assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
+    assert "the same matrices as" in str(section.parts[1])
+
+
+def test_another_aircraft_is_noticed(job: MainJob, claims: StoredClaims) -> None:
+    other = copy.deepcopy(claims.table)
+    assert flies_the_same(other, job.regeneration)
+    other["setting"]["models"][1]["B"][3][4] *= 1 + 1e-6
+    assert not flies_the_same(other, job.regeneration)
+    section = claims_section(StoredClaims(claims.path, other), job.regeneration)
+    assert "OTHER matrices than" in str(section.parts[1])
+
+
+def test_without_claims_the_page_says_how_to_get_them(job: MainJob) -> None:
+    assert "studies.section5" in str(claims_section(None, job.regeneration).parts[0])
+
+
+@pytest.mark.parametrize("key", ["claims", "verdicts", "setting"])
+def test_a_damaged_table_is_refused(key: str, claims: StoredClaims, tmp_path: Path) -> None:
+    table = {name: value for name, value in claims.table.items() if name != key}
+    (tmp_path / "claims.json").write_text(json.dumps(table), encoding="utf-8")
+    with pytest.raises(BadInputError, match=f"is damaged .*{key}"):
+        load_claims(tmp_path)

@@ -1,0 +1,93 @@
+"""The plots of the page: Plotly takes them, numbers are those of the models, no word of the data ends a script."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure
+
+from hfa_model import Aircraft
+from trim import modes_of, sweep
+from verification.page.main_job import MainJob
+from verification.page.plots import MARKED, InteractivePlot, front_view, in_script, locus_plot
+
+
+def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
+    plot = front_view(job.aircraft, job.points, "trim.png")
+    assert plot is not None
+    (spec,) = plot.figures
+    figure = Figure(spec)
+    found = re.search(r"arrows: ([\d.e+-]+) lbf to the foot", plot.text)
+    assert found is not None
+    assert len(figure.frames) == len(job.points)
+    for frame, point in zip(spec["frames"], job.points, strict=True):
+        panels, lift, weight, _, sizes = frame["data"]
+        if point.model is None:
+            assert len(panels["x"]) == len(sizes["x"]) == 0
+            continue
+        loads = job.aircraft.loads(point.model.point.states, point.model.point.inputs)
+        p = job.aircraft.parameters
+        lengths = [np.hypot(np.diff(each["x"])[::3], np.diff(each["y"])[::3]) for each in (lift, weight)]
+        forces = np.array([loads.outer.lift, loads.center.lift, loads.outer.lift]), p.panel_mass * p.gravity
+        for length, force in zip(lengths, forces, strict=True):
+            assert length * float(found[1]) == pytest.approx(force, rel=2e-3)
+        assert sizes["text"][1] == f"{loads.center.lift:.1f} lbf"
+        # The tip of the left panel is a span beyond its hinge, at the dihedral angle.
+        x, y = panels["x"][7], panels["y"][7]
+        assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
+
+
+def test_one_point_needs_no_frames_and_none_no_drawing(job: MainJob) -> None:
+    alone = front_view(job.aircraft, job.points[:1], "trim-5.png")
+    assert alone is not None
+    assert alone.figures[0]["frames"] == []
+    assert "dihedral 5 deg" in alone.text
+    assert front_view(job.aircraft, job.points[-1:], "trim-59.png") is None
+
+
+def test_data_cannot_leave_its_script() -> None:
+    value = {"name": "</script><script>alert(1)", "x": np.array([0.5, np.nan])}
+    text = in_script(value)
+    assert "<" not in text
+    assert json.loads(text) == {"name": "</script><script>alert(1)", "x": [0.5, None]}
+
+
+def test_each_figure_has_a_box_with_what_it_shows() -> None:
+    plot = InteractivePlot("two.png", 'a "text" <1>', lambda: None, ({"data": []}, {"data": []}))  # type: ignore[arg-type]
+    html = plot.html()
+    boxes, scripts = re.findall(r'<div class="plot" id="([^"]*)"', html), re.findall(r'data-plot="([^"]*)"', html)
+    assert boxes == scripts == ["plot-two-1", "plot-two-2"]
+    assert html.count("a &quot;text&quot; &lt;1&gt;") == 3
+
+
+def test_hover_tells_the_modes_and_the_printed_angles_are_marked(job: MainJob) -> None:
+    plot = locus_plot(job.sweep)
+    assert plot is not None
+    every, slow = plot.figures
+    named = [{trace["name"] for trace in spec["data"]} for spec in (every, slow)]
+    marks = {*(f"{angle:g} deg" for angle in MARKED), "chosen angle"}
+    assert named[0] == {*job.sweep.mode_names, *marks}
+    assert named[1] == {"phugoid", "dihedral (slow)", *marks}
+    for spec in (every, slow):
+        assert len(Figure(spec).frames) == len(job.points)
+    for trace in every["data"]:
+        for angle, frequency, damping in trace["customdata"]:
+            if np.isfinite(frequency):
+                point = next(point for point in job.points if point.dihedral_deg == angle)
+                modes = modes_of(point.model.A, point.model.states)
+                assert min(abs(mode.frequency - frequency) + abs(mode.damping - damping) for mode in modes) < 1e-4
+
+
+def test_where_nothing_is_trimmed_there_is_no_plot(published_aircraft: Aircraft) -> None:
+    assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None
+
+
+def test_the_range_holds_every_point(job: MainJob) -> None:
+    plot = locus_plot(job.sweep)
+    assert plot is not None
+    low, high = plot.figures[0]["layout"]["yaxis"]["range"]
+    largest = float(np.nanmax(job.sweep.eigenvalues.imag))
+    assert (low, high) == (pytest.approx(-high), pytest.approx(largest * 1.12))
