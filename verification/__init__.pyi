@@ -28,6 +28,7 @@ from .exact_solution import (
     solve_games as solve_games,
     solve_output_feedback as solve_output_feedback,
 )
+from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
 from .page.main_job import JudgedCritic as JudgedCritic, judged_critic as judged_critic
 from .physics.lagrangian import mechanical_energy as mechanical_energy

@@ -43,7 +43,7 @@ _TARGETS = ("c", "fmu", "matlab", "formats")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa export`."""
-    options.add_trim(parser, dihedral_required=False)
+    options.add_condition(parser, dihedral_required=False)
     parser.set_defaults(dihedral=math.radians(15.0))
     options.add_aircraft(parser)
     add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa fly`."""
-    options.add_trim(parser)
+    options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser)
     add_stored(parser)

@@ -30,7 +30,7 @@ _RANGES = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa map`."""
-    options.add_trim(parser)
+    options.add_condition(parser)
     options.add_parameters(parser)
     add_weights(parser)
     add_stored(parser)

@@ -55,7 +55,7 @@ _MOST_MEMBERS = 10_000_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa monte-carlo`."""
-    options.add_trim(parser)
+    options.add_condition(parser)
     options.add_aircraft(parser)
     add_weights(parser)
     add_stored(parser)

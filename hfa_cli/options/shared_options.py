@@ -68,20 +68,6 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
     add_flight(parser)
 
 
-def add_trim(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
-    """The trim that something else is done at: --dihedral, --condition, --free, --hold."""
-    add_value(parser, "--dihedral", one_angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
-    _add_named_condition(parser)
-    add_named(parser, "--hold", quantity, "NAME=VALUE", "hold a variable, degrees for angles; repeatable")
-    parser.set_defaults(**dict.fromkeys((*OF_THE_CONDITION, "limit", "start")))
-
-
-def _add_named_condition(parser: argparse.ArgumentParser) -> None:
-    named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
-    add_value(parser, "--condition", parsed(load_condition), "FILE", named)
-    parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
-
-
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """What a trim imposes and leaves free, the dihedral angle apart."""
     add_value(parser, "--speed", partial(quantity, "speed"), "FT/S", "default: the paper's 68 ft/s")
@@ -93,7 +79,9 @@ def add_flight(parser: argparse.ArgumentParser) -> None:
 
 def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any], form: str, about: str) -> None:
     """--condition, --free, --hold, --limit, --start; kind, form, about: the value of --hold, and what it does."""
-    _add_named_condition(parser)
+    named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
+    add_value(parser, "--condition", parsed(load_condition), "FILE", named)
+    parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
     add_named(parser, "--hold", kind, f"NAME={form}", about)
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
     saved = parsed(lambda text: load_operating_point(Path(text)))
