@@ -69,15 +69,18 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Values as an array of floats; BadInputError when they are no numbers, or some of them are masked."""
+    """Real numbers as an array of floats. BadInputError where they are something else, or some of them are masked."""
     import numpy as np  # the command sets the threads of its libraries before it is loaded
 
     try:
-        if not np.any(getattr(values, "_mask", False)):  # numpy.ma takes 10 ms to load
-            return np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInputError(f"{what} is {shown(values)}; give numbers") from error
-    raise BadInputError(f"{what} has masked entries; fill them or leave them out")
+        array = np.asarray(values)
+    except ValueError:  # rows that differ in length
+        array = np.empty(0, dtype=object)
+    if array.dtype.kind not in "iuf":
+        raise BadInputError(f"{what} does not consist of rows of real numbers, all of one length")
+    if np.any(getattr(values, "_mask", False)):  # numpy.ma takes 10 ms to load
+        raise BadInputError(f"{what} has masked entries; fill them or leave them out")
+    return array.astype(float)
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

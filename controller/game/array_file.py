@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, numbers_in, shortened
 from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, regular_file
 from hfa_support.reporting.unit_system import si_factor, si_unit
 
@@ -257,20 +257,9 @@ _READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
 MATRIX_FILES = tuple(_READERS)
 
 
-def real_array(name: str, value: Any) -> np.ndarray:
-    """The value as floats. BadInputError where it is something else."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows that differ in length
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind not in "iuf":
-        raise BadInputError(f"{name} does not consist of rows of real numbers, all of one length")
-    return array.astype(float)
-
-
 def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.ndarray:
     """The value as a read-only array of floats. BadInputError where it is none, or a number not finite or too large."""
-    array = real_array(name, value)
+    array = numbers_in(name, value)
     if array.ndim != ndim:
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
     bad = np.argwhere(~np.isfinite(array))

@@ -16,12 +16,11 @@ from controller.game.array_file import (
     file_scales,
     found_in,
     read_arrays,
-    real_array,
     words,
 )
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.unit_system import si_unit
 
@@ -57,10 +56,10 @@ class History(Shown):
 
     def __post_init__(self) -> None:
         """Name the first row that is wrong."""
-        object.__setattr__(self, "times", real_array("time", self.times))
+        object.__setattr__(self, "times", numbers_in("time", self.times))
         for name in ("W", "P", "K"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, real_array(name, getattr(self, name)))
+                object.__setattr__(self, name, numbers_in(name, getattr(self, name)))
         if self.times.ndim != 1 or not len(self.times):
             raise BadInputError(f"time has shape {self.times.shape}; give one time for each row")
         _refuse("time", self.times, np.isfinite(self.times), "is not finite")
@@ -144,7 +143,7 @@ def load_critic(path: str | Path, plant: PlantNames = UNNAMED, functions: Basis 
 
 def _single(stored: dict[str, Any], plant: PlantNames, functions: Basis | None) -> StoredCritic:
     named = {_ALSO.get(key, key): stored[key] for key in (*_ALSO, *stored) if key in stored}
-    given = {key: real_array(key, named[key]) for key in _NDIM if key in named}
+    given = {key: numbers_in(key, named[key]) for key in _NDIM if key in named}
     if not given:
         raise BadInputError(f"there is no W, P or K; a weights file holds one of them{found_in(stored)}")
     for key, values in given.items():
@@ -177,7 +176,7 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
     stored = stored | {_ALSO[key]: stored[key] for key in _ALSO if key in stored}
     if "time" not in stored or not {*_NDIM, "columns"} & set(stored):
         return None
-    times = np.ravel(real_array("time", stored["time"]))
+    times = np.ravel(numbers_in("time", stored["time"]))
     said = words(stored, "basis") if "basis" in stored else ("quadratic",)
     if functions is None and len(said) != 1:
         raise BadInputError("basis must be one name, such as 'quadratic'")
@@ -205,7 +204,7 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
 
 def _rows(name: str, value: Any, count: int, size: tuple[int, ...], what: str) -> np.ndarray:
     """(N, *size), or the matrix of the last row alone as it is."""
-    array = real_array(name, value)
+    array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
         return array
     if len(size) == 2 and array.shape == (*size, count):

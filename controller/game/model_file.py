@@ -14,13 +14,12 @@ from controller.game.array_file import (
     file_scales,
     found_in,
     read_arrays,
-    real_array,
     words,
 )
 from controller.game.zero_sum import LARGEST, Game
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
-from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.
@@ -116,7 +115,7 @@ def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
                 "argument"
             )
     try:
-        (given["delta"],) = np.ravel(real_array("delta", given["delta"])).tolist()  # of MATLAB a 1 x 1 matrix
+        (given["delta"],) = np.ravel(numbers_in("delta", given["delta"])).tolist()  # of MATLAB a 1 x 1 matrix
     except ValueError as error:
         raise BadInputError("delta must be one number") from error
     return StoredGame(Game(**given), tuple(notes), names, _provenance(stored))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.array_file import checked_matrix, real_array
+from controller.game.array_file import checked_matrix
 from hfa_model.printed_matrices import published_data
 from hfa_support.by_value import ByValue
-from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.fields import Shown
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Game(ByValue, Shown):
 
     def checked_gain(self, K: np.ndarray) -> np.ndarray:
         """K as floats. BadInputError when it has another shape than B', or is complex."""
-        K = real_array("K", K)
+        K = numbers_in("K", K)
         n, m = self.B.shape
         if K.shape != (m, n):
             hint = ": give its transpose" if K.shape == (n, m) else ""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import PlantNames, file_scales, read_arrays, real_array, words
+from controller.game.array_file import PlantNames, file_scales, read_arrays, words
 from controller.game.critic_file import load_critic
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.fields import Shown
 
@@ -86,7 +86,7 @@ def load_gains(path: Path) -> GainTable:
     """
     stored = read_arrays(path)
     with said_of(path):
-        parts = {name: real_array(name, stored[name]) for name in "KMNX" if name in stored}
+        parts = {name: numbers_in(name, stored[name]) for name in "KMNX" if name in stored}
         if "K" not in parts or parts["K"].ndim != 3:
             K = load_critic(path, _PLANT).K if "K" in stored else None
             if K is None or K.shape != (len(INPUTS), _STATES):
@@ -94,7 +94,7 @@ def load_gains(path: Path) -> GainTable:
             return GainTable(np.zeros(1), K[None])
         if "dihedral_deg" not in stored:
             raise BadInputError("there is no dihedral_deg; a table of gains K holds the angle of each")
-        degrees = np.ravel(real_array("dihedral_deg", stored["dihedral_deg"]))
+        degrees = np.ravel(numbers_in("dihedral_deg", stored["dihedral_deg"]))
         if degrees.size < 2:
             raise BadInputError("dihedral_deg must be at least two angles, increasing")
         first, second, last = parts["K"].shape

@@ -10,11 +10,10 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from controller.game.array_file import real_array
 from controller.game.learning_result import LearningResult
 from controller.policy.signals import Signal, zero
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
 
 _N, _M = len(LINEAR_STATES), len(INPUTS)
@@ -139,7 +138,7 @@ def gain_law(
     name: str, gains: np.ndarray, certified_from: float = 0.0, learned: LearningResult | None = None
 ) -> FlownLaw:
     """u = -K z. gains: K (5, 6), or that of each tick (N, 5, 6); else BadInputError."""
-    K = real_array("the gain", gains)
+    K = numbers_in("the gain", gains)
     if K.ndim not in (2, 3) or K.shape[-2:] != (_M, _N) or not np.all(np.isfinite(K)):
         raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_M} x {_N} finite numbers")
     table = np.array([gain_constants(each) for each in K.reshape(-1, _M, _N)])

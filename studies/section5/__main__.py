@@ -11,6 +11,8 @@ import multiprocessing
 import os
 import shlex
 import sys
+import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -18,14 +20,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.image import imread
 
 from hfa_model import default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import jsonable, records_text
 from hfa_support.reporting.figure import save
+from studies.finished import finished, stamped
 from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, plans_of
 from studies.section5.configuration import SECTIONS, section5_configuration
 from studies.section5.figures import draw, figures_of
@@ -81,7 +84,7 @@ def reproduce(
     for section in sections:
         place, decides = folder / section, deciding(section, setting)
         known = finished(place / "result.json", decides) if resume else None
-        if known is None:
+        if known is None or not _has_pictures(place, known["pictures"]):
             print(f"section5: {section}, {len(plans_of(section, setting))} flights", file=sys.stderr)
             known = write_section(run_section(section, setting, processes), place, origin)
         results.append(known)
@@ -89,6 +92,19 @@ def reproduce(
     write_text(folder / "claims.json", records_text(table))
     write_text(folder / "claims.md", f"{claims_markdown(table)}\n\n{counts_text(table)}\n\n{origin.text()}\n")
     return table
+
+
+def _has_pictures(place: Path, names: Sequence[str]) -> bool:
+    """Whether the picture and the numbers of each name can be read to their end."""
+    try:
+        for name in names:
+            imread(place / f"{name}.png")
+            with zipfile.ZipFile(place / f"{name}.npz") as arrays:
+                if arrays.testzip() is not None:
+                    return False
+    except (OSError, SyntaxError, zipfile.BadZipFile, zlib.error):  # SyntaxError: Pillow, of a damaged PNG
+        return False
+    return True
 
 
 def deciding(section: str, setting: Setting) -> dict[str, Any]:

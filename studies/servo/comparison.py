@@ -37,10 +37,10 @@ from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
-from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import records_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
+from studies.finished import finished, stamped
 from studies.servo.flights import flown_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
 from studies.servo.tuning import DESIGNS

@@ -22,9 +22,9 @@ from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError, Report
 from hfa_support.files import write_text
-from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import records_text
 from hfa_support.reporting.text import Table
+from studies.finished import finished, stamped
 from studies.servo.flights import LARGEST, fly_commands, gust_held, gust_share, turbulence_rms
 from studies.servo.tuning import Tuning
 from trim import LinearModel, level_model

@@ -18,8 +18,8 @@ from typing import Any
 
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jobs.finished import finished, stamped
 from hfa_support.jsonable import records_text
+from studies.finished import finished, stamped
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 
 _HEADER = (

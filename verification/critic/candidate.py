@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.analysis.cost import is_moderate
-from controller.game.array_file import real_array
 from controller.game.basis import Basis, bases_with, basis
 from controller.game.critic_file import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
 
 #: W and P of one file may differ by this part, which is what printing six digits leaves.
@@ -41,7 +40,7 @@ def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quad
     """V = W'ψ(z), u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis, or is
     complex."""
     psi = basis(functions, len(game.A)) if isinstance(functions, str) else functions
-    weights = real_array("W", weights)
+    weights = numbers_in("W", weights)
     if weights.shape != (psi.size,):
         fitting = " or ".join(map(repr, bases_with(weights.size, psi.states)))
         advice = f"name the basis of the weights, {fitting}" if fitting else "no basis has as many"
@@ -54,7 +53,7 @@ def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quad
 
 def from_value(game: Game, P: np.ndarray) -> Candidate:
     """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex."""
-    P = real_array("P", P)
+    P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {_shape(P)}; on a plant with {n} states it must be {n} x {n}")

@@ -32,6 +32,7 @@ SMALL: dict[str, Any] = {
         ({"A": 5.0}, "A has 0 dimension"),
         ({"A": [[1.0, 2.0], [3.0]]}, "A does not consist of rows of real numbers"),
         ({"A": [["1", "2"], ["3", "4"]]}, "A does not consist of rows of real numbers"),
+        ({"A": np.ma.masked_equal(np.eye(2), 0.0)}, "A has masked entries"),
         ({"A": [[1j, 0.0], [0.0, 1.0]]}, "A does not consist of rows of real numbers"),
         ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
         ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A has an entry of 1e\+150; entries must not exceed 1e\+100"),

@@ -72,6 +72,8 @@ def test_a_map_shows_its_report_at_the_prompt(recoverable: RecoverableMap) -> No
     lines = [line for line in text.splitlines() if line.startswith(("speed  ", "dihedral  ", "dihedral command"))]
     numbers = [(edge.inside, edge.within_limits, edge.returned) for edge in recoverable.edges]
     whole = [each.count(edge.reach) for each, edge in zip(numbers, recoverable.edges, strict=True)]
+    shown = [float(line.split(" deg " if "deg" in line else " ft/s ")[1].split()[0]) for line in lines[: len(numbers)]]
+    assert np.copysign(1, shown).tolist() == [edge.sign for edge in recoverable.edges]
     assert [line.count("(all)") for line in lines[: len(whole)]] == whole
     within = int(recoverable.within_limits("nonlinear").sum())
     assert f"nonlinear: of {recoverable.left('nonlinear').size} starts {within} stayed within limits" in text

@@ -11,11 +11,13 @@ from reference_riccati import reference_solution
 from controller import Game, basis
 from controller.game.critic_file import StoredCritic
 from controller.riccati.smallest_delta import DeltaMin
+from hfa_model import LINEAR_STATES
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix
 from verification.enclosures.game_balls import BallGame, enclose_solution
+from verification.proof.proof_report import solution_proof_report
 from verification.proof.solution_proof import distance, none_exists, prove_delta_min, value_is_proved
 
 
@@ -23,6 +25,7 @@ from verification.proof.solution_proof import distance, none_exists, prove_delta
 def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
+    assert ("A - S P is Hurwitz", "proved") in solution_proof_report(proof, LINEAR_STATES, "").parts[0].rows
     assert proof.radius < 1e-12
     assert proof.unstable == 2
     assert proof.delta is not None

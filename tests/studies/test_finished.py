@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_support.jobs import finished as module
-from hfa_support.jobs.finished import finished, stamped
+from studies import finished as module
+from studies.finished import finished, stamped
 
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
