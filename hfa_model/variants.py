@@ -1,6 +1,6 @@
 """Where the two variants of the equations differ, side by side.
 
-`published` regenerates the matrices that the paper prints. `newton` follows from first principles
+`published` regenerates the matrices that the paper prints. `newton` has the exact mechanics of three rigid panels
 (`lagrangian.py` derives it independently). They differ in six terms, all here; the print needs each of them but
 the η'² term, which has no linear effect (`docs/identification.md`). With η the dihedral, q the pitch rate, s and m
 the span and mass of one panel:

@@ -51,7 +51,7 @@ IN_FEET = ("regenerate", "prove", "lpv", "export")
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
-    equations = "published (regenerates the printed matrices; default) or newton (first principles)"
+    equations = "published (regenerates the printed matrices; default) or newton (exact mechanics, the same air loads)"
     add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
     add_parameters(parser)
 
