@@ -20,7 +20,7 @@ from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from controller.laws import law_settings
 from controller.laws.certify import conclude, refine
-from controller.laws.run import Memory, Run
+from controller.laws.run import Run
 from controller.training_data import recording
 from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from controller.training_data.recording import Stack
@@ -206,6 +206,8 @@ def _is_stabilizing_solution(equations: StackEquations, point: Point) -> bool:
     return bool(positive and equations.margin(point.weights, point.problem) > 0.0)
 
 
+#: Where the learning stands, n_j of its stage (N_h,), and the discount of the start, 1/s.
+Memory = tuple[Point, np.ndarray, float]
 #: A start counts as stabilizing when its margin is at least this fraction of the fastest closed-loop rate.
 #: Closer to the edge the regressors are singular to rounding and the first Newton direction is noise.
 RELATIVE_MARGIN = 1e-8
@@ -290,7 +292,7 @@ class CertifiedLaw:
         stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
         discount = 0.0 if stabilizing else max(0.0, abscissa) + DISCOUNT_MARGIN + 1e-6 * fastest
         here = Point(weights, PartialGame(discount, 0.0), 0)
-        return _pack(here, self._normaliser(here), discount)
+        return here, self._normaliser(here), discount
 
     def _normaliser(self, here: Point) -> np.ndarray:
         """n_j = sqrt(1 + σ_j'σ_j), (N_h,)."""
@@ -300,14 +302,14 @@ class CertifiedLaw:
     def advance(self, tick: int, memory: Memory) -> Memory:
         """One tick: stage 1 up to T, stage 2 after it; a tick that holds T does both."""
         begin, end, T = self.time(tick), self.time(tick + 1), self.stage_time
-        here, normaliser, first_discount = _unpack(memory)
+        here, normaliser, first_discount = memory
         if begin < self.settings.theta * T:
             here = self._stage_one(here, normaliser, begin, end)
             if end >= self.settings.theta * T:
                 normaliser = self._normaliser(here)
         if end > T and here.problem != GAME:
             here = self._stage_two(here, normaliser, first_discount, (end - T) / (self.settings.theta * T))
-        return _pack(here, normaliser, first_discount)
+        return here, normaliser, first_discount
 
     def _stage_one(self, here: Point, normaliser: np.ndarray, begin: float, end: float) -> Point:
         s = self.settings
@@ -368,7 +370,7 @@ class CertifiedLaw:
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
         """See `run.Process`."""
-        here, normaliser, _ = _unpack(memory)
+        here, normaliser, _ = memory
         return {
             "time": self.time(tick),
             "weights": self.equations.unscaled(here.weights),
@@ -380,7 +382,7 @@ class CertifiedLaw:
     def conclude(self, finished: Run) -> LearningResult:
         """The result of a finished run with its certificates."""
         history = finished.history
-        here, _, first_discount = _unpack(finished.memory)
+        here, _, first_discount = finished.memory
         diagnostics = {
             "discount_at_start": first_discount,
             "drift_misfit": self.drift_misfit,
@@ -405,19 +407,3 @@ def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack 
     fitted, misfit = recorded.linear()
     chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
     return CertifiedLaw(game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed)
-
-
-def _pack(here: Point, normaliser: np.ndarray, first_discount: float) -> Memory:
-    return {
-        "weights": here.weights,
-        "problem": np.array(here.problem),
-        "solves": np.array(here.solves),
-        "normaliser": normaliser,
-        "first_discount": np.array(first_discount),
-    }
-
-
-def _unpack(memory: Memory) -> tuple[Point, np.ndarray, float]:
-    discount, share = (float(value) for value in memory["problem"])
-    here = Point(memory["weights"], PartialGame(discount, share), int(memory["solves"]))
-    return here, memory["normaliser"], float(memory["first_discount"])

@@ -10,9 +10,6 @@ import numpy as np
 
 from hfa_support.progress import Progress
 
-#: What a law carries from one tick to the next.
-Memory = dict[str, np.ndarray]
-
 #: At most this many rows of history are kept of a run, evenly spread over its ticks.
 MOST_ROWS = 20_001
 #: Progress is reported this many times in a run.
@@ -20,19 +17,22 @@ REPORTS = 50
 
 
 class Process(Protocol):
-    """A learning law on one game and its data: a start, a pure step, and what to write down. Any object that has it."""
+    """A learning law on one game and its data: a start, a pure step, and what to write down.
+
+    memory: whatever the law carries from one tick to the next. Any object with these methods is a law.
+    """
 
     @property
     def ticks(self) -> int:
         """Number of steps of a whole run."""
 
-    def start(self) -> Memory:
+    def start(self) -> Any:
         """The memory before the first tick."""
 
-    def advance(self, tick: int, memory: Memory) -> Memory:
+    def advance(self, tick: int, memory: Any) -> Any:
         """The memory after tick number `tick` (0 .. ticks - 1)."""
 
-    def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
+    def observe(self, tick: int, memory: Any) -> Mapping[str, Any]:
         """The row of history after `tick` ticks (0 .. ticks): "time", s, and what else is to be kept, each time the
         same names; with "law_residual_norm", the residual that the law drives to zero, the progress shows it."""
 
@@ -41,7 +41,7 @@ class Process(Protocol):
 class Run:
     """memory: at the last tick. history: rows by name, (rows, ...)."""
 
-    memory: Memory
+    memory: Any
     history: dict[str, np.ndarray]
 
 
@@ -61,7 +61,7 @@ def run(process: Process, *, progress: Progress | None = None) -> Run:
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
-def _row(process: Process, tick: int, memory: Memory) -> Mapping[str, Any]:
+def _row(process: Process, tick: int, memory: Any) -> Mapping[str, Any]:
     """A row of history; a residual that overflows is inf in it, and the law itself says when it cannot go on."""
     with np.errstate(over="ignore", invalid="ignore"):
         return process.observe(tick, memory)

@@ -239,8 +239,8 @@ def test_a_law_is_a_value() -> None:
     game, _ = published(PUBLISHED[0])
     law: CertifiedLaw = certified_law(game, CertifiedSettings(tick=0.1), seed=0)
     memory = law.start()
-    before = {name: value.copy() for name, value in memory.items()}
+    before = memory[0].weights.copy()
     once, again = law.advance(0, memory), law.advance(0, memory)
-    assert all(np.array_equal(once[name], again[name]) for name in once)
-    assert all(np.array_equal(before[name], memory[name]) for name in memory)
-    assert not np.array_equal(once["weights"], memory["weights"])
+    assert np.array_equal(once[0].weights, again[0].weights)
+    assert np.array_equal(before, memory[0].weights)
+    assert not np.array_equal(once[0].weights, memory[0].weights)

@@ -11,8 +11,8 @@ from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
 from controller import IrlSettings, basis, learn, random_pool, run
-from controller.laws.integral_rl import IntegralLearning, ProbingFlight, integral_learning
-from controller.training_data.recording import natural_spread
+from controller.laws.integral_rl import IntegralLearning, integral_learning
+from controller.training_data.recording import probing_flight
 from hfa_support import BadInputError, NoSolutionError
 
 
@@ -35,15 +35,8 @@ def test_integrals_are_those_of_the_flight() -> None:
 
     law = stable_learning()
     game, s, data = law.game, law.settings, law.record
-    flight = ProbingFlight.design(
-        game,
-        3,
-        input_amplitude=s.probe,
-        disturbance_amplitude=s.disturbance,
-        half_widths=natural_spread(game),
-    )
     times = np.linspace(0.0, 2 * s.interval, 801)
-    z, u, d = flight.at(times)
+    z, u, d = probing_flight(game, 3, times, (s.probe, s.disturbance))
     z = z / data.scales
     for interval, rows in ((0, slice(0, 401)), (1, slice(400, 801))):
         for found, other in ((data.zz, z), (data.zu, u), (data.zd, d)):

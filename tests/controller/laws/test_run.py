@@ -10,7 +10,6 @@ import pytest
 
 from controller import run
 from controller.laws import run as runner
-from controller.laws.run import Memory
 
 
 class Counting:
@@ -19,14 +18,14 @@ class Counting:
     def __init__(self, ticks: int, **also: float) -> None:
         self.ticks, self._also = ticks, also
 
-    def start(self) -> Memory:
+    def start(self) -> dict[str, np.ndarray]:
         return {"x": np.zeros(2)}
 
-    def advance(self, tick: int, memory: Memory) -> Memory:
+    def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         assert memory["x"][0] == tick
         return {"x": memory["x"] + 1.0}
 
-    def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
+    def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
         return {"time": 0.5 * tick, "weights": memory["x"], **self._also}
 
 

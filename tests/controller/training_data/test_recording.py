@@ -7,12 +7,12 @@ import pytest
 from learning_samples import PUBLISHED, published, stable_game
 
 from controller import Game, Stack, basis, random_pool, record
-from controller.laws.integral_rl import ProbingFlight
 from controller.training_data.recording import (
     RANK_TOLERANCE,
     choose,
     excitation,
     natural_spread,
+    probing_flight,
     rank,
     refuse_poor,
     unit_rows,
@@ -87,14 +87,11 @@ def test_probing_flight_obeys_the_plant() -> None:
     from scipy.integrate import solve_ivp
 
     game = stable_game()
-    flight = ProbingFlight.design(
-        game, 7, input_amplitude=0.3, disturbance_amplitude=0.2, half_widths=np.array([1.0, 1.0])
-    )
     times = np.linspace(0.0, 4.0, 21)
-    z, u, d = flight.at(times)
+    z, u, d = probing_flight(game, 7, times, (0.3, 0.2))
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:
-        _, inputs, disturbances = flight.at(np.array([t]))
+        _, inputs, disturbances = probing_flight(game, 7, np.array([t]), (0.3, 0.2))
         return game.A @ state + game.B @ inputs[0] + game.E @ disturbances[0]
 
     flown = solve_ivp(rate, (0.0, 4.0), z[0], t_eval=times, rtol=1e-10, atol=1e-12).y.T
@@ -128,10 +125,7 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
 
 def unprobed_flight(game: Game) -> Stack:
     """20 s of free response, 100 samples a second."""
-    flight = ProbingFlight.design(
-        game, 0, input_amplitude=0.0, disturbance_amplitude=0.0, half_widths=natural_spread(game)
-    )
-    states, _, _ = flight.at(np.linspace(0.0, 20.0, 2001))
+    states, _, _ = probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))
     return record(game, states)
 
 
