@@ -179,7 +179,7 @@ def _solution(arguments: argparse.Namespace) -> int:
     named, family, degrees = _game(arguments)
     proof = prove_solution(named.game, family, degrees)
     if target is not None and proof.proved:
-        write_certificate(target, provenance(), "game", *solution_claim(proof, family, degrees))
+        write_certificate(target, provenance(), "game", *solution_claim(proof))
     show(solution_proof_report(proof, named.states, named.origin), arguments, target=None)
     return 0 if proof.proved else 1
 
@@ -200,7 +200,7 @@ def _critic(arguments: argparse.Namespace) -> int:
     with said_of(arguments.file):
         proof = prove_critic(named.game, stored, functions, family, degrees)
     if target is not None:
-        write_certificate(target, provenance(), "game", *critic_claim(proof, family, degrees))
+        write_certificate(target, provenance(), "game", *critic_claim(proof))
     show(critic_proof_report(proof, str(arguments.file), named.origin), arguments, target=None)
     return 0
 

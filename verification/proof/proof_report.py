@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +14,11 @@ from hfa_model.parameters import NAMED, Parameters, named_parameters
 from hfa_model.provenance import parameter_hash
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table
 from trim.point.condition import describe
 from verification.proof.rate_proof import RateProof
-from verification.proof.schedule_proof import Cover, ScheduleProof, joined
+from verification.proof.schedule_proof import Cover, Run, ScheduleProof, crossings, gaps, joined
 from verification.proof.solution_proof import CriticProof, SolutionProof
 
 if TYPE_CHECKING:
@@ -30,83 +29,69 @@ SCHEMA = "hfa.proof/1"
 
 def schedule_proof_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
     """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
-    loop, modes = _runs(proof.loop), _runs(proof.modes, proof.crossings)
-    where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {proof.family.aircraft.variant.name} dynamics"
+    dynamics = proof.family.aircraft.variant.name
+    verdict = "Proved" if proof.proved else "Refuted" if proof.refuted else "Left open"
+    where = f"every dihedral from {proof.low:g} to {proof.high:g} deg, {dynamics} dynamics"
+    lines = [
+        *(f"the loop has {n} unstable modes at every angle from {a:.10g} to {b:.10g} deg" for a, b, n in proof.refuted),
+        *(f"open: the loop from {a:.10g} to {b:.10g} deg" for a, b in proof.loop.gaps),
+        *(["the trim exists within its limits and A - B K is Hurwitz at every angle"] * proof.proved),
+        f"decay rate where the loop is Hurwitz: {proof.rate:.6g} 1/s",
+        f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for the aircraft's modes",
+    ]
+    crossed = [{"at_least": least, "at_most": most} for _, _, (least, most) in proof.crossings]
     data = {
         "schema": SCHEMA,
         "statement": "schedule",
         "proved": proof.proved,
-        "dynamics": proof.family.aircraft.variant.name,
+        "dynamics": dynamics,
         "dihedral_deg": [proof.low, proof.high],
         "decay_rate": proof.rate,
-        "loop": _data(proof.loop),
-        "modes": _data(proof.modes)
-        | {
-            "open": [
-                {"from_deg": low, "to_deg": high, "at_least": least, "at_most": most}
-                for low, high, (least, most) in proof.crossings
-            ]
-        },
-        "refuted": [{"from_deg": low, "to_deg": high, "unstable": count} for low, high, count in proof.refuted],
+        "loop": _cover_data(proof.loop) | {"open": [_ends(gap) for gap in proof.loop.gaps]},
+        "modes": _cover_data(proof.modes)
+        | {"open": [_ends(run) | more for run, more in zip(proof.crossings, crossed, strict=True)]},
+        "refuted": [_ends(run) | {"unstable": run[2]} for run in proof.refuted],
         "boxes": [
             {"dihedral_deg": [each.box.low, each.box.high], "A": each.model.A, "B": each.model.B}
             for each in proof.loop.proved
         ],
     }
+    parts: list[Part] = ["\n".join(lines)]
     if motion is not None:
         data |= {"dihedral_rate_deg_s": motion.rate, "lyapunov": {"dihedral_deg": motion.dihedral_deg, "P": motion.P}}
-    return Report(
-        title=f"{_verdict(proof)}: {where}",
-        parts=[
-            _said(proof),
-            *([] if motion is None else [_motion(motion)]),
-            Table(("loop A - B K: dihedral, deg", "unstable modes"), loop),
-            Table(("aircraft A: dihedral, deg", "unstable modes"), modes),
-            _enclosures(proof),
+        parts.append(_motion(motion.rate) if motion.rate > 0.0 else "open: no rate of the dihedral is proved")
+    parts += [*_mode_tables(proof.covers, proof.low, proof.high), _enclosures(proof)]
+    return Report(title=f"{verdict}: {where}", parts=parts, data=data)
+
+
+def _motion(rate: float) -> str:
+    return f"stable while the dihedral moves by at most {rate:.4g} deg/s, however it does"
+
+
+def _mode_tables(covers: dict[str, list[Run]], low: float, high: float) -> list[Table]:
+    """How many modes of the loop and of A are unstable where, and what is open."""
+    rows: dict[str, list[tuple[float, float, Any]]] = {
+        "loop A - B K": [*joined(covers["loop"]), *((*gap, "open") for gap in gaps(covers["loop"], low, high))],
+        "aircraft A": [
+            *joined(covers["modes"]),
+            *((a, b, f"{least} to {most}") for a, b, (least, most) in crossings(covers, low, high)),
         ],
-        data=data,
-    )
-
-
-def _verdict(proof: ScheduleProof) -> str:
-    if proof.proved:
-        return "Proved"
-    return "Refuted" if proof.refuted else "Left open"
-
-
-def _said(proof: ScheduleProof) -> str:
-    lines = []
-    for low, high, count in proof.refuted:
-        lines.append(f"the loop has {count} unstable modes at every angle from {low:.10g} to {high:.10g} deg")
-    for low, high in proof.loop.gaps:
-        lines.append(f"open: the loop from {low:.10g} to {high:.10g} deg")
-    if proof.proved:
-        lines.append("the trim exists within its limits and A - B K is Hurwitz at every angle")
-    lines.append(f"decay rate where the loop is Hurwitz: {proof.rate:.6g} 1/s")
-    lines.append(f"boxes: {len(proof.loop.proved)} for the loop, {len(proof.modes.proved)} for the aircraft's modes")
-    return "\n".join(lines)
-
-
-def _motion(motion: RateProof) -> str:
-    if motion.rate <= 0.0:
-        return "open: no rate of the dihedral is proved"
-    return f"stable while the dihedral moves by at most {motion.rate:.4g} deg/s, however it does"
-
-
-def _runs(cover: Cover, crossings: list[tuple[float, float, tuple[int, int]]] | None = None) -> list[tuple[str, str]]:
-    rows = [(low, f"{low:.10g} to {high:.10g}", str(count)) for low, high, count in cover.counts]
-    if crossings is None:
-        rows += [(low, f"{low:.10g} to {high:.10g}", "open") for low, high in cover.gaps]
-    rows += [(low, f"{low:.10g} to {high:.10g}", f"{a} to {b}") for low, high, (a, b) in crossings or ()]
-    return [(where, count) for _, where, count in sorted(rows)]
-
-
-def _data(cover: Cover) -> dict[str, object]:
-    return {
-        "proved": [{"from_deg": low, "to_deg": high, "unstable": count} for low, high, count in cover.counts],
-        "open": [{"from_deg": low, "to_deg": high} for low, high in cover.gaps],
-        "boxes": len(cover.proved),
     }
+    return [
+        Table(
+            (f"{name}: dihedral, deg", "unstable modes"),
+            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(own, key=lambda run: run[0])],
+        )
+        for name, own in rows.items()
+    ]
+
+
+def _cover_data(cover: Cover) -> dict[str, Any]:
+    return {"proved": [_ends(run) | {"unstable": run[2]} for run in cover.counts], "boxes": len(cover.proved)}
+
+
+def _ends(run: tuple[Any, ...]) -> dict[str, Any]:
+    return {"from_deg": run[0], "to_deg": run[1]}
 
 
 def _enclosures(proof: ScheduleProof) -> Table:
@@ -151,7 +136,7 @@ def solution_proof_report(proof: SolutionProof, states: tuple[str, ...], origin:
             "positive_definite": enclosed.is_value,
             "worst_case_hurwitz": enclosed.stabilizing,
             "closed_loop_hurwitz": enclosed.stable,
-            "delta": proof.game.delta if math.isfinite(proof.game.delta) else None,
+            "delta": proof.about.game.delta if math.isfinite(proof.about.game.delta) else None,
             "delta_min_above": None if delta is None else delta.refused,
             "delta_min_at_most": None if delta is None else delta.value,
             "unstable_modes": proof.unstable,
@@ -176,9 +161,6 @@ def critic_proof_report(proof: CriticProof, file: str, origin: str) -> Report:
             "closed_loop_hurwitz": proof.stabilizes,
         },
     )
-
-
-_LOOP, _MODES = "loop A - B K: dihedral, deg", "aircraft A: dihedral, deg"
 
 
 def checked_report(found: Verified) -> Report:
@@ -260,54 +242,22 @@ def require_same(claim: dict[str, Any], own: Mapping[str, Any], what: str) -> No
 
 def _schedule(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:
     claim, covers = found.statement, found.covers
-    whole, gaps = [(*claim["dihedral_deg"], 0)], {name: _gaps(claim, covers[name]) for name in covers}
-    runs = {name: joined(covers[name]) for name in covers}
-    crossings = joined([(low, high, _bounds(covers, low, high)) for low, high in _parts(gaps["modes"], covers)])
-    counts = {
-        "loop": [*runs["loop"], *((low, high, "open") for low, high in gaps["loop"])],
-        "modes": [*runs["modes"], *((low, high, f"{least} to {most}") for low, high, (least, most) in crossings)],
-    }
+    low, high = claim["dihedral_deg"]
     lines = [f"decay rate where the loop is Hurwitz: {found.rate:.6g} 1/s"]
-    own: dict[str, Any] = {"decay_rate": found.rate, "crossings": crossings}
-    if runs.get("motion") == whole:
+    own: dict[str, Any] = {"decay_rate": found.rate, "crossings": crossings(covers, low, high)}
+    still = gaps(covers["motion"], low, high) if "motion" in covers else []
+    if "motion" in covers and not still:
         own["dihedral_rate_deg_s"] = claim["dihedral_rate"]
-        lines.append(f"stable while the dihedral moves by at most {claim['dihedral_rate']:.4g} deg/s, however it does")
-    lines += [f"open: a moving dihedral from {low:.10g} to {high:.10g} deg" for low, high in gaps.get("motion", ())]
+        lines.append(_motion(claim["dihedral_rate"]))
+    lines += [f"open: a moving dihedral from {a:.10g} to {b:.10g} deg" for a, b in still]
     if claim["spread"]:
         lines.append(
             f"for every value of {len(claim['spread'])} parameters within the half widths that the certificate states"
         )
-    tables = [
-        Table(
-            (head, "unstable modes"),
-            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(counts[name], key=lambda run: run[0])],
-        )
-        for head, name in ((_LOOP, "loop"), (_MODES, "modes"))
-    ]
-    own |= {"proved": runs["loop"] == whole and runs.get("motion", whole) == whole}
-    own |= {"loop": runs["loop"], "modes": runs["modes"], "open": gaps["loop"]}
-    return "", ["\n".join(lines), *tables], own
-
-
-def _gaps(claim: dict[str, Any], runs: list[tuple[float, float, int]]) -> list[tuple[float, float]]:
-    """What the runs, in increasing order, leave of the interval."""
-    low, high = claim["dihedral_deg"]
-    ends = [low, *(end for run in sorted(runs) for end in run[:2]), high]
-    return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if a < b]
-
-
-def _parts(
-    gaps: list[tuple[float, float]], covers: dict[str, list[tuple[float, float, int]]]
-) -> list[tuple[float, float]]:
-    """The gaps, cut where a bound of the number of modes begins or ends."""
-    cuts = sorted({end for name in ("least", "most") for run in covers[name] for end in run[:2]})
-    return [part for a, b in gaps for part in pairwise([a, *(cut for cut in cuts if a < cut < b), b])]
-
-
-def _bounds(covers: dict[str, list[tuple[float, float, int]]], low: float, high: float) -> tuple[int, int]:
-    """The least and the most modes of A that may be unstable somewhere between, as far as it is proved."""
-    least, most = ([n for a, b, n in covers[name] if a <= low and high <= b] for name in ("least", "most"))
-    return max(least, default=0), min(most, default=len(LINEAR_STATES))
+    runs, still_open = joined(covers["loop"]), gaps(covers["loop"], low, high)
+    own |= {"proved": runs == [(low, high, 0)] and not still}
+    own |= {"loop": runs, "modes": joined(covers["modes"]), "open": still_open}
+    return "", ["\n".join(lines), *_mode_tables(covers, low, high)], own
 
 
 def _game(found: Verified) -> tuple[str, list[Any], dict[str, Any]]:

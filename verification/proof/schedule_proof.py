@@ -24,7 +24,9 @@ from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 
-Said = TypeVar("Said")
+Found = TypeVar("Found")
+#: Low and high, deg, and a number of unstable modes.
+Run = tuple[float, float, int]
 
 #: Narrower boxes, deg, are not tried: the angle stays open. With errors of the parameters, which do not become smaller
 #: with the box, one gives up earlier.
@@ -61,9 +63,14 @@ class Cover:
         return max([low, *(each.box.high for each in self.proved), *(each.high for each in self.open)])
 
     @property
-    def counts(self) -> list[tuple[float, float, int]]:
-        """Neighbouring boxes with the same number of unstable modes, joined: low and high (deg), number."""
-        return joined([(each.box.low, each.box.high, each.unstable) for each in self.proved])
+    def runs(self) -> list[Run]:
+        """Low, high and the number of unstable modes of every proved box."""
+        return [(each.box.low, each.box.high, each.unstable) for each in self.proved]
+
+    @property
+    def counts(self) -> list[Run]:
+        """Neighbouring boxes with the same number of unstable modes, joined."""
+        return joined(self.runs)
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
@@ -71,26 +78,41 @@ class Cover:
         return [run[:2] for run in joined([(each.low, each.high, 0) for each in self.open])]
 
 
-def joined(runs: list[tuple[float, float, Said]]) -> list[tuple[float, float, Said]]:
-    """Low, high and what is said, such as a number: neighbours of which the same is said as one."""
-    found: list[tuple[float, float, Said]] = []
-    for low, high, said in runs:
-        if found and found[-1][1:] == (low, said):
-            found[-1] = (found[-1][0], high, said)
+def joined(runs: list[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
+    """Low, high and what was found, such as a number: neighbours of which the same was found are one."""
+    together: list[tuple[float, float, Found]] = []
+    for low, high, found in runs:
+        if together and together[-1][1:] == (low, found):
+            together[-1] = (together[-1][0], high, found)
         else:
-            found.append((low, high, said))
-    return found
+            together.append((low, high, found))
+    return together
+
+
+def gaps(runs: list[Run], low: float, high: float) -> list[tuple[float, float]]:
+    """What the runs leave of the interval from low to high."""
+    ends = [low, *(end for run in sorted(runs) for end in run[:2]), high]
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if a < b]
+
+
+def crossings(covers: dict[str, list[Run]], low: float, high: float) -> list[tuple[float, float, tuple[int, int]]]:
+    """Where `modes` of A are not counted: low, high, and the `least` and the `most` that are proved to be unstable."""
+    cuts = sorted({end for name in ("least", "most") for run in covers[name] for end in run[:2]})
+    found = []
+    for first, last in gaps(covers["modes"], low, high):
+        for a, b in pairwise([first, *(cut for cut in cuts if first < cut < last), last]):
+            least, most = ([n for c, d, n in covers[name] if c <= a and b <= d] for name in ("least", "most"))
+            found.append((a, b, (max(least, default=0), min(most, default=len(LINEAR_STATES)))))
+    return joined(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduleProof(Shown):
     """Trims, unstable modes of A and of the loop A - B K over an interval of dihedral, deg.
 
-    crossings: where the modes of A are not counted, low and high, deg, and the least and the most that may be unstable.
-    bounds: what proves the least and the most: so many lie right of a line that lies right, or left, of the axis.
+    bounds: what proves the least and the most unstable modes of A where they are not counted: so many lie right of a
+    line that lies right, or left, of the axis.
     """
-
-    says = ("proved", "refuted", "rate")
 
     family: Family
     table: GainTable
@@ -98,11 +120,21 @@ class ScheduleProof(Shown):
     high: float
     loop: Cover
     modes: Cover
-    crossings: list[tuple[float, float, tuple[int, int]]]
     bounds: tuple[list[ProvedBox], list[ProvedBox]]
 
     @property
-    def refuted(self) -> list[tuple[float, float, int]]:
+    def covers(self) -> dict[str, list[Run]]:
+        """What is proved of the loop, of the modes of A, and their least and greatest number."""
+        least, most = ([(each.box.low, each.box.high, each.unstable) for each in found] for found in self.bounds)
+        return {"loop": self.loop.runs, "modes": self.modes.runs, "least": least, "most": most}
+
+    @property
+    def crossings(self) -> list[tuple[float, float, tuple[int, int]]]:
+        """Where the modes of A are not counted: low and high, deg, the least and the most that may be unstable."""
+        return crossings(self.covers, self.low, self.high)
+
+    @property
+    def refuted(self) -> list[Run]:
         """Where the loop is proved unstable: low, high (deg), number of unstable modes."""
         return [run for run in self.loop.counts if run[2] > 0]
 
@@ -157,15 +189,9 @@ def prove_schedule(
             if progress is not None:
                 progress(round(500 * (index + (found.frontier(low) - low) / (high - low))), 1000)
 
-    bounds = [[_bound(forms, box, branch.free, side) for box in covers[1].open] for side in (1, -1)]
-    crossings = joined(
-        [
-            (box.low, box.high, (least.unstable if least else 0, most.unstable if most else len(LINEAR_STATES)))
-            for box, least, most in zip(covers[1].open, *bounds, strict=True)
-        ]
-    )
+    bounds = ([_bound(forms, box, branch.free, side) for box in covers[1].open] for side in (1, -1))
     least, most = ([each for each in found if each is not None] for found in bounds)
-    return ScheduleProof(family, table, low, high, covers[0], covers[1], crossings, (least, most))
+    return ScheduleProof(family, table, low, high, covers[0], covers[1], (least, most))
 
 
 def _covered(

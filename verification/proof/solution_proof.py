@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -129,6 +130,49 @@ def _sign(value: arb) -> int:
     return 1 if value > 0 else -1 if value < 0 else 0
 
 
+@dataclass(frozen=True, eq=False)
+class StatedGame:
+    """The game of a statement: of the aircraft of a family at a dihedral (deg), or without these of its matrices."""
+
+    game: Game
+    family: Family | None = None
+    degrees: float | None = None
+
+    @cached_property
+    def sharp(self) -> BallGame:
+        """Of the doubles."""
+        return self._balls(decimals=False)
+
+    @cached_property
+    def wide(self) -> BallGame:
+        """Of every decimal that reads as these doubles."""
+        return self._balls(decimals=True)
+
+    def _balls(self, *, decimals: bool) -> BallGame:
+        if self.family is None or self.degrees is None:
+            return BallGame.of(self.game)
+        return BallGame(self.game, *self._branch(self.family, decimals).model_at(self.degrees)[:2])
+
+    @staticmethod
+    def _branch(family: Family, decimals: bool) -> TrimBranch:
+        return TrimBranch(replace(family, spread=None, decimals=decimals))
+
+    def claim(self) -> dict[str, Any]:
+        """What a certificate says of the plant and the game."""
+        game, delta = self.game, self.game.delta if np.isfinite(self.game.delta) else "inf"
+        own = {"E": game.E, "delta": delta, "Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
+        if self.family is None or self.degrees is None:
+            return {"A": game.A, "B": game.B, "dihedral_deg": [0.0, 0.0], "game": own}
+        return flights_claim(self.family, self.degrees, self.degrees) | {"game": own}
+
+    def point(self, decimals: bool) -> dict[str, Any]:
+        """What a certificate says of the trim, about the decimals as they were read or about the doubles."""
+        own: dict[str, Any] = {"dihedral_deg": [0.0, 0.0]}
+        if self.family is not None and self.degrees is not None:
+            own = stated_point(self.degrees, self._branch(self.family, decimals))
+        return {"unstable": 0, "rate": 0.0} | own
+
+
 class Distance(NamedTuple):
     """|X - X*| / |X*|, Frobenius, lies between the two; rounded outward."""
 
@@ -145,9 +189,7 @@ class SolutionProof(Shown):
     printed one. delta: the bracket of delta_min, None when open. unstable: modes of A, None when open.
     """
 
-    says = ("proved",)
-
-    game: Game
+    about: StatedGame
     P: np.ndarray
     enclosed: Enclosed
     radius: float
@@ -157,7 +199,7 @@ class SolutionProof(Shown):
     @property
     def proved(self) -> bool:
         """P > 0, A - S P and A - B K Hurwitz, delta above the proved bracket of delta_min."""
-        above = self.delta is not None and self.game.delta > self.delta.value
+        above = self.delta is not None and self.about.game.delta > self.delta.value
         return self.enclosed.is_value and self.enclosed.stable and above
 
 
@@ -168,19 +210,10 @@ class CriticProof(Shown):
     given: W, P, K of the file, P of its W where there is none.
     """
 
-    game: Game
+    about: StatedGame
     given: dict[str, np.ndarray]
     distances: dict[str, Distance]
     stabilizes: bool | None
-
-
-def games_of(game: Game, family: Family | None, degrees: float | None) -> tuple[BallGame, BallGame]:
-    """The game of the doubles, and the same with every decimal in its ball; twice the same for a plant of a file."""
-    if family is None or degrees is None:
-        return BallGame.of(game), BallGame.of(game)
-    doubles_only = TrimBranch(replace(family, decimals=False))
-    sharp, wide = doubles_only.model_at(degrees), TrimBranch(family).model_at(degrees)
-    return BallGame(game, *sharp[:2]), BallGame(game, *wide[:2])
 
 
 def prove_solution(game: Game, family: Family | None = None, degrees: float | None = None) -> SolutionProof:
@@ -189,20 +222,13 @@ def prove_solution(game: Game, family: Family | None = None, degrees: float | No
     NoSolutionError when the game has no value, or when it cannot be enclosed.
     """
     flint_or_refusal()
-    found = solve_game(game)
-    sharp, wide = games_of(game, family, degrees)
-    enclosed = enclose_solution(sharp, found.P)
-    around = enclose_solution(wide, found.P)
+    about, P = StatedGame(game, family, degrees), solve_game(game).P
+    enclosed, around = enclose_solution(about.sharp, P), enclose_solution(about.wide, P)
     if not around.is_value:
         raise NoSolutionError("the rounding of the decimals is too much for a proof that the solution is the value")
-    return SolutionProof(
-        game,
-        found.P,
-        enclosed,
-        max(distance(found.P, each.P).at_most for each in (enclosed, around)),
-        prove_delta_min(sharp, minimum_delta(game)),
-        unstable_modes(sharp.A),
-    )
+    radius = max(distance(P, each.P).at_most for each in (enclosed, around))
+    delta = prove_delta_min(about.sharp, minimum_delta(game))
+    return SolutionProof(about, P, enclosed, radius, delta, unstable_modes(about.sharp.A))
 
 
 def prove_critic(
@@ -210,35 +236,27 @@ def prove_critic(
 ) -> CriticProof:
     """How far W, P and K of a file are from the exact ones. BadInputError when a shape does not fit the game."""
     flint_or_refusal()
-    sharp, _ = games_of(game, family, degrees)
-    enclosed = enclose_solution(sharp, solve_game(game).P)
-    K_exact = sharp.gain_of(enclosed.P)
+    about = StatedGame(game, family, degrees)
+    sharp, exact = about.sharp, enclose_solution(about.sharp, solve_game(game).P).P
     n, m = game.B.shape
     shapes = {"W": (basis.size,), "P": (n, n), "K": (m, n)}
     given = {name: value for name in shapes if (value := getattr(stored, name)) is not None}
     for name, value in given.items():
         if value.shape != shapes[name]:
             raise BadInputError(f"{name} has shape {value.shape}; with this game it must be {shapes[name]}")
-    targets = {"P": enclosed.P, "K": K_exact}
-    found = {}
     if "W" in given:
-        found["W"] = distance(given["W"][:, None], _weights(enclosed.P, basis))
         given.setdefault("P", basis.matrix(given["W"]))
-    found |= {name: distance(given[name], targets[name]) for name in ("P", "K") if name in given}
     gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
-    if "K" not in given:
-        found["K"] = _distance(gain, K_exact)
+    values = {name: matrix(value[:, None] if name == "W" else value) for name, value in given.items()} | {"K": gain}
+    targets = {"W": _weights(exact, basis), "P": exact, "K": sharp.gain_of(exact)}
+    found = {name: distance(values[name], targets[name]) for name in targets if name in values}
     loop = sharp.A - sharp.B * gain
-    count = unstable_modes(loop)
-    return CriticProof(game, given, found, None if count is None else is_hurwitz(loop))
+    return CriticProof(about, given, found, None if unstable_modes(loop) is None else is_hurwitz(loop))
 
 
-def distance(values: np.ndarray, target: arb_mat) -> Distance:
-    """Of doubles, taken exactly, from every matrix in the balls."""
-    return _distance(matrix(values), target)
-
-
-def _distance(values: arb_mat, target: arb_mat) -> Distance:
+def distance(values: np.ndarray | arb_mat, target: arb_mat) -> Distance:
+    """Of balls, or of doubles taken exactly, from every matrix in the balls `target`."""
+    values = matrix(values) if isinstance(values, np.ndarray) else values
     ratio = norm((values - target).entries()) / norm(target.entries())
     if not ratio.is_finite():
         return Distance(0.0, np.inf)
@@ -264,36 +282,37 @@ _DIGITS = 55
 Parts = tuple[dict[str, Any], dict[str, list[dict[str, Any]]]]
 
 
-def solution_claim(proof: SolutionProof, family: Family | None, degrees: float | None) -> Parts:
+def solution_claim(proof: SolutionProof) -> Parts:
     """Statement and boxes of a proved solution, with the bracket of delta_min."""
     assert proof.delta is not None
-    about = _About(proof.game, family, degrees)
-    wide, sharp = about.wide, about.sharp
-    claim = about.claim | {
-        "table": _table(wide.gain_of(matrix(proof.P)), {"P": proof.P}),
+    about, wide, sharp = proof.about, proof.about.wide, proof.about.sharp
+    gain = wide.gain_of(matrix(proof.P))
+    claim = about.claim() | {
+        "table": _table(gain, {"P": proof.P}),
         "distances": {"P": [0.0, _WIDER * proof.radius]},
         "delta_min": [proof.delta.refused, proof.delta.value],
     }
     below = sharp.with_delta(proof.delta.refused)
     axis = frequencies_around_axis(below) if "axis" in proof.delta.reason else None
+    decimals, point = about.point(True), about.point(False)
     return claim, {
-        "solution": [about.point(True) | about.solution(wide)],
-        "loop": [about.point(True) | _modes(wide.A - wide.B * wide.gain_of(matrix(proof.P)))],
-        "modes": [about.point(False) | _modes(sharp.A)],
-        "value": [about.point(False) | about.solution(sharp.with_delta(proof.delta.value))],
-        "refused": [about.point(False) | ({"axis": axis} if axis else about.solution(below))],
+        "solution": [decimals | _solution(wide)],
+        "loop": [decimals | _modes(wide.A - wide.B * gain)],
+        "modes": [point | _modes(sharp.A)],
+        "value": [point | _solution(sharp.with_delta(proof.delta.value))],
+        "refused": [point | ({"axis": axis} if axis else _solution(below))],
     }
 
 
-def critic_claim(proof: CriticProof, family: Family | None, degrees: float | None) -> Parts:
+def critic_claim(proof: CriticProof) -> Parts:
     """Statement and boxes of the distances of a critic. NoSolutionError when a mode of its loop may lie on the axis."""
-    about = _About(proof.game, family, degrees)
+    about, sharp, point = proof.about, proof.about.sharp, proof.about.point(False)
     given = {name: value[:, None] if name == "W" else value for name, value in proof.given.items()}
-    gain = matrix(given["K"]) if "K" in given else about.sharp.gain_of(matrix(given["P"]))
+    gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
     distances = {name: _widened(found) for name, found in proof.distances.items()}
-    return about.claim | {"table": _table(gain, given), "distances": distances}, {
-        "solution": [about.point(False) | about.solution(about.sharp)],
-        "loop": [about.point(False) | _modes(about.sharp.A - about.sharp.B * gain)],
+    return about.claim() | {"table": _table(gain, given), "distances": distances}, {
+        "solution": [point | _solution(sharp)],
+        "loop": [point | _modes(sharp.A - sharp.B * gain)],
     }
 
 
@@ -309,37 +328,16 @@ def _widened(found: Distance) -> list[float]:
     return [max(0.0, found.at_least * (1.0 - _SHARP) - _LEAST), found.at_most * (1.0 + _SHARP) + _LEAST]
 
 
-class _About:
-    """The game and the trim that a statement is about."""
-
-    def __init__(self, game: Game, family: Family | None, degrees: float | None) -> None:
-        self.sharp, self.wide = games_of(game, family, degrees)
-        own = {"E": game.E, "delta": game.delta if np.isfinite(game.delta) else "inf"}
-        own |= {"Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
-        self._points: dict[bool, dict[str, Any]] = {}
-        if family is None or degrees is None:
-            self._points = {decimals: {"dihedral_deg": [0.0, 0.0]} for decimals in (True, False)}
-            self.claim: dict[str, Any] = {"A": game.A, "B": game.B, "dihedral_deg": [0.0, 0.0], "game": own}
-            return
-        self.claim = flights_claim(family, degrees, degrees) | {"game": own}
-        for decimals in (True, False):
-            flights = replace(family, spread=None, decimals=decimals)
-            self._points[decimals] = stated_point(degrees, TrimBranch(flights))
-
-    def point(self, decimals: bool) -> dict[str, Any]:
-        """The trim, about the decimals as they were read or about the doubles."""
-        return {"unstable": 0, "rate": 0.0} | self._points[decimals]
-
-    def solution(self, game: BallGame) -> dict[str, Any]:
-        """P in balanced units, how far about it the solution is, and what makes A - S P Hurwitz."""
-        found = enclose_solution(game)
-        up, own = matrix(np.diag(found.units)), game.scaled(found.units)
-        P = up * found.P * up
-        radii = map_entries(lambda entry: entry.rad(), P)
-        reach = _WIDER * norm(radii.entries()) + _LEAST * norm(P.entries())
-        middle = [[entry.mid().str(_DIGITS, radius=False) for entry in row] for row in P.tolist()]
-        around = P + map_entries(lambda entry: symmetric(reach), P)
-        return {"units": found.units, "P": [middle], "reach": float(reach)} | _modes(own.A - own.S() * around)
+def _solution(game: BallGame) -> dict[str, Any]:
+    """P in balanced units, how far about it the solution is, and what makes A - S P Hurwitz."""
+    found = enclose_solution(game)
+    up, own = matrix(np.diag(found.units)), game.scaled(found.units)
+    P = up * found.P * up
+    radii = map_entries(lambda entry: entry.rad(), P)
+    reach = _WIDER * norm(radii.entries()) + _LEAST * norm(P.entries())
+    middle = [[entry.mid().str(_DIGITS, radius=False) for entry in row] for row in P.tolist()]
+    around = P + map_entries(lambda entry: symmetric(reach), P)
+    return {"units": found.units, "P": [middle], "reach": float(reach)} | _modes(own.A - own.S() * around)
 
 
 def _modes(A: arb_mat) -> dict[str, Any]:

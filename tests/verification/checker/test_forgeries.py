@@ -67,12 +67,12 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Content]
         ("scalar", scalar_game(2.0), None, None),
     ):
         proof = prove_solution(game, flights, degrees)
-        write_certificate(files[name], ORIGIN, "game", *solution_claim(proof, flights, degrees))
+        write_certificate(files[name], ORIGIN, "game", *solution_claim(proof))
     for name, game, flights, degrees in (("critic", aircraft, family(), 14.5), ("plant", plant, None, None)):
         exact, functions = solve_game(game), basis("quadratic", len(game.A))
         stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
         found = prove_critic(game, stored, functions, flights, degrees)
-        write_certificate(files[name], ORIGIN, "game", *critic_claim(found, flights, degrees))
+        write_certificate(files[name], ORIGIN, "game", *critic_claim(found))
     certify(coarsest_grid(family(), 14.0, 14.0625, 1e-2), family(), files["lpv"], ORIGIN)
     return {kind: json.loads(path.read_text()) for kind, path in files.items()}
 

@@ -28,7 +28,7 @@ Content = dict[str, Any]
 def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("proof") / "solution.json"
     proof = prove_solution(game_at(15.0), family(), 15.0)
-    write_certificate(path, ORIGIN, "game", *solution_claim(proof, family(), 15.0))
+    write_certificate(path, ORIGIN, "game", *solution_claim(proof))
     return path
 
 
@@ -39,9 +39,7 @@ def critic(tmp_path_factory: pytest.TempPathFactory) -> Path:
     game, functions = game_at(15.0), basis("quadratic", 6)
     exact = solve_game(game)
     stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
-    write_certificate(
-        path, ORIGIN, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0), family(), 15.0)
-    )
+    write_certificate(path, ORIGIN, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0)))
     return path
 
 
@@ -62,7 +60,7 @@ def test_a_critic_is_verified(critic: Path) -> None:
 def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
     path = tmp_path / "scalar.json"
     proof = prove_solution(scalar_game(2.0))
-    claim, boxes = solution_claim(proof, None, None)
+    claim, boxes = solution_claim(proof)
     assert "axis" in boxes["refused"][0]
     write_certificate(path, ORIGIN, "game", claim, boxes)
     above, most = checked_report(check_certificate(path)).data["delta_min_above"], proof.delta
@@ -77,7 +75,7 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
 def test_a_gain_that_does_not_stabilize_is_certified_so(tmp_path: Path) -> None:
     path = tmp_path / "critic.json"
     proof = prove_critic(game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
-    write_certificate(path, ORIGIN, "game", *critic_claim(proof, None, None))
+    write_certificate(path, ORIGIN, "game", *critic_claim(proof))
     data = checked_report(check_certificate(path)).data
     assert data["closed_loop_hurwitz"] is False
 
@@ -88,7 +86,7 @@ def test_a_loop_with_a_mode_on_the_axis_is_not_certified() -> None:
     proof = prove_critic(game, StoredCritic(None, None, one), basis("quadratic", 1))
     assert proof.stabilizes is None
     with pytest.raises(NoSolutionError, match="may lie on the axis"):
-        critic_claim(proof, None, None)
+        critic_claim(proof)
 
 
 def _radius(content: Content) -> None:
