@@ -120,8 +120,8 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    inside, returned = each.inside("nonlinear"), each.returned("nonlinear")
-    left, exceeded = each.left("nonlinear"), each.exceeded("nonlinear")
+    found = each.starts["nonlinear"].of_starts()
+    inside, returned, left, exceeded = (found[name] for name in ("held", "returned", "left_first", "exceeded"))
     picture = np.ones((*inside.shape, 3))
     handles: dict[str, Any] = {}
 
@@ -129,18 +129,18 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
         picture[where] = to_rgb(color)
         handles[label] = Patch(facecolor=color, edgecolor="gray", label=label)
 
-    fill(each.within_limits("nonlinear"), "white", "stayed within limits")
+    fill(found["within_limits"], "white", "stayed within limits")
     for index in np.unique(exceeded[inside & (exceeded >= 0)]).tolist():
         label = f"{INPUTS[index]} exceeded its limits, inside the envelope"
         fill(inside & (exceeded == index), _GRAYS[index], label)
     for index, back in sorted(set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))):
-        name = STATES[index] if index >= 0 else "no state"
+        name = (*STATES, "no state")[index]
         label = f"came back, {name} had left" if back else f"lost, {name} left first"
         color = np.array(to_rgb(COLORS.get(name, "0.6")))
         fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
     speeds, dihedrals = shown_values(each.speeds, "ft/s"), np.degrees(each.dihedrals)
     axes.pcolormesh(speeds, dihedrals, picture, shading="nearest")
-    linear = each.inside("linear").astype(float)
+    linear = each.starts["linear"].of_starts()["held"].astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
         axes.contour(speeds, dihedrals, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
     label = "linear model inside the envelope"
@@ -171,7 +171,7 @@ def _command_map(axes: Axes, each: RecoverableMap) -> None:
             axes.plot(asked[chosen], missed[chosen], "o", color=color, markersize=4, fillstyle=fill, label=label)
     for index in np.unique(flights.left[~arrived]).tolist():
         rows = ~arrived & (flights.left == index)
-        name = STATES[index] if index >= 0 else "no state"
+        name = (*STATES, "no state")[index]
         label = f"lost, {name} left first"
         axes.plot(asked[rows], offset[rows], "x", color=COLORS.get(name, "black"), markersize=5, label=label)
     axes.set_xlabel("commanded dihedral off trim, deg")

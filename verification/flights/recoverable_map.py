@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -58,12 +57,12 @@ class _CommandedGain(Memoryless):
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What became of N flights.
+    """What became of flights, arrays of any one shape.
 
-    left: (N,), index into `STATES` of the state that left the envelope first, -1 when none did. when: (N,), s, inf
-    when none did. exceeded: (N,), index into `INPUTS` of the input that went farthest beyond its control limits inside
-    the envelope, -1 when none did. final: (N, 7), the last deviation from trim; not finite when the flight was lost.
-    settled: (N,), whether the rates of the six controlled states had died out at the end.
+    left: index into `STATES` of the state that left the envelope first, -1 when none did. when: s, inf when none did.
+    exceeded: index into `INPUTS` of the input that went farthest beyond its control limits inside the envelope, -1
+    when none did. final: (.., 7), the last deviation from trim; NaN when the flight was lost. settled: whether the
+    rates of the six controlled states had died out at the end.
     """
 
     left: np.ndarray
@@ -83,19 +82,29 @@ class Outcomes:
         return self.inside & (self.exceeded < 0)
 
     def arrived(self, dihedrals: np.ndarray) -> np.ndarray:
-        """Which flights ended at rest nearer to their dihedral command, (N,), rad, than to trim.
+        """Which flights ended at rest nearer to their dihedral command, rad, than to trim.
 
         Feedback alone leaves an offset from a command; but rest at another equilibrium is no arrival.
         """
-        off = np.abs(self.final[:, _DIHEDRAL] - dihedrals)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.settled & (off <= np.maximum(np.abs(dihedrals) / 2, CLOSE * STATE_SCALES.dihedral)))
+        off = np.abs(self.final[..., _DIHEDRAL] - dihedrals)
+        return self.settled & (off <= np.maximum(np.abs(dihedrals) / 2, CLOSE * STATE_SCALES.dihedral))
 
     def returned(self) -> np.ndarray:
         """Which flights ended at rest within `CLOSE` of the trim, wherever they went in between."""
-        error = np.abs(self.final[:, LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.settled & (error <= CLOSE).all(axis=1))
+        error = np.abs(self.final[..., LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
+        return self.settled & (error <= CLOSE).all(axis=-1)
+
+    def of_starts(self) -> dict[str, np.ndarray]:
+        """held: inside the envelope and back at trim; within_limits: within the control limits too; returned: back at
+        trim; exceeded and left_first as above."""
+        back = self.returned()
+        return {
+            "held": self.inside & back,
+            "within_limits": self.within_limits & back,
+            "exceeded": self.exceeded,
+            "returned": back,
+            "left_first": self.left,
+        }
 
 
 class ManyFlights:
@@ -120,39 +129,31 @@ class ManyFlights:
         seconds: float,
         progress: Callable[[], None] | None = None,
     ) -> Outcomes:
-        """N flights of `seconds` (rounded up to whole seconds).
+        """Flights of `seconds` (rounded up to whole seconds).
 
-        gain: K (5, 6). starts: (N, 7), deviations from trim. commands: (N, 6), deviations of `LINEAR_STATES`.
+        gain: K (5, 6). starts: (.., 7), deviations from trim. commands: (.., 6), deviations of `LINEAR_STATES`.
         progress: called after each flight.
         """
-        count = len(starts)
-        left, when, exceeded = np.full(count, -1), np.full(count, np.inf), np.full(count, -1)
-        final, settled = np.empty((count, len(STATES))), np.zeros(count, dtype=bool)
-        flat, rounded = gain_constants(gain), TICK * np.ceil(seconds / TICK - 1e-9)
-        for index in range(count):
-            p = np.concatenate([flat, commands[index]])
-            flown = self._loop.fly(starts[index], partial(_constant, p), rounded, self._lost)
+        shape = starts.shape[:-1]
+        left, when, exceeded = np.full(shape, -1), np.full(shape, np.inf), np.full(shape, -1)
+        final, settled = np.empty(starts.shape), np.zeros(shape, dtype=bool)
+        p, rounded = np.append(gain_constants(gain), np.zeros(_N)), TICK * np.ceil(seconds / TICK - 1e-9)
+        for index in np.ndindex(shape):
+            p[-_N:] = commands[index]
+            flown = self._loop.fly(starts[index], lambda _: p, rounded, self._lost)
             final[index] = np.nan if self._lost(flown.final) else flown.final
             if flown.left >= 0:
                 left[index], when[index] = flown.left, flown.flown
             for excess in control_excesses(flown.lowest_input, flown.highest_input)[:1]:
                 exceeded[index] = INPUTS.index(excess.input)
-            settled[index] = self._at_rest(final[index], p)
+            rates = np.abs(self._loop.rate(final[index], p)[LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
+            settled[index] = (rates <= CLOSE).all()
             if progress is not None:
                 progress()
         return Outcomes(left, when, exceeded, final, settled)
 
     def _lost(self, x: np.ndarray) -> bool:
         return not bool(((x >= self._far_below) & (x <= self._far_above)).all())
-
-    def _at_rest(self, x: np.ndarray, p: np.ndarray) -> bool:
-        rates = np.abs(self._loop.rate(x, p)[LINEAR_ROWS]) / np.array(STATE_SCALES)[LINEAR_ROWS]
-        with np.errstate(invalid="ignore"):
-            return bool((rates <= CLOSE).all())
-
-
-def _constant(p: np.ndarray, tick: int) -> np.ndarray:
-    return p
 
 
 class Edge(NamedTuple):
@@ -187,8 +188,7 @@ class RecoverableMap(Reported):
     """Flights from a grid of initial deviations and to a line of dihedral commands, by both plants.
 
     speeds: (S,), ft/s; dihedrals: (D,), rad: deviations at the start; starts: of each of `PLANTS` the flights of all
-    pairs, the speed varying fastest. commands: (C,), rad, steps of the dihedral command from trim; commanded: of each
-    plant their flights.
+    pairs, (D, S). commands: (C,), rad, steps of the dihedral command from trim; commanded: of each plant their flights.
     """
 
     dynamics: str
@@ -204,29 +204,6 @@ class RecoverableMap(Reported):
     def report(self) -> Report:
         """See `map_report`."""
         return map_report((self,))
-
-    def inside(self, plant: str) -> np.ndarray:
-        """Which starts stay in the envelope and come back, (D, S); plant: one of `PLANTS`."""
-        return self._grid(self.starts[plant].inside) & self.returned(plant)
-
-    def within_limits(self, plant: str) -> np.ndarray:
-        """Which starts stay in the envelope and within the control limits, and come back, (D, S)."""
-        return self._grid(self.starts[plant].within_limits) & self.returned(plant)
-
-    def exceeded(self, plant: str) -> np.ndarray:
-        """Index of the input that went farthest beyond its control limits, -1 for none, (D, S)."""
-        return self._grid(self.starts[plant].exceeded)
-
-    def returned(self, plant: str) -> np.ndarray:
-        """Which starts come back, in or out of the envelope, (D, S)."""
-        return self._grid(self.starts[plant].returned())
-
-    def left(self, plant: str) -> np.ndarray:
-        """Index of the state that left first, -1 for none, (D, S)."""
-        return self._grid(self.starts[plant].left)
-
-    def _grid(self, flat: np.ndarray) -> np.ndarray:
-        return flat.reshape(len(self.dihedrals), len(self.speeds))
 
 
 def recoverable_map(
@@ -255,25 +232,26 @@ def recoverable_map(
     abscissa = spectrum(model.A[np.ix_(LINEAR_ROWS, LINEAR_ROWS)] - model.B[LINEAR_ROWS] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
-    grid = np.stack(np.meshgrid(speeds, dihedrals), axis=-1).reshape(-1, 2)
-    seconds, total, done = TIME_CONSTANTS / -abscissa, 2 * (len(grid) + len(commands)), itertools.count(1)
+    grid = np.stack(np.meshgrid(speeds, dihedrals), axis=-1)
+    seconds, total, done = TIME_CONSTANTS / -abscissa, 2 * (grid[..., 0].size + len(commands)), itertools.count(1)
     each_done = None if progress is None else lambda: progress(next(done), total)
-    found, edges = [], list[Edge]()
+    starts, commanded, edges = {}, {}, list[Edge]()
     plants: tuple[NonlinearPlant | LinearizedAircraft, ...] = NonlinearPlant(aircraft, point), model
     for name, plant in zip(PLANTS, plants, strict=True):
         flights = ManyFlights(plant, point, envelope)
 
         def from_starts(values: np.ndarray, states: list[int], *done: Any, flights: ManyFlights = flights) -> Outcomes:
-            starts = np.zeros((len(values), len(STATES)))
-            starts[:, states] = values
-            return flights.fly(gain, starts, np.zeros((len(values), _N)), seconds, *done)
+            begin = np.zeros((*values.shape[:-1], len(STATES)))
+            begin[..., states] = values
+            return flights.fly(gain, begin, np.zeros((*values.shape[:-1], _N)), seconds, *done)
 
         def to_commands(values: np.ndarray, *done: Any, flights: ManyFlights = flights) -> Outcomes:
             orders = np.zeros((len(values), _N))
             orders[:, _COMMANDED] = values
             return flights.fly(gain, np.zeros((len(values), len(STATES))), orders, seconds, *done)
 
-        found.append((from_starts(grid, [_SPEED, _DIHEDRAL], each_done), to_commands(commands, each_done)))
+        starts[name] = from_starts(grid, [_SPEED, _DIHEDRAL], each_done)
+        commanded[name] = to_commands(commands, each_done)
         for axis, values, fly in (
             ("speed", speeds, lambda v: from_starts(v[:, None], [_SPEED])),
             ("dihedral", dihedrals, lambda v: from_starts(v[:, None], [_DIHEDRAL])),
@@ -281,45 +259,35 @@ def recoverable_map(
         ):
             far = float(np.abs(values).max())
             edges += [_edge(axis, sign, name, fly, far) for sign in (-1, 1) if far > 0.0]
-    starts, commanded = (dict(zip(PLANTS, each, strict=True)) for each in zip(*found, strict=True))
     return RecoverableMap(
         aircraft.variant.name, point, envelope, speeds, dihedrals, starts, commands, commanded, tuple(edges)
     )
 
 
 def _edge(axis: str, sign: int, plant: str, fly: Callable[[np.ndarray], Outcomes], far: float) -> Edge:
-    def back(outcomes: Outcomes, values: np.ndarray) -> np.ndarray:
-        return outcomes.arrived(values) if axis == "dihedral command" else outcomes.returned()
+    def back(flown: Outcomes, values: np.ndarray) -> np.ndarray:
+        return flown.arrived(values) if axis == "dihedral command" else flown.returned()
 
     values = sign * far * np.arange(1, _SCAN + 1) / _SCAN
     scan = fly(values)
-    inside, failure = _bisected(values, scan.inside, lambda v: fly(v).inside)
-    limits, excess = _bisected(values, scan.within_limits, lambda v: fly(v).within_limits)
-    returned, _ = _bisected(values, back(scan, values), lambda v: back(fly(v), v))
-    state, time, control = "", np.inf, ""
-    if failure is not None:
-        beyond = fly(np.array([failure]))
-        state, time = STATES[int(beyond.left[0])], float(beyond.when[0])
-    if excess is not None and (number := int(fly(np.array([excess])).exceeded[0])) >= 0:
-        control = INPUTS[number]
-    return Edge(axis, sign, plant, abs(inside), state, time, abs(limits), control, abs(returned), far)
 
+    def bisected(good: Callable[[Outcomes, np.ndarray], np.ndarray]) -> tuple[float, Outcomes | None]:
+        """The last good value, and the flight of the first bad one, None where all of the scan are good."""
+        passed = good(scan, values)
+        if passed.all():
+            return far, None
+        first = int(np.argmin(passed))
+        low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
+        for _ in range(_HALVINGS):
+            middle = np.array([(low + high) / 2])
+            low, high = (float(middle[0]), high) if good(fly(middle), middle)[0] else (low, float(middle[0]))
+        return abs(low), fly(np.array([high]))
 
-def _bisected(
-    values: np.ndarray, good: np.ndarray, judge: Callable[[np.ndarray], np.ndarray]
-) -> tuple[float, float | None]:
-    """The last good and the first bad value, between the first bad one of the scan and the good one before it.
-
-    Where all are good the last one, and None.
-    """
-    if good.all():
-        return float(values[-1]), None
-    first = int(np.argmin(good))
-    low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if judge(np.array([middle]))[0] else (low, middle)
-    return low, high
+    inside, left = bisected(lambda flown, _: flown.inside)
+    limits, exceeded = bisected(lambda flown, _: flown.within_limits)
+    state, time = ("", np.inf) if left is None else (STATES[left.left[0]], float(left.when[0]))
+    control = "" if exceeded is None else (*INPUTS, "")[exceeded.exceeded[0]]
+    return Edge(axis, sign, plant, inside, state, time, limits, control, bisected(back)[0], far)
 
 
 def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
@@ -351,47 +319,44 @@ def _edges(each: RecoverableMap) -> Part:
     for plant in PLANTS:
         rows = [_edge_row(edge) for edge in each.edges if edge.plant == plant]
         parts.append(Table((*header, "comes back"), rows))
-        count = each.speeds.size * each.dihedrals.size
-        text = f"{plant}: of {count} starts {int(each.within_limits(plant).sum())} stayed within limits"
-        over = each.inside(plant) & ~each.within_limits(plant)
+        found = each.starts[plant].of_starts()
+        within, over = found["within_limits"], found["held"] & ~found["within_limits"]
+        text = f"{plant}: of {within.size} starts {within.sum()} stayed within limits"
         if over.any():
-            names, counts = np.unique(each.exceeded(plant)[over], return_counts=True)
+            names, counts = np.unique(found["exceeded"][over], return_counts=True)
             listed = ", ".join(f"{INPUTS[name]} {n}" for name, n in zip(names, counts, strict=True))
-            text += f", {int(over.sum())} stayed inside the envelope and exceeded control limits ({listed})"
-        parts.append(f"{text}, {int(each.returned(plant).sum())} came back")
+            text += f", {over.sum()} stayed inside the envelope and exceeded control limits ({listed})"
+        parts.append(f"{text}, {found['returned'].sum()} came back")
     return (f"{each.dynamics} dynamics", *parts)
 
 
 def _edge_row(edge: Edge) -> tuple[str, ...]:
-    def reached(value: float) -> str:
-        return f"{'+' if edge.sign > 0 else '-'}{short_number(value, edge.unit)}" + " (all)" * (value == edge.reach)
-
-    leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
-    limits = edge.within_limits, edge.control
-    return (
-        edge.axis,
-        shown_unit(edge.unit),
-        reached(edge.inside),
-        leaving,
-        reached(limits[0]),
-        limits[1],
-        reached(edge.returned),
+    inside, within, returned = (
+        f"{'+' if edge.sign > 0 else '-'}{short_number(value, edge.unit)}" + " (all)" * (value == edge.reach)
+        for value in (edge.inside, edge.within_limits, edge.returned)
     )
+    leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
+    return edge.axis, shown_unit(edge.unit), inside, leaving, within, edge.control, returned
 
 
 def _records(maps: tuple[RecoverableMap, ...]) -> Table:
     """One row a start and plant. held: whether it stayed inside the envelope and came back."""
     rows: list[tuple[Any, ...]] = []
-    for each in maps:
-        for plant in PLANTS:
-            flags = each.inside(plant), each.returned(plant), each.within_limits(plant)
-            for (i, dihedral), (j, speed) in itertools.product(
-                enumerate(each.dihedrals.tolist()), enumerate(each.speeds.tolist())
-            ):
-                inside, returned, within = (int(flag[i, j]) for flag in flags)
-                state, name = int(each.left(plant)[i, j]), int(each.exceeded(plant)[i, j])
-                left, control = STATES[state] if state >= 0 else "", INPUTS[name] if name >= 0 else ""
-                rows.append((each.dynamics, plant, speed, dihedral, inside, returned, left, within, control))
+    for each, plant in itertools.product(maps, PLANTS):
+        found = {name: values.ravel().tolist() for name, values in each.starts[plant].of_starts().items()}
+        grid = itertools.product(each.dihedrals.tolist(), each.speeds.tolist())
+        rows += [
+            (each.dynamics, plant, speed, dihedral, int(held), int(back), (*STATES, "")[left], int(within), over)
+            for (dihedral, speed), held, within, over, back, left in zip(
+                grid,
+                found["held"],
+                found["within_limits"],
+                [(*INPUTS, "")[index] for index in found["exceeded"]],
+                found["returned"],
+                found["left_first"],
+                strict=True,
+            )
+        ]
     of_a_start = ("dynamics", "plant", "speed [ft/s]", "dihedral [rad]", "held", "returned", "left_first")
     return Table((*of_a_start, "within_limits", "exceeded"), rows)
 
@@ -409,12 +374,7 @@ def _one_map(each: RecoverableMap) -> dict[str, Any]:
     }
     for plant in PLANTS:
         commands = each.commanded[plant]
-        data[plant] = {
-            "held": each.inside(plant),
-            "within_limits": each.within_limits(plant),
-            "exceeded": each.exceeded(plant),
-            "returned": each.returned(plant),
-            "left_first": each.left(plant),
+        data[plant] = each.starts[plant].of_starts() | {
             "commands_held": commands.inside,
             "commands_within_limits": commands.within_limits,
             "commands_exceeded": commands.exceeded,

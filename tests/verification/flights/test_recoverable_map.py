@@ -35,7 +35,8 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
 
 def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
     """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
-    left, held = recoverable.left("nonlinear"), recoverable.inside("nonlinear")
+    found = recoverable.starts["nonlinear"].of_starts()
+    left, held = found["left_first"], found["held"]
     for i, dihedral in enumerate(recoverable.dihedrals):
         for j, speed in enumerate(recoverable.speeds):
             start = np.zeros(len(STATES))
@@ -75,8 +76,8 @@ def test_a_map_shows_its_report_at_the_prompt(recoverable: RecoverableMap) -> No
     shown = [float(line.split(" deg " if "deg" in line else " ft/s ")[1].split()[0]) for line in lines[: len(numbers)]]
     assert np.copysign(1, shown).tolist() == [edge.sign for edge in recoverable.edges]
     assert [line.count("(all)") for line in lines[: len(whole)]] == whole
-    within = int(recoverable.within_limits("nonlinear").sum())
-    assert f"nonlinear: of {recoverable.left('nonlinear').size} starts {within} stayed within limits" in text
+    within = recoverable.starts["nonlinear"].of_starts()["within_limits"]
+    assert f"nonlinear: of {within.size} starts {within.sum()} stayed within limits" in text
 
 
 def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recoverable: RecoverableMap) -> None:
@@ -90,8 +91,8 @@ def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recove
             result = flown(newton, Scenario(duration=2.0, initial=start))
             assert result.within_limits == within
             assert [each.input for each in result.exceeded] == [edge.control] * (not within)
-    exceeded = recoverable.exceeded("nonlinear")
-    assert np.all(recoverable.within_limits("nonlinear") <= (exceeded == -1))
+    found = recoverable.starts["nonlinear"].of_starts()
+    assert np.all(found["within_limits"] <= (found["exceeded"] == -1))
 
 
 def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monkeypatch: pytest.MonkeyPatch) -> None:
