@@ -109,8 +109,8 @@ class FlownLaw(Shown):
 
     name: str
     policy: Policy
-    table: np.ndarray
-    memory: np.ndarray
+    table: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
+    memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     identity: Mapping[str, object] = field(default_factory=dict)
     certified_from: float = 0.0
     learned: LearningResult | None = None
@@ -143,4 +143,4 @@ def gain_law(
         raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_M} x {_N} finite numbers")
     table = np.array([gain_constants(each) for each in K.reshape(-1, _M, _N)])
     policy = GainPolicy(zero(len(INPUTS)))
-    return FlownLaw(name, policy, table, np.zeros(0), {"K": K}, certified_from, learned)
+    return FlownLaw(name, policy, table, identity={"K": K}, certified_from=certified_from, learned=learned)

@@ -170,4 +170,4 @@ def servo_law(
     identity = {"controller": stacks, "commands": {"names": list(commands.names), **follows}}
     fastest = float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0))
     memory = np.zeros(len(controller.states))
-    return FlownLaw(controller.name, policy, np.zeros((1, 0)), memory, identity, fastest=fastest)
+    return FlownLaw(controller.name, policy, memory=memory, identity=identity, fastest=fastest)

@@ -236,4 +236,4 @@ def _table(arguments: argparse.Namespace, family: Family, low: float, high: floa
     made = certified_schedule(
         family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))
     )
-    return GainTable(angles, made.schedule.gains)
+    return GainTable(angles, made.gains.values)

@@ -20,7 +20,7 @@ from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, UNITS, Quantity
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, UNITS, Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
 from hfa_support.progress import Progress, told
@@ -35,53 +35,6 @@ from trim.point.solve import find_operating_point
 LEAD, REST = 5.0, 15.0
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 _DIHEDRAL, _DIHEDRAL_RATE = LINEAR_STATES.index("dihedral"), LINEAR_STATES.index("dihedral_rate")
-
-
-@dataclass(frozen=True, eq=False)
-class Schedule:
-    """Trims X0(η), U0(η) and gains K(η) on a grid of dihedrals, linear in between and constant beyond its ends.
-
-    dihedrals: (G,), rad, increasing, G >= 2. states: (G, 7). inputs: (G, 5). gains: (G, 5, 6). BadInputError when
-    a shape, the order or a number is wrong.
-    """
-
-    dihedrals: np.ndarray
-    states: np.ndarray
-    inputs: np.ndarray
-    gains: np.ndarray
-
-    def __post_init__(self) -> None:
-        """Check the grid once."""
-        count = len(self.dihedrals)
-        shapes = {"states": (count, len(STATES)), "inputs": (count, _M), "gains": (count, _M, _N)}
-        for name, shape in shapes.items():
-            if np.shape(getattr(self, name)) != shape:
-                raise BadInputError(f"the schedule's {name} are {np.shape(getattr(self, name))}; they must be {shape}")
-        for name in ("dihedrals", *shapes):
-            if not np.all(np.isfinite(getattr(self, name))):
-                raise BadInputError(f"the schedule's {name} hold a number that is not finite")
-        if count < 2 or np.any(np.diff(self.dihedrals) <= 0.0):
-            raise BadInputError("a schedule needs at least two dihedrals, in increasing order")
-
-    @classmethod
-    def of(cls, points: tuple[OperatingPoint, ...], gains: tuple[np.ndarray, ...]) -> Schedule:
-        """The schedule of trims and the gain of each."""
-        states = np.array([point.states for point in points])
-        inputs = np.array([point.inputs for point in points])
-        return cls(states[:, STATES.index("dihedral")], states, inputs, np.array(gains))
-
-    def states_at(self, dihedral: ca.SX) -> ca.SX:
-        """X0(η), (7,)."""
-        return LinearTable(self.dihedrals, self.states).expression(dihedral)
-
-    def inputs_at(self, dihedral: ca.SX) -> ca.SX:
-        """U0(η), (5,)."""
-        return LinearTable(self.dihedrals, self.inputs).expression(dihedral)
-
-    def gain_at(self, dihedral: ca.SX) -> ca.SX:
-        """K(η), (5, 6)."""
-        flat = LinearTable(self.dihedrals, self.gains.transpose(0, 2, 1)).expression(dihedral)
-        return ca.reshape(flat, _M, _N)
 
 
 @dataclass(frozen=True)
@@ -115,43 +68,6 @@ class DihedralChange:
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledReference:
-    """x_d(t) = X0(η_d(t)) - X_base with η' = η_d'(t): the trims along the change, (6,), of the six states."""
-
-    size = _N
-
-    schedule: Schedule
-    change: DihedralChange
-    base: OperatingPoint
-
-    def at(self, t: Quantity) -> ca.SX:
-        """x_d(t); a CasADi column."""
-        deviation = self.schedule.states_at(self.change.at(t)) - ca.DM(np.array(self.base.states))
-        rows = [deviation[row] for row in LINEAR_ROWS]
-        rows[_DIHEDRAL_RATE] = self.change.rate(t)
-        return ca.vertcat(*rows)
-
-
-@dataclass(frozen=True, eq=False)
-class ScheduledPolicy(Memoryless, Unvaried):
-    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured dihedral.
-
-    The trims follow the commanded dihedral and the gain the measured one. So, linearized about a trim, the policy
-    is u = -K z with the K of that trim: U0 of the measured dihedral would add the gain ∂U0/∂η, and z is 0 at a
-    trim, so that ∂K/∂η adds nothing.
-    """
-
-    reference: ScheduledReference
-
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
-        """U0 - U_base - K z."""
-        schedule, base = self.reference.schedule, self.reference.base
-        measured = base.states.dihedral + self.reference.at(t)[_DIHEDRAL] + seen.error[_DIHEDRAL]
-        trimmed = schedule.inputs_at(self.reference.change.at(t)) - ca.DM(np.array(base.inputs))
-        return trimmed - ca.mtimes(schedule.gain_at(measured), seen.error)
-
-
-@dataclass(frozen=True, eq=False)
 class GridPoint:
     """One gain: where, K (5, 6), the abscissa of A - B K, 1/s; of a law also its relative distance from the exact one,
     the abscissa of A - S P, 1/s, and how many certificates hold."""
@@ -165,13 +81,35 @@ class GridPoint:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CertifiedSchedule(Reported):
-    """A schedule, the points that it is made of, certified unless they came from a file, and the largest abscissa of
-    A - B K halfway between them, with the interpolated K, 1/s."""
+class Schedule(Reported):
+    """Trims X0(η), U0(η) and gains K(η), linear between the points of the grid and constant beyond its ends.
 
-    schedule: Schedule
+    grid: two points or more, the dihedral increasing, certified unless the gains came from a file. between: the largest
+    abscissa of A - B K halfway between them, with the interpolated K, 1/s.
+    """
+
     grid: tuple[GridPoint, ...]
-    between: float
+    between: float = np.nan
+
+    @property
+    def dihedrals(self) -> np.ndarray:
+        """η of the grid, (G,), rad."""
+        return np.array([row.point.states.dihedral for row in self.grid])
+
+    @property
+    def states(self) -> LinearTable:
+        """X0(η), (7,)."""
+        return LinearTable(self.dihedrals, np.array([row.point.states for row in self.grid]))
+
+    @property
+    def inputs(self) -> LinearTable:
+        """U0(η), (5,)."""
+        return LinearTable(self.dihedrals, np.array([row.point.inputs for row in self.grid]))
+
+    @property
+    def gains(self) -> LinearTable:
+        """K(η), (5, 6)."""
+        return LinearTable(self.dihedrals, np.array([row.gain for row in self.grid]))
 
     def report(self) -> Report:
         """The grid, and what holds between its points."""
@@ -201,14 +139,45 @@ class CertifiedSchedule(Reported):
         raise BadInputError(f"the schedule has no grid point at {np.degrees(dihedral):g} deg; begin at one that it has")
 
 
-def schedule_report(result: NonlinearFlight, certified: CertifiedSchedule, change: DihedralChange, law: str) -> Report:
+@dataclass(frozen=True, eq=False)
+class ScheduledPolicy(Memoryless, Unvaried):
+    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured dihedral; also its own reference
+    x_d(t) = X0(η_d(t)) - X_base with η' = η_d'(t), (6,).
+
+    The trims follow the commanded dihedral and the gain the measured one. So, linearized about a trim, the policy
+    is u = -K z with the K of that trim: U0 of the measured dihedral would add the gain ∂U0/∂η, and z is 0 at a
+    trim, so that ∂K/∂η adds nothing.
+    """
+
+    size = _N
+
+    schedule: Schedule
+    change: DihedralChange
+    base: OperatingPoint
+
+    def at(self, t: Quantity) -> ca.SX:
+        """x_d(t); a CasADi column."""
+        deviation = self.schedule.states.expression(self.change.at(t)) - ca.DM(np.array(self.base.states))
+        rows = [deviation[row] for row in LINEAR_ROWS]
+        rows[_DIHEDRAL_RATE] = self.change.rate(t)
+        return ca.vertcat(*rows)
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """U0 - U_base - K z."""
+        measured = self.base.states.dihedral + self.at(t)[_DIHEDRAL] + seen.error[_DIHEDRAL]
+        trimmed = self.schedule.inputs.expression(self.change.at(t)) - ca.DM(np.array(self.base.inputs))
+        K = ca.reshape(self.schedule.gains.expression(measured), _N, _M).T
+        return trimmed - ca.mtimes(K, seen.error)
+
+
+def schedule_report(result: NonlinearFlight, certified: Schedule, change: DihedralChange, law: str) -> Report:
     """The report of the flight with that of the schedule, whose gains `law` has made."""
     flown = result.report()
     words = f", to {in_degrees(change.end):g} deg over {change.duration:g} s, law {law}, scheduled"
     grid = {
         "law": law,
-        "dihedrals": certified.schedule.dihedrals,
-        "gains": certified.schedule.gains,
+        "dihedrals": certified.dihedrals,
+        "gains": certified.gains.values,
         "state_units": [UNITS[name] for name in LINEAR_STATES],
         "control_abscissae": [row.control_abscissa for row in certified.grid],
         "game_abscissae": [row.game_abscissa for row in certified.grid],
@@ -246,14 +215,14 @@ def certified_schedule(
     gains: GainTable | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Progress | None = None,
-) -> CertifiedSchedule:
+) -> Schedule:
     """Trim, linearize and solve or learn at every dihedral, rad; every gain must be certified.
 
     law: "exact", or a learning law. game: changes of the published game (Q, R, delta). settings: of the law.
     gains: in place of a law, as they are, certified or not. condition: dihedral -> trim.
     Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
     """
-    if np.ndim(dihedrals) != 1 or len(dihedrals) < 2:
+    if np.ndim(dihedrals) != 1 or len(dihedrals) < 2 or np.any(np.diff(dihedrals) <= 0.0):
         raise BadInputError("a schedule needs at least two dihedrals, in increasing order")
     grid = []
     for dihedral in told(dihedrals.tolist(), progress):
@@ -263,8 +232,11 @@ def certified_schedule(
         else:
             gain = gains.at(dihedral)
             grid.append(GridPoint(model.point, gain, spectrum(model.A - model.B @ gain).abscissa))
-    schedule = Schedule.of(tuple(row.point for row in grid), tuple(row.gain for row in grid))
-    return CertifiedSchedule(schedule, tuple(grid), _between(aircraft, schedule, condition))
+    gains_at, worst = Schedule(tuple(grid)).gains, -np.inf
+    for halfway in ((gains_at.places[:-1] + gains_at.places[1:]) / 2).tolist():
+        model = linearize(aircraft, find_operating_point(aircraft, condition(halfway)))
+        worst = max(worst, spectrum(model.A - model.B @ gains_at.at(halfway)).abscissa)
+    return Schedule(tuple(grid), worst)
 
 
 def _certified(
@@ -286,18 +258,9 @@ def _certified(
     )
 
 
-def _between(aircraft: Aircraft, schedule: Schedule, condition: Callable[[float], TrimCondition]) -> float:
-    worst = -np.inf
-    for dihedral in ((schedule.dihedrals[:-1] + schedule.dihedrals[1:]) / 2).tolist():
-        model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
-        gain = LinearTable(schedule.dihedrals, schedule.gains).at(dihedral)
-        worst = max(worst, spectrum(model.A - model.B @ gain).abscissa)
-    return worst
-
-
 def fly_schedule(
     aircraft: Aircraft,
-    certified: CertifiedSchedule,
+    certified: Schedule,
     change: DihedralChange,
     scenario: Scenario,
     envelope: Envelope,
@@ -309,12 +272,6 @@ def fly_schedule(
     The change begins at a grid point, whose trim is the one that deviations count from.
     """
     begin = certified.at(change.start).point
-    reference = ScheduledReference(certified.schedule, change, begin)
-    plant = NonlinearPlant(with_errors(aircraft, scenario), begin)
-    return fly_law(
-        plant,
-        FlownLaw("scheduled", ScheduledPolicy(reference), np.zeros((1, 0)), np.zeros(0)),
-        replace(scenario, reference=reference),
-        envelope,
-        progress=progress,
-    )
+    policy = ScheduledPolicy(certified, change, begin)
+    plant, law = NonlinearPlant(with_errors(aircraft, scenario), begin), FlownLaw("scheduled", policy)
+    return fly_law(plant, law, replace(scenario, reference=policy), envelope, progress=progress)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,12 +18,10 @@ from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
 from trim import OperatingPoint
 from verification.flights.scheduling import (
-    CertifiedSchedule,
     DihedralChange,
     GridPoint,
     Schedule,
     ScheduledPolicy,
-    ScheduledReference,
     certified_schedule,
     change_over,
     fly_schedule,
@@ -38,7 +35,7 @@ def radians(*degrees: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def certified(published_aircraft: Aircraft) -> CertifiedSchedule:
+def certified(published_aircraft: Aircraft) -> Schedule:
     """Exact gains at 5, 10 and 15 degrees."""
     return certified_schedule(published_aircraft, radians(5.0, 10.0, 15.0))
 
@@ -47,16 +44,11 @@ def certified(published_aircraft: Aircraft) -> CertifiedSchedule:
 
 
 @pytest.mark.parametrize("degrees", [-3.0, 5.0, 6.2, 10.0, 14.9, 15.0, 40.0])
-def test_tables_are_linear_between_the_points_and_constant_beyond(certified: CertifiedSchedule, degrees: float) -> None:
-    schedule, at = certified.schedule, float(np.radians(degrees))
-    for found, table in (
-        (schedule.gain_at(at), schedule.gains),
-        (schedule.inputs_at(at), schedule.inputs),
-        (schedule.states_at(at), schedule.states),
-    ):
-        flat = table.reshape(3, -1)
-        expected = [np.interp(at, schedule.dihedrals, column) for column in flat.T]
-        np.testing.assert_allclose(np.array(ca.DM(found)).ravel(), expected, atol=1e-12)
+def test_tables_are_linear_between_the_points_and_constant_beyond(certified: Schedule, degrees: float) -> None:
+    at = float(np.radians(degrees))
+    for table in (certified.gains, certified.inputs, certified.states):
+        expected = [np.interp(at, certified.dihedrals, column) for column in table.values.reshape(3, -1).T]
+        np.testing.assert_allclose(np.array(ca.DM(table.expression(at))).ravel(), expected, atol=1e-12)
 
 
 def test_a_change_is_smooth_and_ends_where_it_should() -> None:
@@ -73,43 +65,40 @@ def test_a_change_is_smooth_and_ends_where_it_should() -> None:
 # The policy about a trim.
 
 
-def slope_at_trim(certified: CertifiedSchedule, index: int, policy_of: Callable[[ScheduledReference], Any]) -> Any:
+def slope_at_trim(certified: Schedule, index: int, policy_of: type[ScheduledPolicy]) -> Any:
     """∂u/∂z of the policy where the command rests at a grid point, (5, 6), and u itself."""
     grid = certified.grid
     dihedral = grid[index].point.states.dihedral
     resting = DihedralChange(dihedral, dihedral, 0.0, 1.0)
-    reference = ScheduledReference(certified.schedule, resting, grid[0].point)
     z = ca.SX.sym("z", N)
-    u = policy_of(reference).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
+    u = policy_of(certified, resting, grid[0].point).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
     found = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
     return np.array(found[0]).ravel(), np.array(ca.DM(found[1]))
 
 
-def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: CertifiedSchedule) -> None:
+def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: Schedule) -> None:
     """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own column."""
     for index in range(3):
         u, slope = slope_at_trim(certified, index, ScheduledPolicy)
-        offset = certified.schedule.inputs[index] - certified.schedule.inputs[0]
-        np.testing.assert_allclose(u, offset, atol=1e-15)
-        np.testing.assert_allclose(slope, -certified.schedule.gains[index], rtol=1e-12, atol=1e-15)
+        inputs = certified.inputs.values
+        np.testing.assert_allclose(u, inputs[index] - inputs[0], atol=1e-15)
+        np.testing.assert_allclose(slope, -certified.grid[index].gain, rtol=1e-12, atol=1e-15)
 
 
 class _TrimOfTheMeasuredDihedral(ScheduledPolicy):
     """The mistake that hidden coupling is made of."""
 
     def control(self, t: Any, told: Seen, memory: Any, p: Any) -> Any:
-        z = told.error
-        schedule, base = self.reference.schedule, self.reference.base
         channel = LINEAR_STATES.index("dihedral")
-        measured = base.states.dihedral + self.reference.at(t)[channel] + z[channel]
-        trimmed = schedule.inputs_at(measured) - ca.DM(np.array(base.inputs))
-        return trimmed - ca.mtimes(schedule.gain_at(measured), z)
+        measured = self.base.states.dihedral + self.at(t)[channel] + told.error[channel]
+        wrong = self.schedule.inputs.expression(measured) - self.schedule.inputs.expression(self.change.at(t))
+        return super().control(t, told, memory, p) + wrong
 
 
-def test_hidden_coupling_is_seen(certified: CertifiedSchedule) -> None:
+def test_hidden_coupling_is_seen(certified: Schedule) -> None:
     # At a point inside the grid the slope of a table is one-sided; both sides differ from 0.
     _, slope = slope_at_trim(certified, 1, _TrimOfTheMeasuredDihedral)
-    off = slope + certified.schedule.gains[1]
+    off = slope + certified.grid[1].gain
     assert np.abs(off[:, LINEAR_STATES.index("dihedral")]).max() > 0.01
     assert np.abs(np.delete(off, LINEAR_STATES.index("dihedral"), axis=1)).max() < 1e-12
 
@@ -117,7 +106,7 @@ def test_hidden_coupling_is_seen(certified: CertifiedSchedule) -> None:
 # Certificates.
 
 
-def test_every_grid_point_is_certified_and_the_points_between_are_stable(certified: CertifiedSchedule) -> None:
+def test_every_grid_point_is_certified_and_the_points_between_are_stable(certified: Schedule) -> None:
     assert [row.certificates for row in certified.grid] == [8, 8, 8]
     assert all(row.control_abscissa < -0.3 and row.game_abscissa < -0.2 for row in certified.grid)
     assert certified.between < -0.3
@@ -131,7 +120,7 @@ def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Airc
 # The flight.
 
 
-def through_the_change(aircraft: Aircraft, certified: CertifiedSchedule, start: float, end: float) -> NonlinearFlight:
+def through_the_change(aircraft: Aircraft, certified: Schedule, start: float, end: float) -> NonlinearFlight:
     change = change_over(float(np.radians(start)), float(np.radians(end)), 60.0)
     envelope = flight_envelope(aircraft.parameters, certified.at(change.start).point)
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
@@ -139,7 +128,7 @@ def through_the_change(aircraft: Aircraft, certified: CertifiedSchedule, start: 
 
 @pytest.mark.parametrize(("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)])
 def test_the_schedule_flies_the_change(
-    published_aircraft: Aircraft, certified: CertifiedSchedule, start: float, end: float
+    published_aircraft: Aircraft, certified: Schedule, start: float, end: float
 ) -> None:
     result = through_the_change(published_aircraft, certified, start, end)
     assert result.departure is None
@@ -157,8 +146,8 @@ def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: 
     """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
     wide = certified_schedule(published_aircraft, radians(0.0, 5.0, 10.0, 15.0, 20.0))
     assert through_the_change(published_aircraft, wide, 0.0, 20.0).departure is None
-    kept = replace(wide.schedule, gains=np.broadcast_to(wide.grid[0].gain, wide.schedule.gains.shape))
-    departure = through_the_change(published_aircraft, replace(wide, schedule=kept), 0.0, 20.0).departure
+    kept = replace(wide, grid=tuple(replace(row, gain=wide.grid[0].gain) for row in wide.grid))
+    departure = through_the_change(published_aircraft, kept, 0.0, 20.0).departure
     assert departure is not None
     assert departure.state == "pitch_rate"
 
@@ -166,14 +155,9 @@ def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: 
 # Refusals.
 
 
-def test_schedules_that_are_none_are_refused(certified: CertifiedSchedule) -> None:
-    s = certified.schedule
+def test_schedules_that_are_none_are_refused(published_aircraft: Aircraft, certified: Schedule) -> None:
     with pytest.raises(BadInputError, match="increasing order"):
-        Schedule(s.dihedrals[::-1], s.states, s.inputs, s.gains)
-    with pytest.raises(BadInputError, match=r"gains are \(3, 6, 5\)"):
-        Schedule(s.dihedrals, s.states, s.inputs, s.gains.transpose(0, 2, 1))
-    with pytest.raises(BadInputError, match="not finite"):
-        Schedule(s.dihedrals, s.states, s.inputs * np.nan, s.gains)
+        certified_schedule(published_aircraft, radians(15.0, 5.0))
     with pytest.raises(BadInputError, match=r"is 0\.0 s"):
         DihedralChange(0.1, 0.2, 0.0, 0.0)
     with pytest.raises(BadInputError, match="two different ones"):
@@ -190,9 +174,7 @@ def test_each_point_says_what_is_known_of_it(point: OperatingPoint) -> None:
         GridPoint(points[1], K, -0.2, 0.0, -0.3, 12),
         GridPoint(points[2], K, -0.4, 2e-9),
     )
-    made = CertifiedSchedule(
-        Schedule(np.radians([5.0, 15.0]), np.zeros((2, 7)), np.zeros((2, 5)), np.zeros((2, 5, 6))), grid, -0.05
-    )
+    made = Schedule(grid, -0.05)
     (table,) = [each for each in made.block() if isinstance(each, Table)]
     assert [tuple(row) for row in table.rows] == [
         ("5", "-0.1000", "-", "-", "-"),
