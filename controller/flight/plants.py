@@ -3,6 +3,7 @@ are numbers or an input of the loop."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
@@ -21,8 +22,8 @@ from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 
 _N, _M = len(STATES), len(INPUTS)
-#: Of [f0, A, B, b] of `UncertainLinearization`.
-_COLUMNS = 1 + _N + _M + 1
+#: Where f0, A, B, b and b_o of `UncertainLinearization` begin, and where they end.
+_COLUMNS = [0, 1, 1 + _N, 1 + _N + _M, 2 + _N + _M, 3 + _N + _M]
 
 
 class Plant(Protocol):
@@ -136,23 +137,24 @@ class LinearizedAircraft(SevenStates, Unvaried):
     @classmethod
     def at(cls, aircraft: Aircraft, point: OperatingPoint) -> LinearizedAircraft:
         """The exact derivatives at an operating point of the aircraft."""
-        x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
-        outer, calm = ca.SX.sym("outer"), ca.DM.zeros(len(LINEAR_STATES))
-        uniform, apart = (
-            NonlinearPlant(aircraft, point).rate(x, u, calm, each) for each in (w, ca.vertcat(ca.SX(0), outer))
+        expanded = _expansion(aircraft.variant)(
+            np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
         )
-        parts = [*(ca.jacobian(uniform, part) for part in (x, u, w)), ca.jacobian(apart, outer)]
-        derivatives = ca.Function("derivatives", [x, u, w, outer], parts)
-        A, B, gust, outer_gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0, 0))
+        _, A, B, gust, outer_gust = np.split(np.array(expanded), _COLUMNS[1:-1], axis=1)
         return cls(A, B, gust.ravel(), outer_gust.ravel())
 
     def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + b w + b_o (w_o - w), disturbed."""
-        center, *outer = ca.vertsplit(ca.SX(updraft))
-        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * center
-        for each in outer:
-            rate = rate + ca.DM(self.outer_gust) * (each - center)
-        return rate + ca.mtimes(ca.DM(spread()), d)
+        return _first_order([ca.DM(each) for each in (self.A, self.B, self.gust, self.outer_gust)], x, u, d, updraft)
+
+
+def _first_order(derivatives: Sequence[Any], x: Any, u: Any, d: Any, updraft: Any) -> Any:
+    A, B, gust, outer_gust = derivatives
+    center, *outer = ca.vertsplit(ca.SX(updraft))
+    rate = ca.mtimes(A, x) + ca.mtimes(B, u) + gust * center
+    for each in outer:
+        rate = rate + outer_gust * (each - center)
+    return rate + ca.mtimes(ca.DM(spread()), d)
 
 
 def spread() -> np.ndarray:
@@ -188,29 +190,27 @@ class UncertainAircraft(SevenStates):
 
 @dataclass(frozen=True, eq=False)
 class UncertainLinearization(SevenStates):
-    """x' = f0(θ) + A(θ) x + B(θ) u + b(θ) w + d: what `UncertainAircraft` is to first order in x, u and w.
+    """x' = f0(θ) + A(θ) x + B(θ) u + d + b(θ) w + b_o(θ) (w_o - w): `UncertainAircraft` to first order in x, u and w.
 
-    f0, A, B, b: f and its exact derivatives at the nominal trim (X0, U0, 0), column by column in p. f0 is not zero
+    f0, A, B, b, b_o: f and its exact derivatives at the nominal trim (X0, U0, 0), column by column in p. f0 is not zero
     where θ is not nominal: the trim of the design is not the trim of the aircraft.
     """
 
-    constants_size = _N * _COLUMNS
+    constants_size = _N * _COLUMNS[-1]
 
     variant: Variant
     point: OperatingPoint
 
     def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """[f0, A, B, b] of these parameters, (98,)."""
+        """[f0, A, B, b, b_o] of these parameters, (105,)."""
         at = self.point
         flat = _expansion(self.variant)(np.array(at.states), np.array(at.inputs), parameters)
         return np.array(flat).ravel(order="F")
 
     def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
-        """[f0, A, B, b] [1; x; u; w], disturbed. BadInputError for a gust that differs along the span."""
-        if isinstance(updraft, ca.SX) and updraft.numel() != 1:
-            raise BadInputError("the linear members meet one updraft at every panel; simulate the nonlinear ones")
-        known = ca.mtimes(ca.reshape(p, _N, _COLUMNS), ca.vertcat(1.0, x, u, updraft))
-        return known + ca.mtimes(ca.DM(spread()), d)
+        """f0 + A x + B u + b w + b_o (w_o - w), disturbed."""
+        offset, *derivatives = ca.horzsplit(ca.reshape(p, _N, _COLUMNS[-1]), _COLUMNS)
+        return offset + _first_order(derivatives, x, u, d, updraft)
 
 
 #: Kind of plant -> its class.
@@ -228,12 +228,11 @@ def uncertain_plant(kind: str, variant: Variant, point: OperatingPoint) -> Uncer
 
 @lru_cache(maxsize=4)
 def _expansion(variant: Variant) -> ca.Function:
-    """(X0, U0, θ) -> [f0, A, B, b], (7, 14)."""
+    """(X0, U0, θ) -> [f0, A, B, b, b_o], (7, 15)."""
     X, U, theta = (ca.SX.sym(name, size) for name, size in (("X", _N), ("U", _M), ("p", len(Parameters._fields))))
-    x, u, w = ca.SX.sym("x", _N), ca.SX.sym("u", _M), ca.SX.sym("w")
-    f = ca.vertcat(
-        *rates(State(*ca.vertsplit(X + x)), Input(*ca.vertsplit(U + u)), Parameters(*ca.vertsplit(theta)), variant, w)
-    )
-    whole = ca.horzcat(f, *(ca.jacobian(f, part) for part in (x, u, w)))
-    zero = ca.substitute(whole, ca.vertcat(x, u, w), ca.DM.zeros(_N + _M + 1))
-    return ca.Function("expansion", [X, U, theta], [ca.densify(zero)])
+    moved = ca.SX.sym("moved", _N + _M + 2)  # x, u, w and w_o - w
+    x, u, w, more = ca.vertsplit(moved, [0, _N, _N + _M, _N + _M + 1, _N + _M + 2])
+    arguments = State(*ca.vertsplit(X + x)), Input(*ca.vertsplit(U + u)), Parameters(*ca.vertsplit(theta)), variant
+    f = ca.vertcat(*rates(*arguments, _air(ca.vertcat(w, w + more))))
+    whole = ca.substitute(ca.horzcat(f, ca.jacobian(f, moved)), moved, ca.DM.zeros(moved.numel()))
+    return ca.Function("expansion", [X, U, theta], [ca.densify(whole)])
