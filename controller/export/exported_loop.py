@@ -46,57 +46,27 @@ EXAMPLE = "controller_100hz.c"
 COMMANDED, SECONDS = 0.01, 20
 
 
-class GivenCommands(NamedTuple):
-    """r, r' and the value that r is on its way to, (k,) each, as arguments; the `commands` of a `ServoPolicy`."""
+class Given(Memoryless, Unvaried):
+    """An argument in place of what a simulation works out: of a `ServoPolicy` the commands (value, their rate, end) or
+    the measured outputs, of a loop the reference, the inputs or the updraft."""
 
-    names: tuple[str, ...]
-    value: ca.SX
-    slope: ca.SX
-    goal: ca.SX
+    def __init__(self, value: ca.SX, slope: ca.SX | None = None, goal: ca.SX | None = None, names: Any = ()) -> None:
+        self.size, self.names = value.numel(), names
+        self._value, self._slope, self._goal = value, slope, goal
 
-    def at(self, t: Any) -> ca.SX:
-        """The value r, (k,)."""
-        return self.value
-
-    def rate(self, t: Any) -> ca.SX:
-        """Its rate, (k,)."""
-        return self.slope
-
-    def end(self, t: Any) -> ca.SX:
-        """What r is on its way to."""
-        return self.goal
-
-
-class GivenOutputs(NamedTuple):
-    """y - Y0, (k,), as an argument; the `outputs` of a `ServoPolicy`."""
-
-    values: ca.SX
-
-    def at(self, seen: Seen) -> ca.SX:
-        """y - Y0."""
-        return self.values
-
-
-class GivenInputs(Memoryless, Unvaried):
-    """u, (5,), as an argument; the policy of a loop whose inputs are held from outside."""
-
-    def __init__(self, values: ca.SX) -> None:
-        self._values = values
-
-    def control(self, *_: object) -> ca.SX:
-        """The argument u."""
-        return self._values
-
-
-class GivenUpdraft(Memoryless, Unvaried):
-    """w, ft/s, as an argument; the gust of a loop."""
-
-    def __init__(self, value: ca.SX) -> None:
-        self._value = value
-
-    def updraft(self, t: Any, memory: Any, p: Any) -> ca.SX:
-        """The argument w."""
+    def at(self, *_: object) -> Any:
+        """The argument."""
         return self._value
+
+    control = updraft = at
+
+    def rate(self, *_: object) -> Any:
+        """The rate of the commands."""
+        return self._slope
+
+    def end(self, *_: object) -> Any:
+        """What the commands are on their way to."""
+        return self._goal
 
 
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
@@ -122,7 +92,7 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     lowest, highest = (ca.SX.sym(name, len(INPUTS)) for name in ("lowest", "highest"))
     measured, memory = (ca.SX.sym(name, size) for name, size in sizes.items())
     own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
-    told = replace(policy, commands=GivenCommands(names, r, slope, command), outputs=GivenOutputs(measured))
+    told = replace(policy, commands=Given(r, slope, command, names), outputs=Given(measured))
     states = ca.SX(len(LINEAR_STATES), 1)
     states[LINEAR_STATES.index("dihedral")] = dihedral - policy.dihedral
     nothing = ca.SX(0, 1)
@@ -249,7 +219,7 @@ def controller_loop(
     """
     names, w = commandable(controller), ca.SX.sym("w")
     r, slope, goal = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
-    policy = replace(trimmed_policy(controller, aircraft, point), commands=GivenCommands(names, r, slope, goal))
+    policy = replace(trimmed_policy(controller, aircraft, point), commands=Given(r, slope, goal, names))
     Y, rate, U = _closed(aircraft, point, policy, w, actuators=actuators)
     filtered = filter_rates(controller, r, slope, goal)
     function = ca.Function(
@@ -276,22 +246,12 @@ def held_loop(
     measures what these actuators do not have.
     """
     policy, u = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(INPUTS))
-    Y, rate, _ = _closed(aircraft, point, GivenInputs(u), ca.SX(0), actuators=actuators)
+    Y, rate, _ = _closed(aircraft, point, Given(u), ca.SX(0), actuators=actuators)
     X, moved = Y[: len(STATES)], Y[len(STATES) :]
     x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
     seen = Seen(x, x, actuators.position(moved, np.array(point.inputs)), actuators.rates(moved))
     sensed = [X[STATES.index("dihedral")], ca.densify(policy.outputs.at(seen))]
     return ca.Function("loop", [Y, u], [rate, *sensed], {"cse": True}), (*_states(point), *_actuator_states(actuators))
-
-
-class _Reference(NamedTuple):
-    """x_d, (6,), as an argument."""
-
-    values: ca.SX
-    size: int = len(LINEAR_STATES)
-
-    def at(self, t: object) -> ca.SX:
-        return self.values
 
 
 def _closed(
@@ -306,10 +266,10 @@ def _closed(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Y = [X; actuators; memory], its rate, and U."""
     none = zero(len(LINEAR_STATES))
-    follow = none if reference is None else _Reference(reference)
+    follow = none if reference is None else Given(reference)
     trim = np.array(point.inputs)
     loop = ClosedLoop(
-        NonlinearPlant(aircraft, point), policy, follow, none, none, GivenUpdraft(w), actuators=actuators, trim=trim
+        NonlinearPlant(aircraft, point), policy, follow, none, none, Given(w), actuators=actuators, trim=trim
     )
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
