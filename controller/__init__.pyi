@@ -27,9 +27,13 @@ from .laws.certified import CertifiedSettings as CertifiedSettings
 from .laws.integral_rl import IrlSettings as IrlSettings
 from .laws.learn import LAWS as LAWS, learn as learn
 from .laws.run import Process as Process, Run as Run, run as run
-from .policy.commands import CommandedStates as CommandedStates, CommandSteps as CommandSteps
 from .policy.gain_table import GainTable as GainTable
 from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.servo_policy import servo_law as servo_law
-from .policy.signals import Harmonic as Harmonic, Signal as Signal
+from .policy.signals import (
+    CommandedStates as CommandedStates,
+    CommandSteps as CommandSteps,
+    Harmonic as Harmonic,
+    Signal as Signal,
+)
 from .training_data.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -20,10 +20,9 @@ from controller.export.c_model import c_positions, c_table, comment_lines
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
-from controller.policy.commands import COMMAND_FILTER, CommandSteps
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
-from controller.policy.signals import zero
+from controller.policy.signals import COMMAND_FILTER, CommandSteps, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import (
     INPUT_SCALES,

@@ -19,9 +19,8 @@ from controller.flight.integrator import COMPILE_FROM_STEPS
 from controller.flight.plants import UncertainPlant, uncertain_plant
 from controller.flight.scenario import Scenario, Uncertainty, loop_of
 from controller.flight.simulation import Summary, SummedLoop
-from controller.policy.commands import CommandedStates
 from controller.policy.policies import FlownLaw
-from controller.policy.signals import Signal
+from controller.policy.signals import CommandedStates, Signal
 from hfa_model.parameters import Parameters
 from hfa_model.variants import variant_named
 from hfa_model.vectors import (

@@ -23,9 +23,9 @@ from controller.flight.envelope import (
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.scenario import Scenario, Uncertainty, loop_of, with_errors
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.commands import CommandSteps
 from controller.policy.policies import FlownLaw
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
+from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import unit_of
 from hfa_model.vectors import (

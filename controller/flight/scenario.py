@@ -12,9 +12,8 @@ from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Dryden, Gust
 from controller.flight.plants import Equations, Plant
-from controller.policy.commands import CommandedStates
 from controller.policy.policies import Policy
-from controller.policy.signals import Signal, TimeVector, zero
+from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import LINEAR_STATES, STATES

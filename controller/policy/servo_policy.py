@@ -12,8 +12,8 @@ import numpy as np
 from controller.design.design import SHORT_PERIOD
 from controller.design.dihedral_table import DihedralTable
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.policy.commands import CommandSteps
 from controller.policy.policies import FlownLaw, Seen, Unvaried
+from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unknown

@@ -1,17 +1,21 @@
-"""Vectors that vary with time in a known way: references, disturbances, measurement noise, feedforward."""
+"""Vectors that vary with time in a known way: references, disturbances, noise, commands through a filter."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple, Protocol
 
+import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError
+from hfa_model.vectors import LINEAR_STATES, Quantity
+from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
 
-if TYPE_CHECKING:
-    import casadi as ca
+#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
+COMMAND_FILTER = (0.5, 2.0)
 
 
 class TimeVector(Protocol):
@@ -61,15 +65,11 @@ class Signal(Shown):
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
     def at(self, t: Any) -> Any:
         """s(t): (n,) at a number, a CasADi column at a CasADi expression."""
-        import casadi as ca
-
-        symbolic = isinstance(t, (ca.SX, ca.MX))
-        parts = (ca.DM(self.constant), ca.DM(self.slope)) if symbolic else (self.constant, self.slope)
-        value = parts[0] + parts[1] * t
-        for harmonic in self.harmonics:
-            phase = harmonic.frequency * t
-            value = value + (_column(harmonic.sine, symbolic) * ca.sin(phase))
-            value = value + (_column(harmonic.cosine, symbolic) * ca.cos(phase))
+        if not isinstance(t, (ca.SX, ca.MX)):
+            return self.sampled(np.array([t]))[0]
+        value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
+        for h in self.harmonics:
+            value = value + ca.DM(h.sine) * ca.sin(h.frequency * t) + ca.DM(h.cosine) * ca.cos(h.frequency * t)
         return value
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
@@ -79,24 +79,6 @@ class Signal(Shown):
             value = value + np.outer(np.sin(h.frequency * times), h.sine)
             value = value + np.outer(np.cos(h.frequency * times), h.cosine)
         return np.asarray(value)
-
-    def rate(self) -> Signal:
-        """ds/dt."""
-        turned = tuple(Harmonic(h.frequency, -h.frequency * h.cosine, h.frequency * h.sine) for h in self.harmonics)
-        return Signal(self.slope, np.zeros(self.size), turned)
-
-    def through(self, matrix: np.ndarray) -> Signal:
-        """M s(t), for a constant matrix M."""
-        turned = tuple(Harmonic(h.frequency, matrix @ h.sine, matrix @ h.cosine) for h in self.harmonics)
-        return Signal(matrix @ self.constant, matrix @ self.slope, turned)
-
-    def plus(self, other: Signal) -> Signal:
-        """s(t) + other(t); BadInputError when they differ in length."""
-        if other.size != self.size:
-            raise BadInputError(
-                f"signals of {self.size} and {other.size} channels cannot be added; make them one length"
-            )
-        return Signal(self.constant + other.constant, self.slope + other.slope, self.harmonics + other.harmonics)
 
     def to_dict(self) -> dict[str, Any]:
         """The formula as data for JSON."""
@@ -112,7 +94,94 @@ def zero(size: int) -> Signal:
     return Signal(np.zeros(size), np.zeros(size))
 
 
-def _column(values: np.ndarray, symbolic: bool) -> Any:
-    import casadi as ca
+@dataclass(frozen=True, eq=False, repr=False)
+class CommandSteps(Shown):
+    """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0.
 
-    return ca.DM(values) if symbolic else values
+    s: the step response of the filter. names: outputs, as deviations from trim. times: t_i (S,), s, increasing,
+    from 0 on. values: R (S, k), in the outputs' units. bandwidth ω, rad/s; damping ζ. BadInputError when a number or
+    a shape is wrong, or a name is given twice.
+    """
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    values: np.ndarray
+    bandwidth: float = COMMAND_FILTER[0]
+    damping: float = COMMAND_FILTER[1]
+
+    def __post_init__(self) -> None:
+        """Check once."""
+        if np.shape(self.values) != (len(self.times), len(self.names)) or not np.all(np.isfinite(self.values)):
+            raise BadInputError(
+                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)} finite rows of"
+                f" {len(self.names)}"
+            )
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise BadInputError(f"the command of {name} is given twice; give it once")
+        if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
+            raise BadInputError("the times of the commands must increase, from 0 on")
+        for name in ("bandwidth", "damping"):
+            refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
+
+    def at(self, t: Quantity) -> ca.SX:
+        """r(t), (k,), at a CasADi expression."""
+        return self._summed(t, self._response)
+
+    def rate(self, t: Quantity) -> ca.SX:
+        """r'(t), (k,)."""
+        return self._summed(t, self._response_rate)
+
+    def end(self, t: Quantity) -> ca.SX:
+        """r_step(t), (k,): what the filter is on its way to."""
+        return self._summed(t, lambda late: late >= 0.0)
+
+    def sampled(self, times: np.ndarray) -> np.ndarray:
+        """r at many times, (N, k)."""
+        t = ca.SX.sym("t")
+        function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
+        return np.array(function(times[None])).T.reshape(len(times), len(self.names))
+
+    def _summed(self, t: Quantity, response: Callable[[Quantity], Quantity]) -> ca.SX:
+        """Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a step that is still to come is 0."""
+        total = ca.SX.zeros(len(self.names))
+        jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
+        for begin, jump in zip(self.times.tolist(), jumps, strict=True):
+            total = total + ca.DM(jump) * response(t - begin)
+        return total
+
+    def _decay(self, late: Quantity) -> tuple[Quantity, Quantity]:
+        """exp(-ζωτ) cosh(vτ) and exp(-ζωτ) sinh(vτ)/v of the late time τ >= 0, v² = ω² (ζ² - 1)."""
+        middle, tau = self.damping * self.bandwidth, ca.fmax(late, 0.0)
+        v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
+        if self.damping > 1.0:  # written so that nothing overflows
+            slow, fast = ca.exp(-(middle - v) * tau), ca.exp(-(middle + v) * tau)
+            return (slow + fast) / 2, (slow - fast) / (2 * v)
+        decay = ca.exp(-middle * tau)
+        return decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
+
+    def _response(self, late: Quantity) -> Quantity:
+        cosh, sinh = self._decay(late)
+        return 1 - cosh - self.damping * self.bandwidth * sinh
+
+    def _response_rate(self, late: Quantity) -> Quantity:
+        return self.bandwidth**2 * self._decay(late)[1]
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedStates:
+    """x_d(t), (6,): the commands of states of the linear model, 0 for the others; the reference of a flight."""
+
+    size = len(LINEAR_STATES)
+
+    commands: CommandSteps
+
+    def to_dict(self) -> dict[str, Any]:
+        """The steps as data for JSON."""
+        return asdict(self.commands)
+
+    def at(self, t: Quantity) -> ca.SX:
+        """x_d(t)."""
+        names = self.commands.names
+        chosen = np.array([[float(name == state) for name in names] for state in LINEAR_STATES])
+        return ca.mtimes(ca.DM(chosen.reshape(len(LINEAR_STATES), len(names))), self.commands.at(t))

@@ -24,8 +24,8 @@ from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.flight.scenario import Scenario
-    from controller.policy.commands import CommandSteps
     from controller.policy.policies import FlownLaw
+    from controller.policy.signals import CommandSteps
     from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
@@ -139,8 +139,8 @@ def controlled(
     BadInputError where it does not fit the other options.
     """
     from controller.design.scheduled_controller import load_controller
-    from controller.policy.commands import CommandedStates
     from controller.policy.servo_policy import servo_law
+    from controller.policy.signals import CommandedStates
 
     if arguments.controller is None:
         if arguments.command:
@@ -160,7 +160,7 @@ def controlled(
 
 def commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]) -> CommandSteps:
     """What --command says, on the times of all names."""
-    from controller.policy.commands import CommandSteps
+    from controller.policy.signals import CommandSteps
 
     given: dict[str, list[tuple[float, float]]] = arguments.command or {}
     times = sorted({time for steps in given.values() for time, _ in steps})

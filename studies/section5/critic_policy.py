@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.basis import Basis
 from controller.policy.policies import FlownLaw, Seen
-from controller.policy.signals import Signal
+from controller.policy.signals import Harmonic, Signal
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
 
@@ -95,7 +95,9 @@ def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
 
 def forcing(A: np.ndarray, reference: Signal) -> Signal:
     """r = A x_d - x_d', (n,): what a reference adds to the drift of the error."""
-    return reference.through(A).plus(reference.rate().through(-np.eye(reference.size)))
+    turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
+    slopes = [Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine) for h in reference.harmonics]
+    return Signal(A @ reference.constant - reference.slope, A @ reference.slope, (*turned, *slopes))
 
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:

@@ -1,11 +1,17 @@
-"""Signals that are known at every time: the same one at a time, at many, and as an expression."""
+"""Signals that are known at every time, and step commands: the closed form is the filter's differential equation."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
 
-from controller.policy.signals import Harmonic, Signal
+from controller import CommandedStates, CommandSteps, Harmonic, Signal
+from hfa_model import LINEAR_STATES
+from hfa_support import BadInputError
+
+TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
 
 def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None:
@@ -21,3 +27,47 @@ def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None
         np.testing.assert_allclose(row, constant + slope * time + first + second, rtol=1e-12)
         np.testing.assert_allclose(signal.at(time), row, rtol=1e-12)
         np.testing.assert_allclose(np.array(compiled(time)).ravel(), row, rtol=1e-12)
+
+
+def steps(damping: float = 2.0) -> CommandSteps:
+    return CommandSteps(("dihedral", "vertical_acceleration_short_period"), TIMES, VALUES, 0.5, damping)
+
+
+@pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
+def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> None:
+    commands = steps(damping)
+    w, y = 0.5, np.zeros(4)
+    for begin, end, goal in zip([0.0, *TIMES], [*TIMES, 20.0], [np.zeros(2), *VALUES], strict=True):
+
+        def rate(t: float, y: np.ndarray, goal: np.ndarray = goal) -> np.ndarray:
+            return np.concatenate([y[2:], w**2 * (goal - y[:2]) - 2 * damping * w * y[2:]])
+
+        y = solve_ivp(rate, (begin, end), y, rtol=1e-10, atol=1e-12).y[:, -1]
+        np.testing.assert_allclose(commands.sampled(np.array([end]))[0], y[:2], atol=1e-8)
+        np.testing.assert_allclose(np.array(ca.DM(commands.rate(ca.SX(end)))).ravel(), y[2:], atol=1e-8)
+
+
+def test_what_the_filter_goes_to_is_the_step_that_holds() -> None:
+    for time, goal in ((0.5, (0.0, 0.0)), (1.0, VALUES[0]), (8.9, VALUES[1]), (30.0, VALUES[2])):
+        np.testing.assert_array_equal(np.array(ca.DM(steps().end(ca.SX(time)))).ravel(), goal)
+
+
+def test_the_reference_of_a_flight_has_the_commanded_states_alone() -> None:
+    x_d = np.array(ca.DM(CommandedStates(steps()).at(ca.SX(6.0)))).ravel()
+    r = steps().sampled(np.array([6.0]))[0]
+    np.testing.assert_allclose(x_d, [r[0] if name == "dihedral" else 0.0 for name in LINEAR_STATES])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"names": ("dihedral", "dihedral")}, "dihedral is given twice"),
+        ({"times": TIMES[::-1]}, "must increase"),
+        ({"values": VALUES[:2]}, r"shape \(2, 2\); give 3 finite rows of 2"),
+        ({"damping": 0.0}, "damping of the command filter is 0"),
+    ],
+)
+def test_commands_that_are_none_are_refused(change: dict[str, object], said: str) -> None:
+    values = {"names": ("dihedral", "speed"), "times": TIMES, "values": VALUES}
+    with pytest.raises(BadInputError, match=said):
+        CommandSteps(**(values | change))  # type: ignore[arg-type]

@@ -110,11 +110,6 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
         np.testing.assert_allclose(r.at(t), A @ REFERENCE.at(t) - slope, atol=1e-8)
 
 
-def test_signals_of_different_length_are_not_added() -> None:
-    with pytest.raises(BadInputError, match="6 and 5 channels"):
-        zero(6).plus(zero(5))
-
-
 def test_policies_that_are_re_evaluated_are_refused() -> None:
     with pytest.raises(BadInputError, match="re-evaluated"):
         CriticPolicy(law_with(stack_policies="reevaluated"), zero(6))

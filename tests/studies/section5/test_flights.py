@@ -12,6 +12,7 @@ from project import ROOT
 from controller import Harmonic, Signal
 from controller.policy import paper_flight
 from studies.section5.configuration import section5_configuration
+from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
     CERTIFIED,
     CERTIFIED_FF,
@@ -105,7 +106,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
         lambda t, z: np.asarray(disturbance.at(t)),
         configuration.initial - reference.at(0.0),
         record.times,
-        forcing=lambda t: case.game.A @ reference.at(t) - reference.rate().at(t),
+        forcing=forcing(case.game.A, reference).at,
     )
     assert np.all(np.abs(record.errors - other.states).max(axis=0) <= 1e-5 * np.abs(other.states).max(axis=0))
     energy = np.trapezoid(np.sum(other.disturbances**2, axis=1), other.times)
