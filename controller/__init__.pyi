@@ -1,8 +1,7 @@
 """How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
 
 from .design.controllers import design_controller as design_controller
-from .design.design import Actuator as Actuator, Design as Design
-from .design.design_file import load_design as load_design
+from .design.design import Actuator as Actuator, Design as Design, load_design as load_design
 from .design.design_model import DesignModel as DesignModel, design_model as design_model
 from .design.scheduled_controller import (
     ScheduledController as ScheduledController,

@@ -38,13 +38,6 @@ class FedBack(NamedTuple):
     importance: float
 
 
-class Shaping(NamedTuple):
-    """gains θ: (m, q stages), the stages of one command after the other. checks: that nothing is better."""
-
-    gains: np.ndarray
-    checks: tuple[Check, ...]
-
-
 def command_rates(feedforward: Feedforward, outputs: int) -> np.ndarray:
     """S of the command filters r'' = ω² r_end - 2 ζ ω r' - ω² r, w = [r; r'; r_end], r_end constant; (3q, 3q)."""
     w, zeta = feedforward.bandwidth, feedforward.damping
@@ -60,8 +53,10 @@ def stage_rates(feedforward: Feedforward) -> tuple[np.ndarray, np.ndarray]:
 
 def best_feedforward(
     loops: Sequence[FedBack], outputs: Sequence[str], plant: DesignModel, feedforward: Feedforward
-) -> Shaping:
-    """min_θ Σ_loops importance Σ_i weight_i mean_t (e_i + Σ_k θ_k e_ik)²,  |a'| <= rate,  for a step of each command.
+) -> tuple[np.ndarray, tuple[Check, ...]]:
+    """θ, (m, q stages), the stages of one command after the other, and checks that no other is better:
+
+        min_θ Σ_loops importance Σ_i weight_i mean_t (e_i + Σ_k θ_k e_ik)²,  |a'| <= rate,  for a step of each command.
 
     e: without a feedforward, e_ik: of a stage alone. The loop is linear, so that errors and rates of the inputs'
     positions a are linear in θ and the program is convex: what its dual attains certifies that no θ is better.
@@ -82,7 +77,7 @@ def best_feedforward(
         found, gap = _smallest(np.vstack(errors), np.vstack(rates), feedforward.rates.get(name, math.inf), name)
         gains[:, j * count : (j + 1) * count] = found.reshape(m, count)
         checks.append(at_most(f"feedforward_{name}", gap, GAP, f"a better answer to {name} may exist"))
-    return Shaping(gains, tuple(checks))
+    return gains, tuple(checks)
 
 
 def _responses(loop: FedBack, feedforward: Feedforward) -> tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from controller.design.command_shaping import FedBack, best_feedforward, stage_rates
-from controller.design.design import Actuator, Design
+from controller.design.design import Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.design.servo_loop import servo_loop, servo_plant
+from controller.design.servo_loop import plant_with, servo_loop, servo_plant
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve_game
 from controller.riccati.output_feedback import (
@@ -120,8 +120,6 @@ def controller_at(
 
 def _state_feedback(built: DesignModel, value: Value | None) -> LinearController:
     """u = -K [measured; integrals]."""
-    if built.design.lagged_states:
-        raise BadInputError(f"design {built.design.name}: state feedback has no sensors; leave out sensor_lags")
     game = built.game()
     if value is not None:
         return _from_gain(built, game.gain(value(game)))
@@ -230,37 +228,25 @@ def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearControlle
         return plain
     loops = [
         _fed_back(
-            _with_actuator(aircraft, built, names, actuator), plain, design.integrals, shaping.importance.get(name, 1.0)
+            plant_with(aircraft, built.model, names, dict.fromkeys(built.inputs, actuator)),
+            plain,
+            design.integrals,
+            shaping.importance.get(name, 1.0),
         )
         for name, actuator in shaping.actuators.items()
     ]
-    best = best_feedforward(loops, design.integrals, built, shaping)
+    gains, checks = best_feedforward(loops, design.integrals, built, shaping)
     rates, into = (np.kron(np.eye(q), part) for part in stage_rates(shaping))
     count = len(rates)
     return replace(
         found,
         A=np.block([[rates, np.zeros((count, n))], [np.zeros((n, count)), found.A]]),
         B=np.block([[np.zeros((count, p + q)), into.reshape(q, count).T], [B, np.zeros((n, q))]]),
-        C=np.hstack([best.gains, found.C]),
+        C=np.hstack([gains, found.C]),
         D=np.hstack([D, np.zeros((m, q))]),
         W=np.vstack([np.zeros((count, m)), found.W]),
-        checks=(*found.checks, *best.checks),
+        checks=(*found.checks, *checks),
     )
-
-
-def _with_actuator(aircraft: Aircraft, built: DesignModel, names: tuple[str, ...], actuator: Actuator) -> DesignModel:
-    """The plant that measures `names`, with this actuator at every input."""
-    design = replace(
-        built.design,
-        actuators=dict.fromkeys(built.inputs, actuator),
-        sensors=dict.fromkeys(names, 1.0),
-        integrals=(),
-        state_weights={},
-        disturbances={"states": 1.0},
-        sensor_lags={},
-        feedforward=None,
-    )
-    return design_model(aircraft, built.model, design)
 
 
 def _fed_back(plant: DesignModel, plain: LinearController, outputs: tuple[str, ...], importance: float) -> FedBack:

@@ -1,4 +1,5 @@
-"""The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight.
+"""The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight; and
+the files that hold them, those of the package and the user's own.
 
 Names of states and signals say their unit.
 """
@@ -8,12 +9,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from hfa_model.outputs import OUTPUTS, unit_of
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
-from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, shown
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shortened, shown
+from hfa_support.schema import NUMBER, Number, checked, read_named
 
+#: Designs that come with the package: name -> file.
+NAMED = {
+    "paper": "paper.toml",
+    "simvfa-1": "simvfa_1.toml",
+    "simvfa-2": "simvfa_2.toml",
+    "servo": "servo.toml",
+}
 #: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
 SHORT_PERIOD = "_short_period"
 #: Where the disturbance of the game enters.
@@ -24,7 +34,6 @@ _ENDS = {
     "_command_rate": "/s",
     "_command": "",
     "_estimate": "",
-    "_measured": "",
     "_integral": " s",
     "_position": "",
 }
@@ -99,7 +108,7 @@ class Design:
     scales the squared columns of E; "states": the rates of the six states (the paper's), "updraft": the vertical
     velocity of the air, ft/s, "commands": the inputs. state_weights, input_weights: diagonal of Q and R by name, in the
     names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
-    sensors: state or output -> intensity of its noise. sensor_lags: of a sensor, s. feedforward: of the commands.
+    sensors: state or output -> intensity of its noise. feedforward: of the commands.
     BadInputError when a name is unknown or given twice.
     """
 
@@ -112,7 +121,6 @@ class Design:
     input_weights: Mapping[str, float] = field(default_factory=dict)
     delta: float = math.inf
     sensors: Mapping[str, float] = field(default_factory=dict)
-    sensor_lags: Mapping[str, float] = field(default_factory=dict)
     feedforward: Feedforward | None = None
 
     def __post_init__(self) -> None:
@@ -134,24 +142,15 @@ class Design:
             ("weight of an input", tuple(self.input_weights), self.inputs),
             ("sensor", tuple(self.sensors), (*self.plant_states, *self.integral_states, *outputs)),
             ("disturbance", tuple(self.disturbances), DISTURBANCES),
-            ("lag of a sensor", tuple(self.sensor_lags), tuple(self.sensors)),
             ("output of the feedforward", answered, self.integrals),
         ):
             for name in names:
                 refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
                 if names.count(name) > 1:
                     raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
-        for what, numbers in (
-            ("noise of sensor", self.sensors),
-            ("lag of sensor", self.sensor_lags),
-            ("intensity of disturbance", self.disturbances),
-        ):
+        for what, numbers in (("noise of sensor", self.sensors), ("intensity of disturbance", self.disturbances)):
             for name, value in numbers.items():
                 refuse_unless_positive(f"design {self.name}: the {what} {name}", value)
-                if numbers is self.sensor_lags and name.endswith("_integral"):
-                    raise BadInputError(
-                        f"design {self.name}: {name} is made by the controller and has no lag; leave it out"
-                    )
         missing = [name for name in self.inputs if name not in self.input_weights]
         if missing:
             raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")
@@ -164,19 +163,14 @@ class Design:
         return (*LINEAR_STATES, *(f"{name}_position" for name in moving), *(f"{name}_rate" for name in second))
 
     @property
-    def lagged_states(self) -> tuple[str, ...]:
-        """What the sensors with a lag say."""
-        return tuple(f"{name}_measured" for name in self.sensors if name in self.sensor_lags)
-
-    @property
     def integral_states(self) -> tuple[str, ...]:
         """Integrals of outputs."""
         return tuple(f"{name}_integral" for name in self.integrals)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Those of the plant, sensors with a lag, integrals."""
-        return (*self.plant_states, *self.lagged_states, *self.integral_states)
+        """Those of the plant, integrals."""
+        return (*self.plant_states, *self.integral_states)
 
 
 def signal_unit(name: str) -> str:
@@ -192,3 +186,82 @@ def signal_unit(name: str) -> str:
             unit = signal_unit(rest.removesuffix(end))
             return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
     return ""
+
+
+_WEIGHTS = {str: Number(0.0, 1e100)}
+_ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
+_FEEDFORWARD = {each.name: NUMBER for each in fields(Feedforward)} | {
+    "actuators": _ACTUATORS,
+    **dict.fromkeys(("importance", "weights", "rates"), _WEIGHTS),
+}
+_FILE = {
+    "description": str,
+    "source": str,
+    "inputs": [str],
+    "integrals": [str],
+    "disturbance": None,
+    "delta": Number(0.0, above=True, infinite=True),
+    "actuators": _ACTUATORS,
+    "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
+    "sensors": _WEIGHTS,
+    "feedforward": _FEEDFORWARD,
+}
+
+
+def load_design(name: str) -> Design:
+    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its file.
+
+    inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
+    [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
+    (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
+    intensity of its noise. [feedforward]: lag (s), stages, bandwidth (rad/s) and damping of the command filter,
+    [feedforward.actuators.NAME] as above, [feedforward.importance]: NAME = number, [feedforward.weights],
+    [feedforward.rates]: output = number.
+    BadInputError names the file, the entry and what is wrong with it.
+    """
+    return design_of(name, read_design(name))
+
+
+def read_design(name: str) -> dict[str, Any]:
+    """The entries of a design file."""
+    return dict(read_named("design", name, NAMED, "controller.designs", _FILE))
+
+
+def design_of(name: str, data: Mapping[str, Any]) -> Design:
+    """The design of the entries of a file; BadInputError as `load_design`."""
+    data = checked(name, data, _FILE)
+    entering = data.get("disturbance", "states")
+    several = entering if isinstance(entering, dict) else {checked(name, entering, str, "disturbance"): 1.0}
+    weights = data.get("weights", {})
+    return Design(
+        name=name,
+        inputs=tuple(data.get("inputs", INPUTS)),
+        integrals=tuple(data.get("integrals", ())),
+        disturbances=checked(name, several, _WEIGHTS, "disturbance"),
+        delta=data.get("delta", math.inf),
+        actuators=_actuators(name, "actuators", data.get("actuators", {})),
+        state_weights=weights.get("states", {}),
+        input_weights=weights.get("inputs", {}),
+        sensors=data.get("sensors", {}),
+        feedforward=_feedforward(name, data["feedforward"]) if "feedforward" in data else None,
+    )
+
+
+def _feedforward(where: str, table: dict[str, Any]) -> Feedforward:
+    actuators = _actuators(where, "feedforward.actuators", table.get("actuators", {}))
+    with said_of(f"{where}: feedforward"):
+        return Feedforward(**_whole(table) | ({"actuators": actuators} if actuators else {}))
+
+
+def _actuators(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
+    made = {}
+    for key, table in tables.items():
+        with said_of(f"{where}: {entry}.{shortened(key)}"):
+            made[key] = Actuator(**_whole(table))
+    return made
+
+
+def _whole(table: dict[str, Any]) -> dict[str, Any]:
+    """Counts, as integers where they are whole."""
+    counts = {key: int(table[key]) for key in ("order", "stages") if key in table and table[key] == int(table[key])}
+    return table | counts

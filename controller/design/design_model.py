@@ -24,7 +24,7 @@ RANK = 1e-10
 class DesignModel(Shown):
     """z' = A z + B u + E w,  y = C z + D u + F w + noise,  of `design` about the operating point of `model`.
 
-    z: the states of the linear model, then actuator positions and rates, sensors with a lag, integrals (`states`).
+    z: the states of the linear model, then actuator positions and rates, integrals (`states`).
     A: (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity. C: (p, n),
     D: (p, m) of the sensors. gust: (n, 1), F: (p, 1), the columns of an updraft of 1 ft/s, whether E has it or not.
     Units: those of the linear model; an integral has its output's times s.
@@ -98,8 +98,8 @@ class DesignModel(Shown):
 def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a state of z.
 
-    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor without a
-    lag sees a disturbance itself: its noise must not depend on the disturbance.
+    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor sees a
+    disturbance itself: its noise must not depend on the disturbance.
     """
     n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
     watched = (*design.integrals, *design.sensors)
@@ -121,18 +121,12 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
             A[place], B[place], gust[place] = C[row], D[row], of_w[row]
         elif name in names:
             C[row, names.index(name)] = 1.0
-        if row >= k and name in design.sensor_lags:
-            place, lag = names.index(f"{name}_measured"), design.sensor_lags[name]
-            A[place], B[place], gust[place] = C[row] / lag, D[row] / lag, of_w[row] / lag
-            A[place, place] = -1.0 / lag
-            C[row], D[row], of_w[row] = np.eye(len(names))[place], 0.0, 0.0
     sources = {"states": np.eye(len(names), n), "updraft": gust, "commands": B}
     for name, *seen in zip(design.sensors, D[k:], of_w[k:], strict=True):
         for source, column in zip(("commands", "updraft"), seen, strict=True):
             if source in design.disturbances and np.any(column):
                 raise BadInputError(
-                    f"design {design.name}: sensor {name} sees the {source} itself; measure what follows from the "
-                    "states, or give the sensor a lag"
+                    f"design {design.name}: sensor {name} sees the {source} itself; measure a state instead"
                 )
     E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
     units = dict(zip(model.inputs, model.input_units, strict=True))
@@ -185,7 +179,5 @@ def _units(design: Design, model: LinearModel) -> tuple[str, ...]:
     found = dict(zip(model.states, model.state_units, strict=True))
     found |= {f"{name}_position": unit for name, unit in inputs.items()}
     found |= {f"{name}_rate": f"{unit}/s" for name, unit in inputs.items()}
-    for name in design.sensor_lags:
-        found[f"{name}_measured"] = found.get(name) or unit_of(name.removesuffix(SHORT_PERIOD))
     found |= {f"{name}_integral": f"{unit_of(name.removesuffix(SHORT_PERIOD))} s" for name in design.integrals}
     return tuple(found[name] for name in design.states)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -10,19 +11,36 @@ import casadi as ca
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
-from controller.design.dihedral_table import DihedralTable
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.policy.policies import FlownLaw, Seen, Unvaried
 from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.linear_table import LinearTable
 from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _M, _N = len(INPUTS), len(LINEAR_STATES)
 _AIR = ("updraft_center", "updraft_outer")
+
+
+class DihedralTable:
+    """Matrices (N, rows, columns) each, as a `LinearTable`: one function that is called and not written out."""
+
+    def __init__(self, dihedrals: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
+        self._shapes = [stack.shape[1:] for stack in stacks]
+        flat = np.hstack([stack.transpose(0, 2, 1).reshape(len(stack), -1) for stack in stacks])
+        eta = ca.SX.sym("eta")
+        looked_up = ca.densify(LinearTable(dihedrals, flat).expression(eta))
+        self._function = ca.Function("table", [eta], [looked_up], {"never_inline": True})
+
+    def at(self, dihedral: ca.SX) -> tuple[ca.SX, ...]:
+        """Each matrix at a dihedral, rad."""
+        ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
+        parts = ca.vertsplit(self._function(dihedral), ends)
+        return tuple(ca.reshape(part, *shape) for part, shape in zip(parts, self._shapes, strict=True))
 
 
 class Measured(Protocol):

@@ -10,7 +10,7 @@ import argparse
 from dataclasses import replace
 from functools import partial
 
-from controller.design.design_file import NAMED, load_design
+from controller.design.design import NAMED, load_design
 from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Design or read, print, check; exit 1 when a corner is unstable."""
     from controller.design.controllers import design_controller
-    from controller.design.corners import check_corners
+    from controller.design.servo_loop import check_corners
 
     options.refuse_files(arguments, ("output",), "a controller is in ft, slug, lbf")
     aircraft = options.aircraft_of(arguments)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.design.design_file import load_design
+from controller.design.design import load_design
 from controller.design.scheduled_controller import load_controller
 from controller.policy.gain_table import GainTable, load_gains
 from hfa_cli.options import shared_options as options

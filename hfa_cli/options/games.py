@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from controller.design.design_file import NAMED as DESIGNS, load_design
+from controller.design.design import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.game.array_file import MATRIX_FILES, PlantNames
 from controller.game.model_file import parse_diagonal, stored_game

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from controller import design_model, load_controller, load_design
-from controller.design.design_file import design_of
+from controller.design.design import design_of
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError, Report

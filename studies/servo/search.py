@@ -14,10 +14,8 @@ import numpy as np
 
 from controller import Design, ScheduledController
 from controller.design.controllers import controller_at, controller_table
-from controller.design.corners import corner_loops
-from controller.design.design import Feedforward
-from controller.design.design_file import design_of
-from controller.design.servo_loop import servo_loop, servo_plant
+from controller.design.design import Feedforward, design_of
+from controller.design.servo_loop import corner_loops, servo_loop, servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError, Report

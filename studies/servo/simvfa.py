@@ -17,9 +17,8 @@ import numpy as np
 
 from controller import CommandSteps, DesignModel, FlownLaw, ScheduledController, design_model, load_design
 from controller.design.design import SHORT_PERIOD
-from controller.design.dihedral_table import DihedralTable
 from controller.policy.policies import Seen, Unvaried
-from controller.policy.servo_policy import MeasuredOutputs
+from controller.policy.servo_policy import DihedralTable, MeasuredOutputs
 from controller.policy.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import parameter_hash

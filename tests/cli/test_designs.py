@@ -12,7 +12,7 @@ from game_files import AT_15, QUICK
 from known_models import model_at
 
 from controller import design_model, load_design
-from controller.design.design_file import NAMED
+from controller.design.design import NAMED
 from hfa_model import Aircraft
 
 AT_11 = ("--dihedral", "11")

@@ -106,8 +106,6 @@ def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft)
 def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Aircraft) -> None:
     with pytest.raises(BadInputError, match="design simvfa-1 has no sensors"):
         design_controller(published_aircraft, load_design("simvfa-1"), ANGLES, "output")
-    with pytest.raises(BadInputError, match="state feedback has no sensors; leave out sensor_lags"):
-        design_controller(published_aircraft, measured_servo(sensor_lags={"pitch_rate": 0.1}), ANGLES, "state")
     with pytest.raises(NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"):
         design_controller(published_aircraft, measured_servo(delta=50.0), ANGLES)
     with pytest.raises(NoSolutionError, match="at dihedral 9 deg: the sensors do not see the mode with eigenvalue"):

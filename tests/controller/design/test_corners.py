@@ -11,8 +11,7 @@ from known_models import model_at
 
 from controller import Actuator, ScheduledController, load_design
 from controller.design.controllers import design_controller
-from controller.design.corners import check_corners
-from controller.design.servo_loop import servo_loop, servo_plant
+from controller.design.servo_loop import check_corners, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 

@@ -8,8 +8,7 @@ import pytest
 from refused_files import refusal
 
 from controller import Actuator, load_design
-from controller.design.design import Feedforward
-from controller.design.design_file import NAMED
+from controller.design.design import NAMED, Feedforward
 from hfa_support import BadInputError
 
 DESIGNS = Path(__file__).parents[3] / "controller" / "designs"
@@ -29,14 +28,12 @@ def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
     assert mine.state_weights == theirs.state_weights
 
 
-def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
+def test_disturbances_and_feedforward_are_tables(tmp_path: Path) -> None:
     own = tmp_path / "own.toml"
     text = (DESIGNS / NAMED["simvfa-1"]).read_text(encoding="utf-8")
     text += """
     [sensors]
     pitch_rate = 1e-4
-    [sensor_lags]
-    pitch_rate = 0.1
     [disturbance]
     updraft = 2.0
     commands = 3.0
@@ -49,7 +46,6 @@ def test_disturbances_lags_and_feedforward_are_tables(tmp_path: Path) -> None:
     own.write_text(text, encoding="utf-8")
     design = load_design(str(own))
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
-    assert design.sensor_lags == {"pitch_rate": 0.1}
     weak = {"weak": Actuator(2, 1.5, damping=0.7, effectiveness=1.0)}
     assert design.feedforward == Feedforward(0.5, actuators=weak, importance={"weak": 2.0}, rates={"dihedral": 0.3})
     assert load_design("simvfa-1").disturbances == {"states": 1.0}

@@ -12,8 +12,7 @@ import pytest
 from known_models import model_at, released_simulation
 
 from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
-from controller.design.design import SHORT_PERIOD, Feedforward
-from controller.design.design_file import NAMED
+from controller.design.design import NAMED, SHORT_PERIOD, Feedforward
 from controller.design.design_model import _full_rank
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import LINEAR_STATES, Aircraft
@@ -137,24 +136,6 @@ def test_sensors_are_states_or_outputs_in_the_order_of_their_names(published_air
     np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
 
 
-def test_a_sensor_with_a_lag_follows_its_output(published_aircraft: Aircraft) -> None:
-    """At rest it says what a sensor without one says, and its pole is at -1 / lag."""
-    design = replace(load_design("simvfa-1"), sensors={"pitch_rate": 1.0, "load_factor": 1.0})
-    slow = replace(design, sensor_lags={"load_factor": 0.2}, disturbances={"updraft": 4.0, "states": 9.0})
-    plain, lagged = (design_at(published_aircraft, each, 11.0) for each in (design, slow))
-    place = lagged.states.index("load_factor_measured")
-    assert lagged.state_units[place] == lagged.sensor_units[1] == "1"
-    np.testing.assert_array_equal(lagged.C[1], np.eye(len(lagged.states))[place])
-    others = [index for index in range(len(lagged.states)) if index != place]
-    np.testing.assert_array_equal(lagged.A[np.ix_(others, others)], plain.A)
-    np.testing.assert_allclose(0.2 * lagged.A[place, others], plain.C[1])
-    assert lagged.A[place, place] == -5.0
-    assert lagged.E.shape == (11, 7)
-    found = linearize(published_aircraft, lagged.model.point, outputs=("load_factor",))
-    np.testing.assert_allclose(lagged.E[place, 0], 2.0 * found.F[0, 0] / 0.2)  # the lag lets the gust be seen
-    np.testing.assert_array_equal(lagged.E[:, 1:], 3.0 * np.eye(11, 6))
-
-
 def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Aircraft) -> None:
     design = replace(load_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
     built = design_at(published_aircraft, design, 11.0)
@@ -210,11 +191,6 @@ def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: in
         ({"input_weights": {}}, "input aileron_outer has no weight"),
         ({"disturbances": {"wind": 1.0}}, "unknown disturbance 'wind'; choose from states, updraft, commands"),
         ({"disturbances": {"updraft": 0.0}}, "the intensity of disturbance updraft is 0.0; it must be a positive"),
-        ({"sensor_lags": {"speed": 0.1}}, "unknown lag of a sensor 'speed'"),
-        (
-            {"sensors": {"dihedral_integral": 1.0}, "sensor_lags": {"dihedral_integral": 1.0}},
-            "dihedral_integral is made by the controller and has no lag",
-        ),
     ],
 )
 def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:

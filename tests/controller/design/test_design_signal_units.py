@@ -12,7 +12,6 @@ from controller.design.design import signal_unit
     [
         ("speed_estimate", "ft/s"),
         ("model_speed", "ft/s"),
-        ("pitch_rate_measured", "rad/s"),
         ("dihedral_rate", "rad/s"),
         ("pitch_rate", "rad/s"),
         ("throttle_rate", "1/s"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from controller.design.dihedral_table import DihedralTable
+from controller.policy.servo_policy import DihedralTable
 from hfa_support.linear_table import LinearTable
 
 

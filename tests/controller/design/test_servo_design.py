@@ -9,7 +9,7 @@ from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z
 
 from controller import Design, design_controller, design_model, load_design
-from controller.design.corners import check_corners
+from controller.design.servo_loop import check_corners
 from hfa_model import Aircraft
 
 INPUTS = ("aileron_outer", "elevator_center")
