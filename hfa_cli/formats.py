@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 import tomllib
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
-from hfa_support.files import write_text
 from hfa_support.reporting.report import markdown_table
 from hfa_support.reporting.text import Table
 
@@ -20,10 +19,8 @@ _HEAD = """# Formats of the outputs
 What every command prints with `--json` and writes into files, key by key, in ft, slug, lbf, s and rad unless a name
 ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
 
-```console
-$ hfa export --formats formats.json
-Exported: 1 file
-...
+```sh
+python -m hfa_cli.formats > formats.json
 ```
 
 Keys are added, never renamed or removed within a number after the `/`. A key marked * is always there. In files with
@@ -84,16 +81,6 @@ def _type(kind: str) -> dict[str, Any]:
     return {} if kind == "any" else {"$ref": f"#/$defs/{kind}"}
 
 
-def formats_text() -> str:
-    """The schema as it is written to files."""
-    return json.dumps(formats(), indent=1, ensure_ascii=False) + "\n"
-
-
-def write_formats(path: Path) -> None:
-    """The schema (.json) or the document (.md)."""
-    write_text(path, formats_text() if path.suffix.lower() == ".json" else formats_markdown())
-
-
 def formats_markdown() -> str:
     """A table of keys for each output, then for the parts that outputs share."""
     definitions = formats()["$defs"]
@@ -132,3 +119,8 @@ def _kind(each: dict[str, Any]) -> str:
     if kinds == "object" and "additionalProperties" in each:
         return f"object of {_kind(each['additionalProperties'])}"
     return " or ".join(kinds) if isinstance(kinds, list) else str(kinds)
+
+
+if __name__ == "__main__":
+    in_words = sys.argv[1:] == ["--markdown"]
+    sys.stdout.write(formats_markdown() if in_words else json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

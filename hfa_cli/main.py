@@ -25,7 +25,7 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
 #: Options whose values are files that a command writes.
-_WRITTEN = ("output", "picture", "fmu", "matlab", "formats")
+_WRITTEN = ("output", "picture", "certificate")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 

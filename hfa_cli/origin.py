@@ -70,7 +70,7 @@ def _flight(arguments: argparse.Namespace) -> TrimCondition | None:
     """What all trims of the run have in common, as changes of the paper's level flight; None of a run without one."""
     from hfa_cli.options.shared_options import flight_of, swept_condition_of
 
-    if hasattr(arguments, "vary"):
+    if hasattr(arguments, "samples"):
         return swept_condition_of(arguments)
     alone = isinstance(getattr(arguments, "dihedral", None), float)
     return flight_of(arguments) if hasattr(arguments, "start") and (alone or hasattr(arguments, "sweep")) else None
@@ -80,7 +80,7 @@ def _condition(arguments: argparse.Namespace, flight: TrimCondition | None) -> d
     """What the trim of the run imposes (rad, ft/s, ft), frees and limits; of many trims what they change."""
     if flight is None:
         return {}
-    if hasattr(arguments, "sweep") or hasattr(arguments, "vary"):
+    if hasattr(arguments, "sweep") or hasattr(arguments, "samples"):
         return flight.to_dict()
     condition = flight.at(arguments.dihedral)
     limits = {name: list(condition.limits_of(name)) for name in condition.free}

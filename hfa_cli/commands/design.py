@@ -13,7 +13,7 @@ from functools import partial
 from controller.design.design import NAMED, load_design
 from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import input_file, one_of, output_file, parsed
+from hfa_cli.options.argument_types import input_file, output_file, parsed
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.origin import provenance
@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     designs = f"actuators, integrals, sensors, weights: {', '.join(NAMED)}, or a .toml file"
     add_value(parser, "--design", parsed(load_design), "NAME", designs)
     add_value(parser, "--dihedral", partial(value_range, "dihedral"), "RANGE", f"angles in degrees; default {_RANGE}")
-    add_value(parser, "--feedback", one_of("state", "output"), "KIND", "state or output; default: by the sensors")
     options.add_aircraft(parser)
     parser.add_argument("--corners", action="store_true", help="check the corners of the actuators too")
     about = f"write the controller ({', '.join(SUFFIXES)})"
@@ -50,13 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
     if (arguments.file is None) == (arguments.design is None):
         raise BadInputError("name one of --design NAME and the file of a controller")
     if arguments.file is not None:
-        options.refuse(arguments, ("dihedral", "feedback", "output"), "belongs to --design; leave it out with a file")
+        options.refuse(arguments, ("dihedral", "output"), "belongs to --design; leave it out with a file")
         controller = load_controller(arguments.file)
     else:
         angles = array_of("--dihedral", arguments.dihedral or value_range("dihedral", _RANGE), _MOST_POINTS)
-        controller = design_controller(
-            aircraft, arguments.design, angles, arguments.feedback or "", progress=ProgressLine("design")
-        )
+        controller = design_controller(aircraft, arguments.design, angles, progress=ProgressLine("design"))
         controller = replace(controller, about={**controller.about, "provenance": provenance().to_dict()})
     report, ok = controller.report(), True
     if arguments.corners:

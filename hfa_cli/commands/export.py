@@ -1,11 +1,11 @@
-"""The aircraft for other tools: C source that needs no library, a functional mock-up unit (FMU), a MATLAB function.
+"""The aircraft for other tools; the suffix of -o says which.
 
---c FOLDER: equations of motion, level flights with their linear models, the trim at --dihedral, its A and B, and the
-gain of a policy, with an example of a 100 Hz loop. --fmu FILE: the nonlinear aircraft trimmed at --dihedral as an FMU
-2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --controller FILE: in both,
-a scheduled controller with its states in place of the policy; in the FMU behind --actuators, with which the C files
-have an example of a 100 Hz loop too. --matlab FILE: a function of MATLAB and Octave that makes state-space systems of
-what `hfa sweep` and `hfa linearize` write as .mat.
+FOLDER: C source that needs no library: equations of motion, level flights with their linear models, the trim at
+--dihedral, its A and B, and the gain of a policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
+trimmed at --dihedral as an FMU 2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C
+compiler. --controller FILE: in both, a scheduled controller with its states in place of the policy; in the FMU behind
+--actuators, with which the C files have an example of a 100 Hz loop too. FILE.m: a function of MATLAB and Octave that
+makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa_cli.formats import write_formats
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import check_folder, input_file, output_file, parsed, whole
+from hfa_cli.options.argument_types import folder_or_file, input_file, whole
 from hfa_cli.options.law_options import LAWS, check_learning, flown_law_of
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
-_TARGETS = ("c", "fmu", "matlab", "formats")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,11 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_condition(parser, dihedral_required=False)
     parser.set_defaults(dihedral=math.radians(15.0))
     options.add_aircraft(parser)
-    add_value(parser, "--c", parsed(check_folder), "FOLDER", "write C source into this folder")
-    add_value(parser, "--fmu", output_file(".fmu"), "FILE", "write an FMU")
-    add_value(parser, "--matlab", output_file(".m"), "FILE", "write the function that reads .mat files of models")
-    add_value(parser, "--formats", output_file(".json", ".md"), "FILE", "write the formats of outputs (JSON Schema)")
-    about = f"the gain: {', '.join(LAWS)}; default exact for --c, none for --fmu"
+    about = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
+    kind = folder_or_file(".fmu", ".m")
+    parser.add_argument("-o", "--output", type=kind, metavar="PLACE", required=True, help=about)
+    about = f"the gain: {', '.join(LAWS)}; default exact in C, none in an FMU"
     add_value(parser, "--law", str, "NAME", about)
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
@@ -63,30 +60,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize, find what controls it, write, say what was written."""
-    if not any(options.given(arguments, name) for name in _TARGETS):
-        raise BadInputError("nothing to write; give --c FOLDER, --fmu FILE, --matlab FILE or --formats FILE")
-    if arguments.matlab is not None and not re.fullmatch(r"[A-Za-z]\w*", arguments.matlab.stem, re.ASCII):
-        raise BadInputError(
-            f"--matlab {arguments.matlab}: a function is called by its file's name; choose letters, digits and _, as in"
-            " hfa_models.m"
-        )
+    place = arguments.output
     provenance()  # before anything is written: it finds what is wrong with options that nothing below reads
-    written: list[Path] = []
-    notes: tuple[str, ...] | list[str] = []
-    if arguments.c is not None or arguments.fmu is not None:
-        _check(arguments)
-        aircraft = options.aircraft_of(arguments)
-        point = options.operating_point_of(arguments, aircraft)
-        write = _write_gain if arguments.controller is None else _write_controller
-        written, notes = write(arguments, aircraft, point), point.warnings
-    if arguments.matlab is not None:
-        write_text(arguments.matlab, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
-        written.append(arguments.matlab)
-    if arguments.formats is not None:
-        write_formats(arguments.formats)
-        written.append(arguments.formats)
-    show(_report(written), arguments, target=None)
-    say_notes(notes)
+    if place.suffix == ".m":
+        if not re.fullmatch(r"[A-Za-z]\w*", place.stem, re.ASCII):
+            raise BadInputError(
+                f"{place}: a function is called by its file's name; choose letters, digits and _, as in hfa_models.m"
+            )
+        write_text(place, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
+        show(_report([place]), arguments, target=None)
+        return 0
+    _check(arguments)
+    aircraft = options.aircraft_of(arguments)
+    point = options.operating_point_of(arguments, aircraft)
+    write = _write_gain if arguments.controller is None else _write_controller
+    show(_report(write(arguments, aircraft, point)), arguments, target=None)
+    say_notes(point.warnings)
     return 0
 
 
@@ -96,7 +85,7 @@ def _check(arguments: argparse.Namespace) -> None:
         options.refuse(
             arguments, ("law", "set", "seed", "delta", "Q", "R"), "belongs to a gain; leave it out with --controller"
         )
-        if arguments.fmu is not None and arguments.actuators is None:
+        if arguments.output.suffix and arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
     if arguments.controller is None:
         options.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
@@ -112,17 +101,12 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
     if alone:
         arguments.law = "exact"
     check_learning(arguments)
-    model = linearize(aircraft, point)
+    model, place = linearize(aircraft, point), arguments.output
     gain = flown_law_of(arguments, model).gains[0]
-    written: list[Path] = []
-    if arguments.fmu is not None:
-        write_fmu(
-            aircraft_loop(aircraft, point) if alone else gain_loop(aircraft, point, gain), arguments.fmu, provenance()
-        )
-        written.append(arguments.fmu)
-    if arguments.c is not None:
-        written += write_texts(arguments.c, c_model_texts(CModel(aircraft, model, gain, origin_lines())))
-    return written
+    if not place.suffix:
+        return write_texts(place, c_model_texts(CModel(aircraft, model, gain, origin_lines())))
+    write_fmu(aircraft_loop(aircraft, point) if alone else gain_loop(aircraft, point, gain), place, provenance())
+    return [place]
 
 
 def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
@@ -132,19 +116,16 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
     from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, controller_loop
     from controller.export.fmu import write_fmu
 
-    controller = load_controller(arguments.controller)
-    written: list[Path] = []
+    controller, place = load_controller(arguments.controller), arguments.output
     actuators = actuators_of(arguments)
-    if arguments.fmu is not None and actuators is not None:
-        write_fmu(controller_loop(aircraft, point, controller, actuators), arguments.fmu, provenance())
-        written.append(arguments.fmu)
-    if arguments.c is not None:
-        without = CModel(aircraft, linearize(aircraft, point), None, origin_lines())
-        texts = c_model_texts(without) | c_controller_texts(controller, aircraft, point, origin_lines())
-        if actuators is not None:
-            texts[EXAMPLE] = controller_example(controller, aircraft, point, actuators, origin_lines())
-        written += write_texts(arguments.c, texts)
-    return written
+    if place.suffix and actuators is not None:
+        write_fmu(controller_loop(aircraft, point, controller, actuators), place, provenance())
+        return [place]
+    without = CModel(aircraft, linearize(aircraft, point), None, origin_lines())
+    texts = c_model_texts(without) | c_controller_texts(controller, aircraft, point, origin_lines())
+    if actuators is not None:
+        texts[EXAMPLE] = controller_example(controller, aircraft, point, actuators, origin_lines())
+    return write_texts(place, texts)
 
 
 def _report(written: list[Path]) -> Report:

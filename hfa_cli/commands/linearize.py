@@ -26,7 +26,6 @@ from trim.point.solve import find_operating_point
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa linearize`."""
     options.add_condition(parser)
-    parser.add_argument("--full", action="store_true", help="seven states, with altitude")
     for name, known, default in (
         ("states", STATES, "the six without altitude"),
         ("inputs", INPUTS, "all five"),
@@ -35,30 +34,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_value(parser, f"--{name}", some_of(*known), "a,b,...", f"{name} of the model, in order; default: {default}")
     winds = "winds w of E and F, in order; default: updraft, in files and --json alone"
     add_value(parser, "--disturbances", some_of(*DISTURBANCES), "a,b,...", winds)
-    parser.add_argument("--ground-drag", action="store_true", help="with these winds: drag of the speed over ground")
     options.add_aircraft(parser)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize and report."""
-    if arguments.states is not None:
-        options.refuse(arguments, ("full",), "names the states too; leave it out, or --states")
-    if arguments.ground_drag and arguments.disturbances is None:
-        raise BadInputError("--ground-drag belongs to --disturbances: in still air both speeds are the same")
     parameters = options.parameters_of(arguments)
     aircraft = Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
     with failure_as_data(arguments, aircraft):
         point = options.operating_point_of(arguments, aircraft)
-    states = arguments.states or (STATES if arguments.full else LINEAR_STATES)
+    states = arguments.states or LINEAR_STATES
     model = linearize(
         aircraft,
         point,
         full=True,
         outputs=arguments.outputs or states,
         disturbances=arguments.disturbances,
-        ground_drag=arguments.ground_drag,
     )
     six = model.select(LINEAR_STATES)
     model = model.select(states, arguments.inputs)

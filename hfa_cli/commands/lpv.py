@@ -21,7 +21,7 @@ from hfa_cli.progress import ProgressLine
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa lpv`."""
     add_flights(parser, "LOW:HIGH")
-    add_value(parser, "--tolerance", positive, "X", "largest error, relative; default 1e-3", default=1e-3)
+    add_value(parser, "--limit-error", positive, "X", "of the interpolation, relative; default 1e-3", default=1e-3)
     add_value(parser, "--certificate", output_file(".json"), "FILE", "also write what `hfa prove --check` verifies")
     options.add_output(parser, ".c")
 
@@ -36,12 +36,12 @@ def run(arguments: argparse.Namespace) -> int:
     options.refuse(arguments, ("start",), "belongs to a single trim; leave it out")
     family = family_of(arguments)
     low, high = interval_of(arguments, family)
-    grid = coarsest_grid(family, low, high, arguments.tolerance, progress=ProgressLine("lpv"))
+    grid = coarsest_grid(family, low, high, arguments.limit_error, progress=ProgressLine("lpv"))
     if arguments.certificate is not None:
         certify(grid, family, arguments.certificate, provenance())
     target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid, origin_lines()))
         target = None
-    show(lpv_report(grid, arguments.tolerance, family.aircraft.variant.name), arguments, target=target)
+    show(lpv_report(grid, arguments.limit_error, family.aircraft.variant.name), arguments, target=target)
     return 0

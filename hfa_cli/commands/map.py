@@ -11,8 +11,8 @@ from functools import partial
 
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.law_options import add_stored, add_weights, check_learning, flown_law_of
-from hfa_cli.options.parser import add_value
-from hfa_cli.options.ranges import array_of, value_range
+from hfa_cli.options.parser import add_named
+from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.options.scenario_options import add_envelope, envelope_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
@@ -20,11 +20,10 @@ from hfa_support.reporting.unit_system import shown_in
 from trim.linear.linear_model import linearize
 
 _MOST_POINTS = 1000
-#: Option -> the quantity that it is about, its unit on the command line, and the range unless given.
+#: Option -> the quantities off trim that it takes, ft/s and degrees, and their ranges unless given.
 _RANGES = {
-    "speeds": ("speed", "ft/s", "-4:8:0.25"),
-    "dihedrals": ("dihedral", "deg", "-40:40:2.5"),
-    "commands": ("dihedral", "deg", "-40:40:2.5"),
+    "initial": {"speed": "-4:8:0.25", "dihedral": "-40:40:2.5"},
+    "command": {"dihedral": "-40:40:2.5"},
 }
 
 
@@ -34,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_parameters(parser)
     add_weights(parser)
     add_stored(parser)
-    for name, (about, unit, text) in _RANGES.items():
-        about_it = f"off trim, {unit}; default {text}"
+    for option, ranges in _RANGES.items():
+        about = f"off trim; default {', '.join(f'{name}={text}' for name, text in ranges.items())}"
+        add_named(parser, f"--{option}", partial(_off_trim, tuple(ranges)), "NAME=RANGE", about)
         with shown_in("english"):
-            default = value_range(about, text)
-        add_value(parser, f"--{name}", partial(value_range, about), "RANGE", about_it, default=default)
+            parser.set_defaults(**{option: {name: value_range(name, text) for name, text in ranges.items()}})
     add_envelope(parser)
     options.add_picture(parser, "the map")
     options.add_output(parser)
@@ -52,7 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.flights.recoverable_map import map_report, recoverable_map
 
     check_learning(arguments)
-    speeds, dihedrals, commands = (array_of(f"--{name}", getattr(arguments, name), _MOST_POINTS) for name in _RANGES)
+    speeds, dihedrals, commands = (
+        array_of(f"--{option} {name}", values, _MOST_POINTS)
+        for option in _RANGES
+        for name, values in getattr(arguments, option).items()
+    )
     found = []
     for dynamics in VARIANTS:
         aircraft = Aircraft(options.parameters_of(arguments).values, dynamics)
@@ -74,3 +77,10 @@ def run(arguments: argparse.Namespace) -> int:
     draw(arguments.picture, lambda: map_figure(tuple(found), report.title))
     tell(report, [each.point for each in found], arguments, arguments.output)
     return 0
+
+
+def _off_trim(names: tuple[str, ...], name: str, text: str) -> Range:
+    """The range of one of the quantities that an option takes."""
+    if name not in names:
+        raise argparse.ArgumentTypeError(f"is not among {', '.join(names)}")
+    return value_range(name, text)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import check_target, number, numbers, quantity, whole
+from hfa_cli.options.argument_types import check_target, number, quantity, whole
 from hfa_cli.options.law_options import (
     add_controller,
     add_stored,
@@ -25,14 +25,13 @@ from hfa_cli.options.law_options import (
 )
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.options.scenario_options import (
-    OF_TURBULENCE,
-    TURBULENCE,
     actuators_of,
     add_actuators,
     add_envelope,
     add_initial,
     add_signal,
     add_times,
+    add_turbulence,
     envelope_of,
     initial_of,
     signal_of,
@@ -62,18 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(
         parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
     )
-    parser.add_argument("--plant", default="nonlinear", metavar="KIND", help="nonlinear (default) or linear")
     drawn = parser.add_argument_group("what differs from member to member; off by default")
     deviation, of_sensor = "relative standard deviation of a parameter", "standard deviation of a sensor"
     add_named(drawn, "--error", lambda _, text: number(text), "NAME=DEVIATION", deviation)
     add_named(drawn, "--noise", quantity, "NAME=DEVIATION", f"{of_sensor}, degrees for angles")
-    add_value(
-        drawn,
-        "--turbulence",
-        numbers(TURBULENCE, 2, *OF_TURBULENCE),
-        TURBULENCE,
-        "Dryden turbulence, ft/s, ft and s",
-    )
+    add_turbulence(drawn)
     flight = parser.add_argument_group("the flight")
     add_times(flight)
     add_initial(flight)
@@ -133,7 +125,7 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
         parameters=aircraft.parameters,
         dynamics=arguments.dynamics,
         point=point,
-        plant=arguments.plant,
+        plant="nonlinear",
         law=law or _law(arguments, linearize(aircraft, point)),
         scenario=scenario,
         envelope=envelope_of(arguments, aircraft, point),

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
     "schedule": ("start", "basis", "model", "delta", "Q", "R"),
-    "solution": ("design", "basis", "table", "resume", "rate", "errors"),
-    "critic": ("design", "table", "resume", "rate", "errors"),
+    "solution": ("design", "basis", "weights", "resume", "rate", "error"),
+    "critic": ("design", "weights", "resume", "rate", "error"),
 }
 #: Angle between two gains of our own table, deg.
 _STEP = 2.0
@@ -53,12 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--basis", str, "NAME", "of the W of `critic`; default quadratic")
     add_value(parser, "--check", input_file(".json"), "FILE", "verify a certificate instead of proving")
     about = "gains K over dihedral_deg; default: the exact game's"
-    add_value(parser, "--table", input_file(*MATRIX_FILES), "FILE", about)
-    about = "of `schedule`: --table is a controller with memory, on the actuators of this design"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+    about = "of `schedule`: --weights is a controller with memory, on the actuators of this design"
     add_value(parser, "--design", parsed(load_design), "NAME", about)
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
     about = "of `schedule`: for all parameters within N standard errors; default 0"
-    add_value(parser, "--errors", _not_negative, "N", about, default=0.0)
+    add_value(parser, "--error", _not_negative, "N", about, default=0.0)
     parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
     add_flights(parser, "DEG|LOW:HIGH")
     about = "a plant of your own: A, B, optionally E, Q, R"
@@ -110,7 +110,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
-    """Bind the certificate to the user's own data: --dihedral, --table, --delta, --Q, --R must be what it states."""
+    """Bind the certificate to the user's own data: --dihedral, --weights, --delta, --Q, --R must be what it states."""
     from controller.game.array_file import UNNAMED, PlantNames
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
@@ -121,18 +121,18 @@ def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
         require_same(found.statement, {"dihedral_deg": ends}, "--dihedral")
     for name, value in weights_of(arguments).items():
         require_same(found.statement.get("game", {}), {name: value}, f"--{name}")
-    if arguments.table is None:
+    if arguments.weights is None:
         return
     claim, own = found.statement, dict[str, Any]()
     if found.kind == "game":
         plant = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS) if "imposed" in claim else UNNAMED
-        stored = load_critic(arguments.table, plant, basis("quadratic", len(claim["game"]["Q"])))
+        stored = load_critic(arguments.weights, plant, basis("quadratic", len(claim["game"]["Q"])))
         own = {key: value for key, value in stored._asdict().items() if value is not None}
         own |= {"W": own["W"][:, None]} if "W" in own else {}
     else:
         table = _given_table(arguments, claim["imposed"]["speed"])
         own = {key: getattr(table, key) for key in ("dihedral_deg", *"KMNX"[: 4 if found.kind == "schedule" else 1])}
-    require_same(claim["table"], own, f"--table {arguments.table}")
+    require_same(claim["table"], own, f"--weights {arguments.weights}")
 
 
 def _certificate(arguments: argparse.Namespace) -> Path | None:
@@ -152,7 +152,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
     target = _certificate(arguments)
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    family = family_of(arguments, arguments.errors)
+    family = family_of(arguments, arguments.error)
     low, high = interval_of(arguments, family)
     file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target, provenance())
     result = prove_schedule(
@@ -217,20 +217,20 @@ def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, floa
 
 
 def _given_table(arguments: argparse.Namespace, speed: float) -> GainTable:
-    """The gains of --table; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
+    """The gains of --weights; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
     from verification.proof.scheduled_loop import servo_table
 
     if arguments.design is not None:
-        return servo_table(load_controller(arguments.table), arguments.design.actuators, speed)
-    return load_gains(arguments.table)
+        return servo_table(load_controller(arguments.weights), arguments.design.actuators, speed)
+    return load_gains(arguments.weights)
 
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
     from verification.flights.scheduling import certified_schedule
 
-    if arguments.design is not None and arguments.table is None:
-        raise BadInputError("--design goes with a controller; name its file by --table FILE.npz")
-    if arguments.table is not None:
+    if arguments.design is not None and arguments.weights is None:
+        raise BadInputError("--design goes with a controller; name its file by --weights FILE.npz")
+    if arguments.weights is not None:
         return _given_table(arguments, family.condition(low).imposed["speed"])
     angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
     made = certified_schedule(

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import check_folder, check_target, parsed, some_of
+from hfa_cli.options.argument_types import folder_or_file, parsed, some_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.origin import provenance
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_flight(parser)
     options.add_aircraft(parser)
     about = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
-    parser.add_argument("-o", "--output", type=parsed(_place), metavar="PLACE", help=about)
+    parser.add_argument("-o", "--output", type=folder_or_file(".html"), metavar="PLACE", help=about)
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
 
 
@@ -89,14 +89,6 @@ def _angles(option: str, given: Range | None, default: np.ndarray, most: int) ->
     if angles.size > most:
         raise BadInputError(f"{option} has {angles.size} angles; one page holds at most {most}, take fewer")
     return angles
-
-
-def _place(text: str) -> Path:
-    """The type of --output: a page by its suffix, else a folder."""
-    if not Path(text).suffix:
-        return check_folder(text)
-    check_target(text, (".html",))
-    return Path(text)
 
 
 def _written(job: MainJob, report: Report, place: Path | None) -> list[str]:

@@ -1,15 +1,16 @@
 """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
 
-Whatever a trim can hold can be swept, --hold throttle=20:60:10, and any parameter of the aircraft, --vary
+Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft, --hold
 panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
 
 A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples (--samples),
-several processes (--workers) or machines (--scheduler), and it can be continued after an interruption (--resume).
+several processes or machines (--workers), and it can be continued after an interruption (--resume).
 """
 
 from __future__ import annotations
 
 import argparse
+import warnings
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,41 +20,35 @@ import numpy as np
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import whole
 from hfa_cli.options.games import add_weights, weights_of
-from hfa_cli.options.parser import add_named, add_value
+from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
-from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import shown_unit
 from trim.point.condition import VARIABLES
 from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
-#: What has an option of its own.
-SWEPT = ("dihedral", *options.OF_THE_CONDITION)
 #: Suffix of a store, and the options that only a store and only a game has.
 STORE = ".zarr"
 OF_A_GAME = ("delta", "Q", "R")
-OF_A_STORE = ("samples", "seed", "workers", "scheduler", "resume")
+OF_A_STORE = ("samples", "seed", "workers", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa sweep`."""
-    for name in SWEPT:
-        about = f"start:stop:step, a,b,c or one number, {shown_unit(UNITS[name])}"
-        add_value(parser, f"--{name}", partial(value_range, name), "RANGE", about)
-    options.add_changes(parser, value_range, "RANGE", "hold a variable at a value or a range of them; repeatable")
-    parser.add_argument("--full", action="store_true", help="seven states, with altitude")
+    about = "start:stop:step, a,b,c or one number, degrees; default 0"
+    add_value(parser, "--dihedral", partial(value_range, "dihedral"), "RANGE", about)
+    about = "hold a variable, or a parameter of the aircraft, at a value or a range of them; repeatable"
+    options.add_changes(parser, value_range, "RANGE", about)
     options.add_picture(parser, "the root locus")
     options.add_aircraft(parser)
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
     options.add_output(parser, STORE)
-    add_named(parser, "--vary", value_range, "NAME=RANGE", "also vary a parameter; repeatable")
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
     about = "N points of a Latin hypercube; ranges are LOW:HIGH or one number"
     add_value(store, "--samples", whole(1), "N", about)
@@ -67,14 +62,12 @@ def run(arguments: argparse.Namespace) -> int:
     stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
     if stored:
         why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
-        options.refuse(arguments, ("full", "picture", "units", "game", *OF_A_GAME), why)
+        options.refuse(arguments, ("picture", "units", "game", *OF_A_GAME), why)
         if arguments.seed is not None and arguments.samples is None:
             raise BadInputError("--seed belongs to --samples; a grid has nothing random")
     else:
         options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
-        if arguments.game:
-            options.refuse(arguments, ("full",), "does not go with --game, which is played on six states")
-        else:
+        if not arguments.game:
             options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
     plan = _plan(arguments, ranges, stored)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
@@ -107,7 +100,7 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool)
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
     """The report, with the picture drawn and the games solved, and whether any point has a trim."""
-    result = run_plan(plan, full=arguments.full, progress=ProgressLine("sweep"))
+    result = run_plan(plan, progress=ProgressLine("sweep"))
     notes, failed = [], np.flatnonzero(~result.trimmed)
     if failed.size and set(plan.variables) <= set(VARIABLES):
         at = condition_at(plan.condition, plan.variables, result.values[failed[0]])
@@ -137,14 +130,12 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
 
 
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
-    """Variable -> its range, of --dihedral and its like, of --hold and of --vary."""
-    ranges = {name: getattr(arguments, name) for name in SWEPT if options.given(arguments, name)}
-    held = {name: values for name, values in (arguments.hold or {}).items() if not options.is_constant(values)}
-    for name, values in (arguments.vary or {}).items():
-        for option, names in ((name, ranges), ("hold", arguments.hold or {}), ("free", arguments.free or ())):
-            if name in names:
-                raise BadInputError(f"{name} is given twice, by --{option} and by --vary; give it once")
-        held[name] = values
-    if not ranges | held:
-        raise BadInputError(f"nothing to sweep; give at least one of {', '.join('--' + name for name in SWEPT)}")
-    return ranges | held
+    """Variable or parameter -> its range, of --dihedral and of --hold."""
+    ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
+    held = arguments.hold or {}
+    ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
+    if not ranges:
+        raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
+    if "dihedral" not in (*ranges, *held, *(arguments.free or ())):
+        warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
+    return ranges

@@ -184,6 +184,11 @@ def check_folder(path: str) -> Path:
     return folder
 
 
+def folder_or_file(*suffixes: str) -> Callable[[str], Path | None]:
+    """The type of files that can be written, with one of the suffixes, and of folders, which have none."""
+    return parsed(lambda text: check_target(text, suffixes) if Path(text).suffix else check_folder(text))
+
+
 def numbers(form: str, least: int, *units: str) -> Callable[[str], tuple[float, ...]]:
     """The type of numbers between colons: as many as `units`, the internal unit of each, but at least `least`."""
 

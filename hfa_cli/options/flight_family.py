@@ -50,7 +50,7 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
         return Family(aircraft, flights)
     known = parameters.standard_errors
     if not known:
-        raise BadInputError("the parameters have no standard errors; leave --errors out")
+        raise BadInputError("the parameters have no standard errors; leave --error out")
     spread = tuple(errors * known.get(name, 0.0) for name in parameters.values._fields)
     return Family(aircraft, flights, spread)
 

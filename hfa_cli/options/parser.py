@@ -3,11 +3,35 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn
 
 from hfa_support.errors import BadInputError, shortened
+
+#: Former options, for one release -> the option that says the same, and how its value then begins.
+FORMER = {
+    **{f"--{name}": ("--hold", f"{name}=") for name in ("speed", "altitude", "alpha", "gamma")},
+    "--vary": ("--hold", ""),
+    "--scheduler": ("--workers", ""),
+    "--table": ("--weights", ""),
+    "--tolerance": ("--limit-error", ""),
+    **dict.fromkeys(("--c", "--fmu", "--matlab"), ("--output", "")),
+}
+
+
+def _in_present_words(words: list[str]) -> Iterator[str]:
+    """The words with each former option in the words of this release."""
+    rest = iter(words)
+    for word in rest:
+        option, equals, value = word.partition("=")
+        if option not in FORMER:
+            yield word
+            continue
+        now, begin = FORMER[option]
+        yield now
+        yield from (f"{begin}{value}" for value in ([value] if equals else itertools.islice(rest, 1)))
 
 
 class Parser(argparse.ArgumentParser):
@@ -20,6 +44,7 @@ class Parser(argparse.ArgumentParser):
 
     def parse_words(self, words: list[str]) -> argparse.Namespace:
         """The options and their values; of an option that comes twice the last value."""
+        words = list(_in_present_words(words))
         for word in words[: words.index("--")] if "--" in words else words:
             option = word.partition("=")[0]
             if option.startswith("--") and option not in self._option_string_actions:

@@ -24,8 +24,8 @@ from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 #: How help shows colon-separated numbers.
-_GUST, TURBULENCE = "LENGTH:PEAK[:BEGIN[:OUTER_PEAK[:DELAY]]]", "SIGMA:SCALE[:FADE]"
-OF_TURBULENCE = ("ft/s", "ft", "s")
+_GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN[:OUTER_PEAK[:DELAY]]]", "SIGMA:SCALE[:FADE]"
+_SPANWISE = ":spanwise"
 _TICK = 0.01
 #: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
@@ -44,17 +44,19 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20") -> None:
     add_actuators(parser)
     about = "1-cosine updraft, ft, ft/s and s; another peak at the outer panels, so much later"
     add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s", "ft/s", "s"), _GUST, about)
-    parser.add_argument(
-        "--spanwise", action="store_true", help="turbulence that differs between center and outer panels"
-    )
-    add_value(
-        parser,
-        "--turbulence",
-        numbers(TURBULENCE, 2, *OF_TURBULENCE),
-        TURBULENCE,
-        "Dryden turbulence, ft/s, ft and s, from --seed",
-    )
+    form = f"{_TURBULENCE}[{_SPANWISE}]"
+    about = "Dryden turbulence, ft/s, ft and s, from --seed; `spanwise`: another one at the outer panels"
+    add_value(parser, "--turbulence", lambda text: (turbulence(text.removesuffix(_SPANWISE)), text), form, about)
     add_envelope(parser)
+
+
+def add_turbulence(parser: argparse._ActionsContainer) -> None:
+    """--turbulence of members, each with its own."""
+    add_value(parser, "--turbulence", turbulence, _TURBULENCE, "Dryden turbulence, ft/s, ft and s")
+
+
+#: The type of turbulence: its intensity, ft/s, its scale, ft, and over how long it grows, s.
+turbulence = numbers(_TURBULENCE, 2, "ft/s", "ft", "s")
 
 
 def add_times(parser: argparse._ActionsContainer, duration: str = "20") -> None:
@@ -97,8 +99,6 @@ def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
 
 
 def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float) -> Gust | None:
-    if arguments.spanwise and arguments.turbulence is None:
-        raise BadInputError("--spanwise belongs to --turbulence; give that too, or leave it out")
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     speed = point.states.speed
@@ -109,12 +109,12 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float)
             return gust
         return side_by_side(gust, _one_minus_cosine(duration, length, more[1], speed, gust.begin + sum(more[2:])))
     if arguments.turbulence is not None:
-        intensity, scale, *fade = arguments.turbulence
-        turbulence = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
-        if not arguments.spanwise:
-            return turbulence
+        (intensity, scale, *fade), text = arguments.turbulence
+        center = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
+        if not text.endswith(_SPANWISE):
+            return center
         panel = options.aircraft_of(arguments).parameters.panel_span
-        return spanwise_dryden(turbulence, panel / 2 * (1 + math.cos(point.states.dihedral)))
+        return spanwise_dryden(center, panel / 2 * (1 + math.cos(point.states.dihedral)))
     return None
 
 

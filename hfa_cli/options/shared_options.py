@@ -7,13 +7,11 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hfa_cli.options.argument_types import (
     PICTURES,
-    angle,
     one_angle,
     one_of,
     output_file,
@@ -24,7 +22,7 @@ from hfa_cli.options.argument_types import (
 )
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.parameters import NAMED, Parameters, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
@@ -35,10 +33,9 @@ from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
 
 DEFAULT_DYNAMICS = "published"
-#: What --speed and its like impose, by name; --dihedral apart.
-OF_THE_CONDITION = ("speed", "altitude", "alpha", "gamma")
+_HOLD = "hold speed (ft/s, default 68), altitude (ft, 40000), alpha (deg, 2.8), gamma (deg, 0) or any other variable"
 #: All that says where the aircraft is trimmed, the dihedral angle apart.
-OF_THE_TRIM = (*OF_THE_CONDITION, "condition", "free", "hold", "limit", "start")
+OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
 MOST_WORKERS = 1000
 #: Suffixes of the report itself. A page of HTML holds its pictures; nothing is written beside a text.
 REPORTS: dict[str, Callable[[Report], str]] = {
@@ -63,18 +60,14 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
-    """What every trim can be told: --dihedral and its like, --condition, --free, --hold, --limit, --start."""
+    """What every trim can be told: --dihedral, --condition, --free, --hold, --limit, --start."""
     add_value(parser, "--dihedral", one_angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
     add_flight(parser)
 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """What a trim imposes and leaves free, the dihedral angle apart."""
-    add_value(parser, "--speed", partial(quantity, "speed"), "FT/S", "default: the paper's 68 ft/s")
-    add_value(parser, "--altitude", partial(quantity, "altitude"), "FT", "default: the paper's 40000 ft")
-    add_value(parser, "--alpha", angle, "DEG", "angle of attack, degrees; default: the paper's 2.8")
-    add_value(parser, "--gamma", angle, "DEG", "flight-path angle, degrees; default 0")
-    add_changes(parser, quantity, "VALUE", "hold a variable, degrees for angles; repeatable")
+    add_changes(parser, quantity, "VALUE", f"{_HOLD}; repeatable")
 
 
 def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any], form: str, about: str) -> None:
@@ -107,9 +100,8 @@ def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def add_workers(parser: argparse._ActionsContainer, what: str) -> None:
-    """--workers, --scheduler, --resume."""
-    add_value(parser, "--workers", whole(1, MOST_WORKERS), "N", "processes; default 1")
-    add_value(parser, "--scheduler", str, "URL", "Dask scheduler, tcp://host:port")
+    """--workers, --resume."""
+    add_value(parser, "--workers", _workers, "N|URL", "processes, or a Dask scheduler, tcp://host:port; default 1")
     parser.add_argument("--resume", action="store_true", help=f"continue an interrupted {what}")
 
 
@@ -143,24 +135,25 @@ def aircraft_of(arguments: argparse.Namespace) -> Aircraft:
 
 
 def crew_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Who works, and whether on an interrupted job, as `stream` takes it.
+    """Who works, and whether on an interrupted job, as `stream` takes it."""
+    workers = arguments.workers or 1
+    count, scheduler = (1, workers) if isinstance(workers, str) else (workers, None)
+    return {"count": count, "scheduler": scheduler, "resume": arguments.resume}
 
-    BadInputError when both --workers and --scheduler say where the work is done.
-    """
-    if arguments.workers is not None and arguments.scheduler is not None:
-        raise BadInputError("--workers are processes here, --scheduler has its own; give one of them")
-    return {"count": arguments.workers or 1, "scheduler": arguments.scheduler, "resume": arguments.resume}
+
+def _workers(text: str) -> int | str:
+    """The type of --workers: a number of processes, or the address of a Dask scheduler."""
+    return text if "://" in text else whole(1, MOST_WORKERS)(text)
 
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
-    """The flight that the options name: a named condition, changed by --speed and its like, --hold and --free."""
+    """The flight that the options name: a named condition, changed by --hold, --free and --limit."""
     return flight_of(arguments).at(arguments.dihedral)
 
 
 def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> TrimCondition:
     """The flights that the options name but for the dihedral."""
-    values = {name: getattr(arguments, name) for name in OF_THE_CONDITION if given(arguments, name)}
-    return changed_condition(arguments, values | (arguments.hold or {}), dihedral_is_free=dihedral_is_free)
+    return changed_condition(arguments, arguments.hold or {}, dihedral_is_free=dihedral_is_free)
 
 
 def changed_condition(
@@ -174,23 +167,23 @@ def changed_condition(
     for name in free:
         if name in (arguments.hold or {}):
             raise BadInputError(f"{name} is both set free and held; name it once")
-    for name in ("dihedral", *OF_THE_CONDITION):
-        if given(arguments, name) and name in (arguments.hold or {}):
-            raise BadInputError(f"{name} is given twice, by --{name} and by --hold; give it once")
-        if given(arguments, name) and name in free and not (name == "dihedral" and dihedral_is_free):
-            raise BadInputError(f"{name} is given by --{name} and set free by --free; leave one of them out")
+    if given(arguments, "dihedral"):
+        if "dihedral" in (arguments.hold or {}):
+            raise BadInputError("dihedral is given twice, by --dihedral and by --hold; give it once")
+        if "dihedral" in free and not dihedral_is_free:
+            raise BadInputError("dihedral is given by --dihedral and set free by --free; leave one of them out")
     return release(arguments.condition or LEVEL_FLIGHT, free=free, hold=hold, limits=arguments.limit)
 
 
 def swept_condition_of(arguments: argparse.Namespace) -> TrimCondition:
-    """What every point of a sweep has in common: what --hold has one value for, and the other changes."""
-    held = {name: values[0] for name, values in (arguments.hold or {}).items() if is_constant(values)}
+    """What every point of a sweep has in common: the variables that --hold has one value for, and the other changes."""
+    held = {name: values[0] for name, values in (arguments.hold or {}).items() if is_constant(name, values)}
     return changed_condition(arguments, held, dihedral_is_free=False)
 
 
-def is_constant(values: Any) -> bool:
-    """Whether a range is one number."""
-    return isinstance(values, tuple) and len(values) == 1
+def is_constant(name: str, values: Any) -> bool:
+    """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one of its axes."""
+    return isinstance(values, tuple) and len(values) == 1 and name not in Parameters._fields
 
 
 def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:
@@ -220,7 +213,7 @@ def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft, condition: Tr
     except NoSolutionError:
         return ""
     held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
-    how = "leave --alpha out and add --free alpha" if given(arguments, "alpha") else "add --free alpha"
+    how = f"{'leave --hold alpha out and ' if 'alpha' in (arguments.hold or {}) else ''}add --free alpha"
     return f"alpha is held at {held}, free it trims at {found}: {how}"
 
 

@@ -133,7 +133,7 @@ def _cluster(scheduler: str) -> Iterator[Run]:
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError as error:
-        raise BadInputError("--scheduler needs Dask; install it with `pip install .[distributed]`") from error
+        raise BadInputError("a scheduler needs Dask; install it with `pip install .[distributed]`") from error
     try:
         client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -113,7 +113,7 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_linearize_full_has_the_altitude() -> None:
-    full, six = (answer("linearize", "--dihedral", "15", *words) for words in (("--full",), ()))
+    full, six = (answer("linearize", "--dihedral", "15", *words) for words in (("--states", ",".join(STATES)), ()))
     assert full["states"] == list(STATES)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     np.testing.assert_array_equal(np.array(full["A"])[np.ix_(rows, rows)], six["A"])
@@ -147,7 +147,7 @@ def test_sweep_in_two_variables_runs_the_last_one_fastest() -> None:
 
 def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
     table = tmp_path / "sweep.csv"
-    data = answer("sweep", "--speed", "20,68", "-o", str(table))
+    data = answer("sweep", "--dihedral", "0", "--speed", "20,68", "-o", str(table))
     assert data["reasons"][0].startswith("no trim")
     assert data["reasons"][1] == ""
     assert {value for row in data["A"][0] for value in row} == {None}
@@ -156,16 +156,16 @@ def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
     assert len(rows) == 3, "the header, and a row a point"
     assert ",failed," in rows[1]
     assert ",trimmed," in rows[2]
-    said = text("sweep", "--speed", "20,68")
+    said = text("sweep", "--dihedral", "0", "--speed", "20,68")
     assert "1 of 2 points trimmed" in said
     assert re.search(r"^20( +-)+$", said, re.M)
     assert "20: no trim" in said
 
 
 def test_sweep_without_a_single_trim_exits_1() -> None:
-    said = text("sweep", "--speed", "1:5:1", code=FAILED)
+    said = text("sweep", "--dihedral", "0", "--speed", "1:5:1", code=FAILED)
     assert "0 of 5 points trimmed" in said
-    assert answer("sweep", "--speed", "1:5:1", code=FAILED)["reasons"][0].startswith("no trim")
+    assert answer("sweep", "--dihedral", "0", "--speed", "1:5:1", code=FAILED)["reasons"][0].startswith("no trim")
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:

@@ -55,7 +55,7 @@ def test_a_setting_of_the_environment_that_is_none_is_one_line(
     [
         ("solve --model {} -o {}", "--output"),
         ("solve --model={} --output={}", "--output"),
-        ("export --formats {} --matlab new.m --fmu {}", "--formats"),
+        ("trim --dihedral 15 -o {} --picture={}", "--output"),
         ("trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json", "--output"),
     ],
 )

@@ -21,9 +21,9 @@ SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
     "trim": ("trim", "--dihedral", "11.1"),
     "linearize": ("linearize", "--dihedral", "11.1"),
-    "full": ("linearize", "--dihedral", "11.1", "--full", "--dynamics", "newton"),
+    "full": ("linearize", "--dihedral", "11.1", "--states", ",".join(STATES), "--dynamics", "newton"),
     "sweep": ("sweep", "--dihedral", "0:20:4"),
-    "failing": ("sweep", "--speed", "20,68"),
+    "failing": ("sweep", "--dihedral", "0", "--speed", "20,68"),
     "plane": ("sweep", "--dihedral", "0:20:10", "--speed", "66,70"),
     "regenerate": ("regenerate",),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from project import ROOT, project_sources
 from published_formats import complaints_about
 
 from controller import save_controller
-from hfa_cli.formats import formats, formats_markdown
+from hfa_cli.formats import formats
 from hfa_model import Aircraft
 from hfa_support.jsonable import jsonable
 
@@ -72,11 +73,9 @@ def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path
     assert complaints_about(attributes | {"rows": "2"}) != []
 
 
-def test_the_document_is_that_of_the_command(tmp_path: Path) -> None:
-    assert hfa("export", "--formats", str(tmp_path / "formats.md")).code == 0
-    assert (tmp_path / "formats.md").read_text("utf-8") == formats_markdown()
-    assert (ROOT / "docs" / "formats.md").read_text("utf-8") == formats_markdown(), (
-        "run `hfa export --formats docs/formats.md`"
-    )
-    assert hfa("export", "--formats", str(tmp_path / "formats.json")).code == 0
-    assert json.loads((tmp_path / "formats.json").read_text("utf-8")) == formats()
+def test_the_document_is_that_of_the_module(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for words, expected in (((), None), (("--markdown",), (ROOT / "docs" / "formats.md").read_text("utf-8"))):
+        monkeypatch.setattr("sys.argv", ["hfa_cli.formats", *words])
+        runpy.run_module("hfa_cli.formats", run_name="__main__")
+        said = capsys.readouterr().out
+        assert said == expected if expected else json.loads(said) == formats(), "python -m hfa_cli.formats --markdown"
