@@ -29,27 +29,51 @@ _WRITTEN = ("output", "picture", "certificate")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
-#: Command -> what it does, in the order of `hfa --help`. The module of a command is imported when it runs.
-COMMANDS = {
-    "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
-    "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
-    "sweep": "trims and linear models over a grid, modes tracked",
-    "identify": "find the aircraft's parameters from the printed matrices",
-    "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
-    "validate": "compare the model with a third printed model and with a released simulation",
-    "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
-    "design": "the certified controller of a design at every dihedral angle, as one file",
-    "learn": "learn the value and the gain of the game with a critic",
-    "verify": "compare a learned critic with the exact game solution",
-    "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
-    "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error; a C function of it",
-    "export": "the aircraft for other tools: C source, FMU, MATLAB",
-    "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
-    "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
-    "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
-    "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence, on any workers",
-    "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
+#: Group -> an example, and its commands with what they do; the module of a command is imported when it runs.
+GROUPS = {
+    "model": (
+        "hfa linearize --dihedral 10 -o model.mat",
+        {
+            "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
+            "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
+            "sweep": "trims and linear models over a grid, modes tracked",
+            "identify": "find the aircraft's parameters from the printed matrices",
+            "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
+            "validate": "compare the model with a third printed model and with a released simulation",
+            "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
+        },
+    ),
+    "critic": (
+        "hfa verify --dihedral 15 --weights mine.npz",
+        {
+            "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
+            "learn": "learn the value and the gain of the game with a critic",
+            "verify": "compare a learned critic with the exact game solution",
+        },
+    ),
+    "flight": (
+        "hfa fly --dihedral 15 --gust 400:5",
+        {
+            "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
+            "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
+            "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
+            "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence",
+            "design": "the certified controller of a design at every dihedral angle, as one file",
+        },
+    ),
+    "proof": (
+        "hfa prove schedule --dihedral 14:15",
+        {
+            "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
+            "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error",
+        },
+    ),
+    "exchange": (
+        "hfa export --dihedral 15 -o folder",
+        {"export": "the aircraft for other tools: C source, FMU, MATLAB"},
+    ),
 }
+COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
 
 #: Former commands, for one release -> the study that took their place.
 MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}
@@ -185,7 +209,10 @@ def overview(with_command: bool = True) -> Parser:
         prog="hfa",
         usage="hfa [-h] [--version] command ...",
         description="Linear models and checked controllers of a highly flexible aircraft.",
-        epilog="commands:\n" + "\n".join(f"  {name:<12}{text}" for name, text in COMMANDS.items()),
+        epilog="\n\n".join(
+            f"{group}, for example {example}\n" + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())
+            for group, (example, commands) in GROUPS.items()
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     if with_command:

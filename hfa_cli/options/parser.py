@@ -51,7 +51,17 @@ class Parser(argparse.ArgumentParser):
                 raise BadInputError(
                     unknown(f"option {shortened(option)}", option, self._option_string_actions, self.prog)
                 )
-        return self.parse_args(words)
+        # A stray word is named before an option that is missing: `hfa trim 15`.
+        required = [action for action in self._actions if action.required]
+        for action in required:
+            action.required = False
+        arguments, strays = self.parse_known_args(words)
+        if strays:
+            self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
+        missing = [action.option_strings[-1] for action in required if getattr(arguments, action.dest) is None]
+        if missing:
+            self.error(f"the following arguments are required: {', '.join(missing)}")
+        return arguments
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and arg_strings == ["--"]:  # argparse would make an empty list of it

@@ -9,7 +9,7 @@ import pytest
 from cli import answer, hfa
 
 #: Commands that trim, in their shortest form.
-TRIMMING = {"trim": (), "linearize": (), "solve": (), "learn": (), "verify": (), "fly": ("--duration", "0.1")}
+TRIMMING = {"trim": (), "linearize": (), "solve": (), "learn": (), "verify": ()}
 
 
 def test_it_matters_which_variable_is_held() -> None:
@@ -66,7 +66,7 @@ def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
     assert refused.code == 1
     assert refused.err.rstrip().endswith("alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha")
     given = hfa("trim", "--dihedral", "10", "--speed", "50", "--alpha", "2")
-    assert given.err.rstrip().endswith("leave --alpha out and add --free alpha")
+    assert given.err.rstrip().endswith("leave --hold alpha out and add --free alpha")
     assert hfa("trim", "--dihedral", "10", "--speed", "50", "--free", "alpha").code == 0
     hopeless = hfa("trim", "--dihedral", "10", "--speed", "5", "--altitude", "60000")
     assert "alpha is held" not in hopeless.err

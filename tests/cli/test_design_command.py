@@ -45,8 +45,6 @@ def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(publish
         ("small.npz --corners --dynamics newton", 2, "was designed for published dynamics, the aircraft has newton"),
         ("--design simvfa-1 -o servo.toml", 2, "unknown suffix '.toml'; use one of .npz, .mat"),
         ("--design simvfa-1 --dihedral 0:5", 2, "--dihedral is LOW:HIGH"),
-        ("--design simvfa-1 --feedback output", 2, "design simvfa-1 has no sensors"),
-        ("--design simvfa-1 --feedback both", 2, "--feedback is 'both'; use one of state, output"),
     ],
 )
 def test_what_is_wrong_is_one_line(published_aircraft: Aircraft, words: str, code: int, named: str) -> None:

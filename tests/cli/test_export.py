@@ -24,7 +24,7 @@ def constants(source: Path, name: str) -> np.ndarray:
 
 
 def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
-    result = hfa("export", "--c", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json")
+    result = hfa("export", "-o", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json")
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
     assert [Path(each["file"]).name for each in data["files"]] == ["hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"]
@@ -36,21 +36,21 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
     np.testing.assert_array_equal(constants(source, "hfa_x0"), list(model["operating_point"]["states"].values()))
     text = source.read_text("utf-8")
     assert "parameters identified (" in text
-    assert f"hfa export --c {tmp_path / 'c'} --dihedral 10" in text
+    assert f"hfa export -o {tmp_path / 'c'} --dihedral 10" in text
     assert text.count("2026-09-21") == 1
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), ("nothing to write", "--c FOLDER")),
-        (("--fmu", "aircraft.zip"), ("aircraft.zip: unknown suffix '.zip'; use one of .fmu",)),
-        (("--matlab", "models.mat"), ("models.mat: unknown suffix '.mat'; use one of .m",)),
-        (("--matlab", "2-models.m"), ("2-models.m: a function is called by its file's name", "as in hfa_models.m")),
-        (("--c", "missing/folder"), ("missing/folder: cannot make the folder",)),
-        (("--c", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
-        (("--c", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
-        (("--c", "out", "--actuators", "0.5:60"), ("--actuators belongs to --controller; leave it out",)),
+        ((), ("the following arguments are required: --output")),
+        (("-o", "aircraft.zip"), ("aircraft.zip: unknown suffix '.zip'; use one of .fmu",)),
+        (("-o", "models.mat"), ("models.mat: unknown suffix '.mat'; use one of .fmu, .m",)),
+        (("-o", "2-models.m"), ("2-models.m: a function is called by its file's name", "as in hfa_models.m")),
+        (("-o", "missing/folder"), ("missing/folder: cannot make the folder",)),
+        (("-o", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
+        (("-o", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
+        (("-o", "out", "--actuators", "0.5:60"), ("--actuators belongs to --controller; leave it out",)),
     ],
 )
 def test_refusals(
@@ -63,7 +63,7 @@ def test_refusals(
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
     path = tmp_path / "aircraft.fmu"
-    result = hfa("export", "--fmu", str(path), "--dihedral", "16", "--law", "exact")
+    result = hfa("export", "-o", str(path), "--dihedral", "16", "--law", "exact")
     assert result.code == 0
     assert result.out.startswith("Exported: 1 file\n")
     assert "16 deg lies beyond the paper's range" in result.err
@@ -72,17 +72,18 @@ def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
         described = archive.read("modelDescription.xml").decode()
     assert origin["condition"]["imposed"]["dihedral"] == pytest.approx(np.radians(16))
     assert 'name="reference_speed"' in described
-    assert f"hfa export --fmu {path} --dihedral 16" in described
+    assert f"hfa export -o {path} --dihedral 16" in described
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> None:
     save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
-    targets = ("--c", str(tmp_path / "c"), "--fmu", str(tmp_path / "a.fmu"))
     words = ("--controller", str(tmp_path / "servo.npz"), "--actuators", "0.5:60", "--dihedral", "10")
-    result = hfa("export", *targets, *words, "--json")
-    assert (result.code, result.err) == (0, "")
-    names = [Path(each["file"]).name for each in json.loads(result.out)["files"]]
+    names = []
+    for place in ("a.fmu", "c"):
+        result = hfa("export", "-o", str(tmp_path / place), *words, "--json")
+        assert (result.code, result.err) == (0, "")
+        names += [Path(each["file"]).name for each in json.loads(result.out)["files"]]
     c = ["hfa_aircraft.h", "hfa_aircraft.c", "hfa_controller.h", "hfa_controller.c", "controller_100hz.c"]
     assert names == ["a.fmu", *c]
     assert f"--controller {tmp_path / 'servo.npz'}" in (tmp_path / "c" / "hfa_controller.c").read_text("utf-8")
@@ -95,11 +96,13 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> N
         (("--law", "exact"), "--law belongs to a gain; leave it out with --controller"),
         (("--dihedral", "10"), "flies behind actuators in an FMU; add --actuators LAG:RATE"),
     ):
-        assert_refused(hfa("export", *targets, "--controller", str(tmp_path / "servo.npz"), *more), 2, said)
+        assert_refused(
+            hfa("export", "-o", str(tmp_path / "a.fmu"), "--controller", str(tmp_path / "servo.npz"), *more), 2, said
+        )
     assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_an_fmu_without_a_compiler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
-    assert_refused(hfa("export", "--fmu", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc")
+    assert_refused(hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc")
     assert list(tmp_path.iterdir()) == []

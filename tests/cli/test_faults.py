@@ -13,7 +13,7 @@ from cli import SCRIPT, hfa_process
 from hfa_cli.main import BAD_INPUT, DONE
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the faults are made as Linux has them")
-SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--vary", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
+SWEEP = ("sweep", "--dihedral", "12:15:0.01", "--hold", "speed=60:70:1", "--workers", "2", "-o", "a.zarr")
 
 
 def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:

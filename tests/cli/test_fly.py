@@ -37,7 +37,7 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
     for suffix in ("npz", "mat", "csv"):
         assert hfa(*words, "-o", f"flight.{suffix}").code == 0
-    for apart in (("--gust", "50:2:0:1:0.1"), ("--turbulence", "1:500", "--spanwise")):
+    for apart in (("--gust", "50:2:0:1:0.1"), ("--turbulence", "1:500:spanwise")):
         data = json.loads(hfa(*FLY, "--duration", "0.5", *apart, "-o", "apart.json", "--json").out)
         assert data["scenario"]["gust"]["kind"] == "SpanwiseGust"
         updrafts = json.loads(Path("apart.json").read_text(encoding="utf-8"))["history"]["updrafts"]
@@ -159,7 +159,6 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
         ("--error lift_slope=-1", "the factor on lift_slope is -1"),
         ("--gust 400", "--gust is '400'"),
         ("--gust 400:5:1:5:-2", "--gust begins at -1 s; the flight lasts"),
-        ("--spanwise", "--spanwise belongs to --turbulence"),
         ("--gust 400:10 --turbulence 5:1750", "do not go together"),
         ("--turbulence 5", "--turbulence is '5'"),
         ("--actuators 0.05", "--actuators is '0.05'"),

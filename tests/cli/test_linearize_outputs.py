@@ -10,7 +10,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15
 
-from hfa_model import INPUTS, LINEAR_STATES
+from hfa_model import INPUTS, LINEAR_STATES, STATES
 
 CHOSEN = ("--outputs", "load_factor,dihedral", "--inputs", "elevator_center,throttle", "--states", "dihedral,alpha")
 
@@ -22,7 +22,7 @@ def test_without_names_every_state_is_an_output() -> None:
     np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
     assert (data["disturbances"], data["disturbance_units"]) == (["updraft"], ["ft/s"])
     assert (np.shape(data["E"]), data["F"]) == ((6, 1), [[0.0]] * 6)
-    full = answer("linearize", *AT_15, "--full")
+    full = answer("linearize", *AT_15, "--states", ",".join(STATES))
     assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (full["states"], (7, 1), (7, 7))
     assert "C  " not in hfa("linearize", *AT_15).out
 
@@ -67,8 +67,6 @@ def test_winds_are_columns_with_names() -> None:
     assert "E              updraft  headwind_outer" in text
     assert "E  " not in hfa("linearize", *AT_15).out
     assert "E,speed,headwind_outer" in Path("model.csv").read_text(encoding="utf-8")
-    over_ground = answer("linearize", *AT_15, *CHOSEN, *winds, "--ground-drag")
-    assert over_ground["F"][0][1] != data["F"][0][1]
     hfa("linearize", *AT_15, *winds, "-o", "model.npz")
     with np.load("model.npz") as stored:
         assert (stored["E"].shape, stored["disturbances"].tolist()) == ((6, 2), ["updraft", "headwind_outer"])
@@ -88,9 +86,7 @@ def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game(suffix: str) -> N
         ("--outputs gamma,gamma", "--outputs names gamma twice; name it once"),
         ("--inputs flaps", "--inputs names 'flaps'; choose from throttle"),
         ("--disturbances headwind_left", "--disturbances names 'headwind_left'; choose from updraft, updraft_center"),
-        ("--ground-drag", "--ground-drag belongs to --disturbances: in still air"),
         ("--states yaw", "--states names 'yaw'; choose from speed"),
-        ("--states speed --full", "--full names the states too; leave it out, or --states"),
     ],
 )
 def test_an_unknown_name_is_one_line(words: str, named: str) -> None:

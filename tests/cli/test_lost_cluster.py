@@ -47,7 +47,7 @@ def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) ->
         cluster += [around.enter_context(running(*worker, folder=tmp_path)) for _ in range(2)]
         address = json.loads(known.read_bytes())["address"]
         assert until(lambda: all("Registered to" in (tmp_path / f"log-{number}").read_text() for number in (1, 2)))
-        run = around.enter_context(running(str(SCRIPT), *WORDS, "--scheduler", address, folder=tmp_path))
+        run = around.enter_context(running(str(SCRIPT), *WORDS, "--workers", address, folder=tmp_path))
         assert until(lambda: any((tmp_path / "a.zarr" / "done").glob("c*")))
         cluster[0 if lost == "scheduler" else 1].kill()
         run.wait(timeout=120)

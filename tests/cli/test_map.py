@@ -12,7 +12,7 @@ from game_files import stored
 
 from verification.flights import recoverable_map as recoverable
 
-MAP = ("map", "--dihedral", "15", "--law", "exact", "--speeds", "-1:1:1", "--dihedrals", "-10:10:10")
+MAP = ("map", "--dihedral", "15", "--law", "exact", "--initial", "speed=-1:1:1", "--initial", "dihedral=-10:10:10")
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def _coarse_edges(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
     picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
-    result = hfa(*MAP, "--commands", "-10,10", "--picture", str(picture), "-o", str(table))
+    result = hfa(*MAP, "--command", "dihedral=-10,10", "--picture", str(picture), "-o", str(table))
     assert (result.code, result.err) == (0, "")
     assert "published dynamics" in result.out
     assert "newton dynamics" in result.out
@@ -33,7 +33,7 @@ def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> 
 
 
 def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndarray) -> None:
-    words = (*MAP[:3], *MAP[5:], "--commands", "0", "--weights", stored(tmp_path / "K.npz", K=gain))
+    words = (*MAP[:3], *MAP[5:], "--command", "dihedral=0", "--weights", stored(tmp_path / "K.npz", K=gain))
     result = hfa(*words, "-o", str(tmp_path / "map.json"))
     told = result.out
     assert result.err == ""
@@ -49,7 +49,7 @@ def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndar
         ("--gust 400:10", "--gust"),
         ("--dynamics newton", "--dynamics"),
         ("--picture map.xyz", "'.xyz'"),
-        ("--speeds 1:0:1", "runs backwards"),
+        ("--initial speed=1:0:1", "runs backwards"),
         ("--law exact --seed 1", "here nothing is random"),
     ],
 )

@@ -53,7 +53,6 @@ def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) 
         (("--error", "wings=0.1"), ("unknown parameter 'wings'",)),
         (("--error", "panel_mass=-0.1"), ("panel_mass", "-0.1")),
         (("--turbulence", "3"), ("SIGMA:SCALE",)),
-        (("--plant", "rigid"), ("unknown plant 'rigid'", "nonlinear, linear")),
         (("--step", "0.03"), ("tick", "whole number")),
         (("--initial", "speed=-60"), ("begins with speed",)),
         (("--resume",), ("-o FILE.zarr",)),

@@ -15,7 +15,7 @@ COMMANDS = {
     "learn": ("learn", "--set", "predefined_time=2"),
     "verify": ("verify", "--set", "predefined_time=2"),
     "fly": ("fly", *SHORT),
-    "map": ("map", "--law", "exact", "--speeds", "1", "--dihedrals", "0", "--commands", "1"),
+    "map": ("map", "--law", "exact", "--initial", "speed=1", "--initial", "dihedral=0", "--command", "dihedral=1"),
     "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
 }
 
@@ -80,7 +80,7 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
         (("--dihedral", "14,16", "--speed", "66,67,68"), 3, 6),
         (("--dihedral", "16:18", "--samples", "5"), 5, 5),
         (("--dihedral", "0:15:5"), 0, 4),
-        (("--speed", "66:70:1"), 0, 5),
+        (("--dihedral", "0", "--speed", "66:70:1"), 0, 5),
     ],
     ids=["range", "list", "samples", "within", "no dihedral"],
 )

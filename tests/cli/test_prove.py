@@ -45,7 +45,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
     words = {
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", str(solved), "--dihedral", "15", "-o"),
-        "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--errors", "1", "-o"),
+        "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
         "lpv": ("lpv", "--dihedral", "14:14.0625", "--certificate"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
@@ -79,15 +79,15 @@ def test_a_certificate_is_bound_to_ones_own_data(certificates: dict[str, Path], 
         for name in ("dihedral_deg", "K")
     }
     np.savez(table, **gains)
-    same = hfa("prove", "--check", critic, "--table", solved, "--delta", "200", "--dihedral", "15", "--json")
+    same = hfa("prove", "--check", critic, "--weights", solved, "--delta", "200", "--dihedral", "15", "--json")
     data = json.loads(same.out)
     assert (same.code, data["game"]["delta"], len(data["table_sha256"])) == (0, 200.0, 64)
     assert data["limits"]["throttle"] == [0.0, 200.0]
-    assert hfa("prove", "--check", schedule, "--table", str(table)).code == 0
+    assert hfa("prove", "--check", schedule, "--weights", str(table)).code == 0
     gains["K"][0, 0, 0] = np.nextafter(gains["K"][0, 0, 0], 1.0)
     np.savez(table, **gains)
     for words, code in (
-        ((schedule, "--table", str(table)), 1),
+        ((schedule, "--weights", str(table)), 1),
         ((schedule, "--dihedral", "14:15"), 1),
         ((critic, "--delta", "201"), 1),
         ((critic, "--Q", "1,2,3,4,5,6"), 1),
@@ -159,7 +159,7 @@ def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) 
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"
     path.write_text(json.dumps({"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}))
-    result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--table", str(path))
+    result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--weights", str(path))
     assert result.code == 1
     assert result.out.startswith("Refuted")
     assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
@@ -170,5 +170,5 @@ def test_a_table_in_metres_is_refused(tmp_path: Path) -> None:
     content = {"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}
     path = tmp_path / "table.json"
     path.write_text(json.dumps(content | {"state_units": ["m/s", *(UNITS[name] for name in LINEAR_STATES[1:])]}))
-    words = ("prove", "schedule", "--dihedral", "14:14.0625", "--table", str(path))
+    words = ("prove", "schedule", "--dihedral", "14:14.0625", "--weights", str(path))
     assert_refused(hfa(*words), 2, "its states are in m/s", "give them in ft/s")

@@ -86,14 +86,13 @@ def test_the_provenance_says_the_condition() -> None:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("--alpha 2:4:1 --free alpha", "alpha is given by --alpha and set free by --free"),
+        ("--alpha 2:4:1 --free alpha", "alpha is both set free and held"),
         ("--dihedral 5 --free dihedral", "dihedral is given by --dihedral and set free by --free"),
-        ("--speed 60:70:5 --hold speed=60", "speed is given twice, by --speed and by --hold"),
-        ("--hold aileron_outer=2", "nothing to sweep; give at least one of --dihedral"),
+        ("--hold aileron_outer=2", "nothing to sweep; give --dihedral RANGE or --hold"),
         ("--hold flaps=1:2:1", "cannot sweep 'flaps'"),
         ("--dihedral 5 --hold flaps=1", "unknown trim variable 'flaps'"),
         ("--dihedral 5 --hold throttle=0:40:20 --free throttle", "throttle is both set free and held"),
-        ("--dihedral 5 --free throttle --vary throttle=1,2 -o a.zarr", "throttle is given twice, by --free and by"),
+        ("--dihedral 5 --free throttle --vary throttle=1,2 -o a.zarr", "throttle is both set free and held"),
         ("--dihedral 10,30 --condition simvfa-64", "30 deg lies outside"),
         ("--gamma 0:5", "gamma is LOW:HIGH without a step; give start:stop:step"),
     ],

@@ -16,7 +16,7 @@ from cli import SCRIPT
 #: Command -> its words.
 LONG: dict[str, tuple[str, ...]] = {
     "sweep": (  # three chunks
-        *("sweep", "--dihedral", "0:14:0.01", "--vary", "speed=66:68:0.0125"),
+        *("sweep", "--dihedral", "0:14:0.01", "--hold", "speed=66:68:0.0125"),
         *("--workers", "2", "-o", "a.zarr"),
     ),
     "monte-carlo": (

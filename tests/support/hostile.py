@@ -139,8 +139,8 @@ WAYS: dict[str, tuple[str, ...]] = {
         for each in SUFFIXES
     },
     "controller.npz": ("design", "{}"),
-    "table.json": (*_PROVED, "--table", "{}"),
-    "table.npz": (*_PROVED, "--table", "{}"),
+    "table.json": (*_PROVED, "--weights", "{}"),
+    "table.npz": (*_PROVED, "--weights", "{}"),
     **dict.fromkeys(("certificate.json", "game.json"), ("prove", "--check", "{}")),
     "points.zarr": (*SWEPT, "--resume"),
     "members.zarr": (*MEMBERS, "--resume"),
@@ -249,7 +249,7 @@ def _hostile_words(chance: random.Random) -> list[str]:
     command, *words = chance.choice(LINES).split()
     parser = argparse.ArgumentParser(add_help=False)
     importlib.import_module(f"hfa_cli.commands.{command.replace('-', '_')}").add_arguments(parser)
-    more = [name for name in parser._option_string_actions if name not in ("--workers", "--scheduler")]
+    more = [name for name in parser._option_string_actions if name != "--workers"]
     for _ in range(chance.randint(1, 3)):
         at = chance.randint(0, len(words))
         match chance.randrange(5):
@@ -302,7 +302,7 @@ def seeds() -> Mapping[str, bytes]:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")
-        commands = [("trim", *_AT, "-o", "point.json"), (*_PROVED, "--table", "table.json", "-o", "certificate.json")]
+        commands = [("trim", *_AT, "-o", "point.json"), (*_PROVED, "--weights", "table.json", "-o", "certificate.json")]
         commands += [("prove", "solution", *_AT, "-o", "game.json"), SWEPT, MEMBERS]
         for suffix in SUFFIXES:
             commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))

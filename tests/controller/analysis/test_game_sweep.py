@@ -84,7 +84,6 @@ _NO_GAMES = "--game does not go with a store, which holds all seven states, in f
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--full", "--game"), "--full does not go with --game, which is played on six states"),
         (("--delta", "150"), "--delta needs the game; add --game"),
         (("--Q", "1,1,1,1,1,1"), "--Q needs the game; add --game"),
         (

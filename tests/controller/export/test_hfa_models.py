@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert hfa("sweep", "--dihedral", "0:20:5", "-q", "-o", str(made / "sweep.mat")).code == 0
     watched = ("--outputs", "gamma,load_factor")
     assert hfa("linearize", "--dihedral", "10", *watched, "-o", str(made / "linear.mat")).code == 0
-    assert hfa("export", "--matlab", str(made / "hfa_models.m")).code == 0
+    assert hfa("export", "-o", str(made / "hfa_models.m")).code == 0
     game = published_game(np.zeros((6, 6)), np.zeros((6, 5)))
     script = SCRIPT.replace("QQ", repr(np.diag(game.Q).tolist())).replace("RR", repr(np.diag(game.R).tolist()))
     done = subprocess.run(
