@@ -23,7 +23,6 @@ def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:
     assert result.out.count("8 hold") == 3
     data = json.loads(table.read_text(encoding="utf-8"))
     np.testing.assert_allclose(data["schedule"]["dihedrals"], np.radians([5.0, 10.0, 15.0]))
-    assert data["scenario"]["reference"] == "ScheduledReference"
     assert len(data["history"]["times"]) == 4001
     assert picture.read_bytes().startswith(b"\x89PNG")
 
