@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.flight_case import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.monte_carlo import MonteCarlo, MonteCarloJob, fly_member, stream_monte_carlo
+from controller.flight.monte_carlo import MonteCarlo, fly_member, stream_monte_carlo
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
 from controller.policy.policies import FlownLaw, gain_law
@@ -129,8 +129,8 @@ def _monte_carlo(quick: bool) -> Row:
     return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
 
 
-class _HalfSeconds(MonteCarloJob):
-    """The job with chunks of half a second."""
+class _HalfSeconds(MonteCarlo):
+    """The plan with chunks of half a second."""
 
     @property
     def layout(self) -> Layout:  # type: ignore[override]
@@ -177,7 +177,12 @@ def _flown(plan: MonteCarlo, workers: int, **where: Any) -> tuple[float, float]:
     finished: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         start, path = time.perf_counter(), Path(folder) / "members.zarr"
-        store = stream(_HalfSeconds(plan), path, progress=lambda *_: finished.append(time.perf_counter()), **where)
+        store = stream(
+            _HalfSeconds(**{each.name: getattr(plan, each.name) for each in fields(plan)}),
+            path,
+            progress=lambda *_: finished.append(time.perf_counter()),
+            **where,
+        )
         assert store.missing() == []
     rest = plan.members * (len(finished) - workers) / len(finished)
     return (finished[-1] - start) / plan.members, (finished[-1] - finished[workers - 1]) / rest

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +52,7 @@ _SHOWN = (("rms_error", LINEAR_STATES), ("peak_error", LINEAR_STATES), ("effort"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
-    """N members, each a draw of one scenario. Two plans are equal when they give the same results.
+    """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give the same results.
 
     parameters, dynamics: the nominal aircraft, trimmed at `point`. plant: "nonlinear" or "linear". seed: with the
     number of a member it decides all that is random in it, so that members can be simulated anywhere in any order. A
@@ -72,9 +72,8 @@ class MonteCarlo(Shown):
 
     def __post_init__(self) -> None:
         """Name what is wrong before the simulation."""
-        for name, lowest in (("members", 1), ("seed", 0)):
-            if not getattr(self, name) >= lowest:
-                raise BadInputError(f"{name} is {getattr(self, name)}; it must be at least {lowest}")
+        if not (self.members >= 1 and self.seed >= 0):
+            raise BadInputError(f"members is {self.members} and seed {self.seed}; give at least 1 and 0")
         self.point.refuse_other(variant_named(self.dynamics))
         for name in ("reference", "disturbance", "noise"):
             if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
@@ -125,13 +124,67 @@ class MonteCarlo(Shown):
             "uncertainty": asdict(self.scenario.uncertainty),
             "envelope": self.envelope.to_dict(self.scenario.moving_air),
         }
-        plain: dict[str, Any] = json.loads(json.dumps(data, default=lambda value: np.asarray(value).tolist()))
-        return plain
+        return dict(json.loads(json.dumps(data, default=lambda value: np.asarray(value).tolist())))
 
     @cached_property
     def identity(self) -> str:
         """A hash of everything that decides the results, the order in which errors are drawn included."""
         return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()
+
+    @property
+    def layout(self) -> Layout:
+        """One row a member: the fields of `Summary` and the factors drawn."""
+        axes = {
+            "error": tuple(self.scenario.uncertainty.errors),
+            "error_state": LINEAR_STATES,
+            "state": STATES,
+            "input": INPUTS,
+        }
+        units = {"error_state": LINEAR_UNITS, "state": STATE_UNITS, "input": INPUT_UNITS}
+        sizes = {axis: len(names) for axis, names in axes.items()} | {"memory_state": len(self.law.memory)}
+
+        def numbers(meaning: str, axis: str) -> Array:
+            about = described(meaning, units_of=f"{axis}_unit" if axis in units else "")
+            return Array((sizes[axis],), "float64", np.nan, (axis,), about)
+
+        def number(meaning: str, unit: str) -> Array:
+            return Array((), "float64", np.nan, (), described(meaning, unit))
+
+        arrays = {
+            "factors": numbers("factor on a parameter", "error"),
+            "left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside")),
+            "flown": number("time inside the envelope", "s"),
+            "rms_error": numbers("root mean square error", "error_state"),
+            "peak_error": numbers("largest error", "error_state"),
+            "peak_angle_of_attack": number("largest angle of attack through the air, from trim", "rad"),
+            "effort": numbers("root mean square from trim", "input"),
+            "lowest_input": numbers("lowest value inside the envelope", "input"),
+            "highest_input": numbers("highest value inside the envelope", "input"),
+            "final": numbers("at the end", "state"),
+            "memory": numbers("states of the law at the end", "memory_state"),
+        }
+        labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
+        labels |= {f"{axis}_unit": (axis, each) for axis, each in units.items()}
+        attributes = {
+            "coordinates": " ".join(f"{axis}_unit" for axis in units),
+            "errors": list(axes["error"]),
+            "left": list(limited_names(self.scenario.moving_air)),
+            "error_states": list(LINEAR_STATES),
+            "error_units": list(LINEAR_UNITS),
+            **NAMES_AND_UNITS,
+        }
+        chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
+        identity = self.to_dict(), self.identity
+        return Layout(STORE_SCHEMA, "Monte Carlo", self.members, "member", chunk, *identity, arrays, labels, attributes)
+
+    @property
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """What workers run."""
+        return fly_members
+
+    def task(self, start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        """The plan and the numbers of the members."""
+        return self, start, stop
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MonteCarlo) and self.identity == other.identity
@@ -175,79 +228,9 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
     return {"factors": np.array(factors), **rows, "final": rows["final"] + np.array(plan.point.states)}
 
 
-@dataclass(frozen=True, eq=False)
-class MonteCarloJob:
-    """A plan as a job of `stream`."""
-
-    plan: MonteCarlo
-
-    @cached_property
-    def layout(self) -> Layout:
-        """One row a member: the fields of `Summary` and the factors drawn."""
-        plan, errors = self.plan, tuple(self.plan.scenario.uncertainty.errors)
-        axes = {
-            "error": (errors, ()),
-            "error_state": (LINEAR_STATES, LINEAR_UNITS),
-            "state": (STATES, STATE_UNITS),
-            "input": (INPUTS, INPUT_UNITS),
-        }
-
-        def numbers(meaning: str, axis: str, size: int | None = None) -> Array:
-            labelled = axis in axes and bool(axes[axis][1])
-            about = described(meaning, units_of=f"{axis}_unit" if labelled else "")
-            return Array((len(axes[axis][0]) if size is None else size,), "float64", np.nan, (axis,), about)
-
-        def number(meaning: str, units: str) -> Array:
-            return Array((), "float64", np.nan, (), described(meaning, units))
-
-        arrays = {
-            "factors": numbers("factor on a parameter", "error"),
-            "left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside")),
-            "flown": number("time inside the envelope", "s"),
-            "rms_error": numbers("root mean square error", "error_state"),
-            "peak_error": numbers("largest error", "error_state"),
-            "peak_angle_of_attack": number("largest angle of attack through the air, from trim", "rad"),
-            "effort": numbers("root mean square from trim", "input"),
-            "lowest_input": numbers("lowest value inside the envelope", "input"),
-            "highest_input": numbers("highest value inside the envelope", "input"),
-            "final": numbers("at the end", "state"),
-            "memory": numbers("states of the law at the end", "memory_state", len(plan.law.memory)),
-        }
-        labels = {axis: (axis, names) for axis, (names, _) in axes.items()}
-        labels |= {f"{axis}_unit": (axis, units) for axis, (_, units) in axes.items() if units}
-        attributes = {
-            "coordinates": "error_state_unit state_unit input_unit",
-            "errors": list(errors),
-            "left": list(limited_names(plan.scenario.moving_air)),
-            "error_states": list(LINEAR_STATES),
-            "error_units": list(LINEAR_UNITS),
-            **NAMES_AND_UNITS,
-        }
-        chunk = -(-CHUNK_STEPS // (plan.scenario.ticks * plan.scenario.steps_per_tick))
-        identity = plan.to_dict(), plan.identity
-        return Layout(STORE_SCHEMA, "Monte Carlo", plan.members, "member", chunk, *identity, arrays, labels, attributes)
-
-    @property
-    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
-        """What workers run."""
-        return fly_members
-
-    def task(self, start: int, stop: int) -> tuple[MonteCarlo, int, int]:
-        """The plan and the numbers of the members."""
-        return self.plan, start, stop
-
-
 def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
     """Every member of the plan in the store at `path`; options of `hfa_support.jobs.stream.stream`."""
-    return stream(MonteCarloJob(plan), path, **options)
-
-
-class DrawnError(NamedTuple):
-    """Relative standard deviation of a parameter as asked for; mean and deviation of its factor as drawn."""
-
-    asked: float
-    mean: float
-    deviation: float | None
+    return stream(plan, path, **options)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -257,7 +240,7 @@ class MonteCarloResult(Reported):
     inside: those that did not leave their envelope. within_limits: those of them whose inputs stayed within the control
     limits. left: members by the state that left first, the earliest after `first_left` s. exceeded: members by the
     input that went beyond its control limit. quantiles: quantity -> variable -> `QUANTILES` over those inside; None
-    where none was.
+    where none was. errors: parameter -> relative standard deviation asked for, mean and deviation of its factor.
     """
 
     plan: MonteCarlo
@@ -267,7 +250,7 @@ class MonteCarloResult(Reported):
     first_left: float | None
     exceeded: Mapping[str, int]
     quantiles: Mapping[str, Mapping[str, list[float] | None]]
-    errors: Mapping[str, DrawnError]
+    errors: Mapping[str, Mapping[str, float | None]]
     where: str = ""
 
     @classmethod
@@ -288,7 +271,11 @@ class MonteCarloResult(Reported):
                 "peak_deviation": _quantiles(store.read("peak_angle_of_attack")[inside, None], (ANGLE_OF_ATTACK,)),
             },
             errors={
-                name: DrawnError(asked, float(drawn.mean()), float(drawn.std(ddof=1)) if plan.members > 1 else None)
+                name: {
+                    "asked": asked,
+                    "mean": float(drawn.mean()),
+                    "deviation": float(drawn.std(ddof=1)) if plan.members > 1 else None,
+                }
                 for (name, asked), drawn in zip(plan.scenario.uncertainty.errors.items(), factors.T, strict=True)
             },
             where=where,
@@ -316,7 +303,7 @@ class MonteCarloResult(Reported):
             parts += [OVER_GROUND] if moving_air else []
         if self.errors:
             rows = [
-                (name, *("-" if value is None else f"{value:.4g}" for value in drawn))
+                (name, *("-" if value is None else f"{value:.4g}" for value in drawn.values()))
                 for name, drawn in self.errors.items()
             ]
             parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
@@ -335,7 +322,7 @@ class MonteCarloResult(Reported):
             "exceeded": self.exceeded,
             "quantiles": list(QUANTILES),
             **self.quantiles,
-            "errors": {name: drawn._asdict() for name, drawn in self.errors.items()},
+            "errors": self.errors,
         }
         alike = plan.scenario.uncertainty == Uncertainty()
         notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []

@@ -26,7 +26,7 @@ from controller import (
 )
 from controller.flight import monte_carlo
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.monte_carlo import MonteCarloJob, MonteCarloResult, fly_member, fly_members
+from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
@@ -293,7 +293,7 @@ def test_chunks_and_their_order_do_not_matter(plan: MonteCarlo) -> None:
     whole = fly_members(plan, 0, 6)
     last, first = fly_members(plan, 4, 6), fly_members(plan, 0, 4)
     assert_same_rows(whole, {name: np.concatenate([first[name], last[name]]) for name in whole})
-    assert MonteCarloJob(plan).layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
+    assert plan.layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
 
 
 def fly_or_die(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
