@@ -7,6 +7,7 @@ flies in its plane of symmetry, and the outer panels meet the mean of what is on
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -21,6 +22,7 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
 #: the air as it was to rounding.
 SHORTEST, LONGEST = 1.0, 1e6
+_SIZES = ("memory_size", "constants_size")
 
 
 class Gust(Protocol):
@@ -71,7 +73,8 @@ class OneMinusCosine(Memoryless, Unvaried):
         """Refuse what is no gust."""
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
-        _check_finite(peak=self.peak, begin=self.begin)
+        if not np.isfinite([self.peak, self.begin]).all():
+            raise BadInputError(f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers")
 
     def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """The gust at t; expressions or numbers."""
@@ -168,12 +171,6 @@ class Dryden:
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
 
 
-def _check_finite(**values: float) -> None:
-    for name, value in values.items():
-        if not np.isfinite(value):
-            raise BadInputError(f"the gust's {name} is {value}; give a finite number")
-
-
 @dataclass(frozen=True)
 class SpanwiseGust:
     """w = (w_c, w_o) = S (w_1, .., w_k): updrafts at the center panel and at both outer panels, ft/s.
@@ -197,14 +194,12 @@ class SpanwiseGust:
 
     def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
         """(w_c, w_o), (2,)."""
-        each = [source.updraft(t, *own) for source, own in zip(self.sources, self._own(memory, p), strict=True)]
-        rows = (self.center, self.outer)
-        return ca.vertcat(*(sum(share * w for share, w in zip(row, each, strict=True)) for row in rows))
+        each = [source.updraft(t, *own) for source, *own in self._own(memory, p)]
+        return ca.mtimes(ca.DM(np.array([self.center, self.outer])), ca.vertcat(*each))
 
     def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
         """Of all filters, one after the other."""
-        pairs = zip(self.sources, self._own(memory, p), strict=True)
-        return ca.vertcat(*(source.memory_rate(t, *own) for source, own in pairs))
+        return ca.vertcat(*(source.memory_rate(t, *own) for source, *own in self._own(memory, p)))
 
     def start(self) -> np.ndarray:
         """All filter states at t = 0."""
@@ -214,13 +209,10 @@ class SpanwiseGust:
         """p of a tick."""
         return np.concatenate([source.constants(tick) for source in self.sources])
 
-    def _own(self, memory: ca.SX, p: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-        """Memory and p of each source."""
-        found, m, k = [], 0, 0
-        for source in self.sources:
-            found.append((memory[m : m + source.memory_size], p[k : k + source.constants_size]))
-            m, k = m + source.memory_size, k + source.constants_size
-        return found
+    def _own(self, memory: ca.SX, p: ca.SX) -> Iterator[tuple[Gust, ca.SX, ca.SX]]:
+        """Each source, its memory and its p."""
+        m, k = (np.cumsum([0, *(getattr(each, name) for each in self.sources)]).tolist() for name in _SIZES)
+        return zip(self.sources, ca.vertsplit(memory, m), ca.vertsplit(p, k), strict=True)
 
 
 def side_by_side(center: Gust, outer: Gust) -> SpanwiseGust:

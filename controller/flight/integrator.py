@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
@@ -47,11 +47,9 @@ def integrate(
 ) -> np.ndarray:
     """Rows [t, y], (N, 1 + n), the start first; of a method that makes one row a tick only the start and the last one.
 
-    initial: y(0). The run ends with the first tick for which `stop` says yes. BadInputError when there is no tick;
-    NoSolutionError, naming the time, when a number is no longer finite and no `stop` asks about it.
+    initial: y(0). The run ends with the first tick for which `stop` says yes. NoSolutionError, naming the time, when a
+    number is no longer finite and no `stop` asks about it.
     """
-    if not ticks > 0:
-        raise BadInputError(f"ticks is {ticks}; it must be positive")
     each, whole = method.rows_per_tick, method.rows_per_tick == method.steps_per_tick
     path = np.empty((1 + (ticks * each if whole else 1), 1 + len(initial)))
     path[0, 0], path[0, 1:] = 0.0, initial
@@ -89,7 +87,6 @@ class RungeKutta:
 
     rate: (t, y (n,), p (k,)) -> y' (n,). after_step: ([t; y], p, [t; y] one step later, kept) -> kept, numbers that
     stand behind y and take the place of the history: one row a tick is made. compile_code: run as machine code.
-    BadInputError when a number is not positive.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
 
@@ -104,7 +101,6 @@ class RungeKutta:
         after_step: ca.Function | None = None,
         compile_code: bool = False,
     ) -> None:
-        _check(step, steps_per_tick)
         self.step, self.steps_per_tick = step, steps_per_tick
         one = _runge_kutta_step(rate, step, after_step)
         if after_step is None:
@@ -147,7 +143,6 @@ class BackwardDifferentiation:
     stretch = 200
 
     def __init__(self, rate: ca.Function, step: float, steps_per_tick: int) -> None:
-        _check(step, steps_per_tick)
         self.step, self.steps_per_tick, self.rows_per_tick = step, steps_per_tick, steps_per_tick
         self._rate = rate
         self._made: dict[int, ca.Function] = {}
@@ -173,9 +168,3 @@ class BackwardDifferentiation:
         quiet = {"disable_internal_warnings": True, "show_eval_warnings": False}
         options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **quiet}
         return ca.integrator("stiff", "cvodes", dae, 0.0, times.tolist(), options)
-
-
-def _check(step: float, steps_per_tick: int) -> None:
-    for name, value in (("step", step), ("steps_per_tick", steps_per_tick)):
-        if not value > 0:
-            raise BadInputError(f"{name} is {value}; it must be positive")
