@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -232,9 +232,6 @@ def load_controller(path: str | Path) -> ScheduledController:
     content = read_arrays(path)
     if str(content.get("schema", "")) != SCHEMA:
         raise BadInputError(f"{path}: this is no controller file ({SCHEMA}); make one with hfa design -o")
-    missing = [each.name for each in fields(ScheduledController) if each.name not in content]
-    if missing:
-        raise BadInputError(f"{path}: {missing[0]} is missing; make the file anew with hfa design -o")
     try:
         found: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
         found |= {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
@@ -245,5 +242,7 @@ def load_controller(path: str | Path) -> ScheduledController:
         )
     except BadInputError as error:
         raise BadInputError(f"{path}: {error}") from error
+    except KeyError as error:
+        raise BadInputError(f"{path}: {error.args[0]} is missing; make the file anew with hfa design -o") from error
     except (ValueError, TypeError, RecursionError) as error:
         raise BadInputError(f"{path}: its content is damaged ({error}); make the file anew") from error

@@ -40,8 +40,8 @@ class CModel:
 
     def header(self) -> str:
         """The text of `HEADER`: what is there, with names and units."""
-        template = files(__package__).joinpath("hfa_aircraft.h.in").read_text("utf-8")
-        return template.format(
+        return filled(
+            "hfa_aircraft.h.in",
             origin=comment_lines(self.origin),
             states=c_positions(STATES, STATE_UNITS),
             inputs=c_positions(INPUTS, INPUT_UNITS),
@@ -74,8 +74,8 @@ class CModel:
         ):
             tables.append(c_table(f"const char *const hfa_{name}", [f'"{word}"' for word in words]))
         values = "\n".join(f"    {value!r}, /* {name}, {field.unit} */" for value, name, field in parameters)
-        template = files(__package__).joinpath("hfa_aircraft.c.in").read_text("utf-8")
-        return template.format(
+        return filled(
+            "hfa_aircraft.c.in",
             origin=comment_lines(self.origin),
             parameters=f"static const double parameters[{len(FIELDS)}] = {{\n{values}\n}};",
             tables="\n".join(tables),
@@ -90,6 +90,11 @@ def c_model_texts(what: CModel) -> dict[str, str]:
     if what.gain is not None:
         texts[EXAMPLE] = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
     return texts
+
+
+def filled(template: str, **values: object) -> str:
+    """The text of a template of this package."""
+    return files(__package__).joinpath(template).read_text("utf-8").format(**values)
 
 
 def comment_lines(text: str) -> str:

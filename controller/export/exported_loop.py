@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -16,7 +15,7 @@ import numpy as np
 
 from controller.design.design import signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.export.c_model import c_positions, c_table, comment_lines
+from controller.export.c_model import c_positions, c_table, comment_lines, filled
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
@@ -158,11 +157,6 @@ def c_controller_texts(
             longest=repr(longest),
         ),
     }
-
-
-def filled(template: str, **values: object) -> str:
-    """The text of a template of this package."""
-    return files(__package__).joinpath(template).read_text("utf-8").format(**values)
 
 
 class Channel(NamedTuple):

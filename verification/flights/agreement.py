@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import FlownLaw, Policy, gain_law
+from controller.policy.policies import FlownLaw, gain_law
 from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES
@@ -32,59 +32,32 @@ AT_REST = 1e-3
 ADAPTIVE_TOLERANCE = 1e-10
 
 
-@dataclass(frozen=True, eq=False)
-class DeviationStudy:
-    """max over t of |x_nonlinear - x_linear|, in scaled units (`STATE_SCALES`), for initial deviations of growing size.
-
-    sizes: (S,), parts of the direction. errors: (S, 7).
-    """
-
-    sizes: np.ndarray
-    errors: np.ndarray
-
-    @property
-    def slopes(self) -> np.ndarray:
-        """d log error / d log size of each state by least squares, (7,): 2 where the linear model is the derivative."""
-        slopes: np.ndarray = np.polyfit(np.log(self.sizes), np.log(self.errors), 1)[0]
-        return slopes
-
-    def checks(self) -> tuple[Check, ...]:
-        """Every state's slope within 1.9 to 2.1."""
-        found = []
-        for name, slope in zip(STATES, self.slopes.tolist(), strict=True):
-            reason = f"the error of the linear prediction grows with the deviation to the power {slope:.3g}, not 2"
-            found.append(at_least(f"slope_{name}_at_least", slope, LOWEST_SLOPE, reason))
-            found.append(at_most(f"slope_{name}_at_most", slope, HIGHEST_SLOPE, reason))
-        return tuple(found)
-
-
-def deviation_study(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw) -> DeviationStudy:
-    """The closed loop released from `SIZES` times `DIRECTION`, nonlinear against linear.
+def deviations(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw) -> np.ndarray:
+    """max over t of |x_nonlinear - x_linear| in scaled units (`STATE_SCALES`), (S, 7), of the closed loop released from
+    `SIZES` times `DIRECTION`.
 
     x_nl - x_lin = O(size²) because the two loops agree to first order (Taylor).
     """
-    plants = NonlinearPlant(aircraft, point), LinearizedAircraft.at(aircraft, point)
-    loops = [_released(plant, law.policy) for plant in plants]
-    step, tick = 0.001, 50
+    nothing, step, tick = zero(len(LINEAR_STATES)), 0.001, 50
+    times: dict[str, Any] = {"step": step, "steps_per_tick": tick, "ticks": round(DURATION / step / tick)}
+    plants: tuple[Plant, ...] = NonlinearPlant(aircraft, point), LinearizedAircraft.at(aircraft, point)
+    loops = [CompiledLoop(ClosedLoop(plant, law.policy, nothing, nothing, nothing)) for plant in plants]
     errors = []
     for size in SIZES:
-        nonlinear, linear = (
-            loop.fly(
-                size * DIRECTION,
-                law.constants,
-                step=step,
-                steps_per_tick=tick,
-                ticks=round(DURATION / step / tick),
-            ).states
-            for loop in loops
-        )
+        nonlinear, linear = (loop.fly(size * DIRECTION, law.constants, **times).states for loop in loops)
         errors.append(np.abs(nonlinear - linear).max(axis=0) / np.array(STATE_SCALES))
-    return DeviationStudy(np.array(SIZES), np.array(errors))
+    return np.array(errors)
 
 
-def _released(plant: Plant, policy: Policy) -> CompiledLoop:
-    nothing = zero(len(LINEAR_STATES))
-    return CompiledLoop(ClosedLoop(plant, policy, nothing, nothing, nothing))
+def slope_checks(errors: np.ndarray) -> tuple[Check, ...]:
+    """d log error / d log size of each state by least squares, errors (S, 7), within 1.9 to 2.1: 2 where the linear
+    model is the derivative."""
+    found = []
+    for name, slope in zip(STATES, np.polyfit(np.log(SIZES), np.log(errors), 1)[0].tolist(), strict=True):
+        reason = f"the error of the linear prediction grows with the deviation to the power {slope:.3g}, not 2"
+        found.append(at_least(f"slope_{name}_at_least", slope, LOWEST_SLOPE, reason))
+        found.append(at_most(f"slope_{name}_at_most", slope, HIGHEST_SLOPE, reason))
+    return tuple(found)
 
 
 def adaptive_states(
@@ -132,12 +105,12 @@ def adaptive_states(
 def agreement_checks(aircraft: Aircraft, law: FlownLaw, result: NonlinearFlight) -> tuple[Check, ...]:
     """Both figures for a flight: the slopes about its trim, with its last gain, and the same flight integrated anew."""
     scenario = result.scenario
-    study = deviation_study(aircraft, result.point, gain_law(law.name, law.gains[-1]))
+    errors = deviations(aircraft, result.point, gain_law(law.name, law.gains[-1]))
     fixed = result.flight.states[:: scenario.steps_per_tick]
     adaptive = adaptive_states(
         CompiledLoop(result.loop), scenario.initial, law, tick=scenario.tick, ticks=len(fixed) - 1
     )
-    return (*study.checks(), *integration_checks(fixed, adaptive))
+    return (*slope_checks(errors), *integration_checks(fixed, adaptive))
 
 
 def integration_checks(fixed: np.ndarray, adaptive: np.ndarray) -> tuple[Check, ...]:

@@ -22,8 +22,9 @@ from verification.flights.agreement import (
     INTEGRATION,
     adaptive_states,
     agreement_checks,
-    deviation_study,
+    deviations,
     integration_checks,
+    slope_checks,
 )
 
 N = len(LINEAR_STATES)
@@ -38,10 +39,9 @@ def two_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("two_seconds")
 def test_the_linear_prediction_is_wrong_to_second_order_only(at_15: FlownCase) -> None:
-    study = deviation_study(at_15.aircraft, at_15.point, at_15.law)
-    assert np.all((study.slopes > 1.9) & (study.slopes < 2.1)), study.slopes
-    assert all(check.ok for check in study.checks())
-    assert study.errors[0].max() < 1e-4
+    errors = deviations(at_15.aircraft, at_15.point, at_15.law)
+    assert all(check.ok and 1.9 < check.value < 2.1 for check in slope_checks(errors))
+    assert errors[0].max() < 1e-4
 
 
 @pytest.mark.usefixtures("two_seconds")
@@ -51,10 +51,10 @@ def test_a_prediction_for_another_dihedral_is_wrong_to_first_order(
     other = find_operating_point(newton.aircraft, level_flight(float(np.radians(15.5))))
     wrong = LinearizedAircraft.at(newton.aircraft, other)
     monkeypatch.setattr(agreement, "LinearizedAircraft", SimpleNamespace(at=lambda *_: wrong))
-    study = deviation_study(newton.aircraft, newton.point, newton.law)
-    failed = failed_names(study.checks())
-    assert failed >= {f"slope_{name}_at_least" for name in ("alpha", "pitch", "pitch_rate", "dihedral")}
-    assert study.slopes[STATES.index("pitch_rate")] == pytest.approx(1.0, abs=0.15)
+    checks = slope_checks(deviations(newton.aircraft, newton.point, newton.law))
+    assert failed_names(checks) >= {f"slope_{name}_at_least" for name in ("alpha", "pitch", "pitch_rate", "dihedral")}
+    found = {check.name: check.value for check in checks}
+    assert found["slope_pitch_rate_at_least"] == pytest.approx(1.0, abs=0.15)
 
 
 def one_flight_of_everything(duration: float = 1.0, step: float = 0.001) -> Scenario:
