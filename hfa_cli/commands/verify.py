@@ -12,7 +12,7 @@ from typing import Any
 from controller.game.basis import basis
 from controller.game.critic_file import History, critic_in
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import input_file, positive
+from hfa_cli.options.argument_types import input_file, parsed, positive
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_game, game_of
 from hfa_cli.options.learning_options import add_learning, run_learning
 from hfa_cli.options.parser import add_value
@@ -23,15 +23,32 @@ from verification.critic.candidate import from_run, from_stored
 from verification.critic.check_result import CriticCheck, check_figure, check_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
+from verification.critic.network_check import OUTPUTS, check_network, network_critic
+from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, network_in
+
+_OF_NETWORKS = ("activation", "network", "network_output", "scale")
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(each) for each in text.split(",")]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    about = f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)})"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
+    about = (
+        f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network"
+    )
+    about += f" of V, dV/dx or u ({' '.join(NETWORK_FILES)})"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES, *NETWORK_FILES), "FILE", about)
     add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
+    about = f"between the layers of a state dict: {', '.join(ACTIVATIONS)}"
+    add_value(parser, "--activation", str, "NAME", about)
+    add_value(parser, "--network", str, "NAME", "which network of a state dict: how its names begin")
+    about = f"what a network computes: {', '.join(OUTPUTS)}; default: what its number of outputs says"
+    add_value(parser, "--network-output", str, "NAME", about)
+    add_value(parser, "--scale", parsed(_numbers), "a,b,...", "a network takes each state times this; default 1")
     about = "by when the errors of --weights over time must be within the limit for good"
     add_value(parser, "--predefined-time", positive, "S", about)
     about = f"limit of the relative errors; default {LIMIT:g}"
@@ -44,6 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
+    if arguments.weights is None or arguments.weights.suffix.lower() not in NETWORK_FILES:
+        options.refuse(arguments, _OF_NETWORKS, "belongs to a network; give its file by --weights")
     for name in ("basis", "predefined_time"):
         if arguments.weights is None and getattr(arguments, name) is not None:
             option = name.replace("_", "-")
@@ -74,13 +93,20 @@ def run(arguments: argparse.Namespace) -> int:
     report = check_report(check, *named.names, limit_cost=limit_cost).with_data(**named.labels())
     show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
-    return 0 if (check.ok if limit_cost is None else check.flight.within(limit_cost)) else 1
+    return 0 if check.holds(limit_cost) else 1
 
 
 def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any]) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time."""
     path, time, game = arguments.weights, arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
+    if path.suffix.lower() in NETWORK_FILES:
+        if time is not None:
+            raise BadInputError(f"--predefined-time belongs to a critic over time; {path} is a network")
+        network = network_in(path, len(game.A), arguments.activation, arguments.network, functions.size)
+        with said_of(path):
+            critic = network_critic(game, network, functions, arguments.network_output, arguments.scale)
+            return check_network(game, critic, fly=arguments.limit_cost is not None, **options_of_all)
     found = critic_in(path, game, arguments.basis, named.plant)
     if not isinstance(found, History) and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")

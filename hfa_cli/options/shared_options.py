@@ -120,7 +120,7 @@ def refuse(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -
     """BadInputError for the first option of these that was given: it would change nothing."""
     for name in names:
         if given(arguments, name):
-            raise BadInputError(f"--{name} {reason}")
+            raise BadInputError(f"--{name.replace('_', '-')} {reason}")
 
 
 def parameters_of(arguments: argparse.Namespace) -> ParameterSet:

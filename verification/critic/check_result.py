@@ -25,6 +25,8 @@ from verification.critic.critic_errors import Box, relative_error
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from verification.critic.network_check import NetworkSearch
 from controller.game.basis import basis
 from controller.game.critic_file import History
 from controller.game.learning_result import settled_at
@@ -149,6 +151,8 @@ SHOWN, SHOWN_OF_A_FAILURE = 12, 3
 #: Failures with their reasons; the rest by name.
 FAILURES = 8
 _ROUNDING = 1e-9
+#: Cost lost that is rounding, percent.
+_NO_COST = 1e-9
 SCHEMA = "hfa.critic-check/1"
 
 
@@ -159,7 +163,7 @@ class CriticCheck(Checked, Reported):
     exact: the certified solution. candidate: what was checked. learned_margin, exact_margin: disk margins of both
     gains, None for one that does not stabilize. flight: what the critic costs. diagnosis: the mistake recognized, or
     "". box: of the states over which V, its slopes and the policies were compared. history: the errors over time, of
-    a history.
+    a history. network: what was searched of a network, whose linearization the candidate is.
     """
 
     exact: GameSolution
@@ -171,6 +175,7 @@ class CriticCheck(Checked, Reported):
     diagnosis: str
     box: Box
     history: HistoryErrors | None = None
+    network: NetworkSearch | None = None
 
     @property
     def P_rel_error(self) -> float:
@@ -181,6 +186,14 @@ class CriticCheck(Checked, Reported):
     def K_rel_error(self) -> float:
         """|K - K*| / |K*|, Frobenius norms in the units of the game."""
         return self._value_of("K_rel_error")
+
+    def holds(self, limit_cost: float | None = None) -> bool:
+        """Whether every check holds, or with a limit, percent, whether the critic costs no more, also a network where
+        it was flown."""
+        if limit_cost is None:
+            return self.ok
+        flown = 0.0 if self.network is None else self.network.lost
+        return self.flight.within(limit_cost) and flown <= limit_cost
 
     def report(self) -> Report:
         """What the check says, states and inputs by number."""
@@ -205,6 +218,7 @@ class CriticCheck(Checked, Reported):
             "graded": self.flight.to_dict(),
             "box": self.box.to_dict(),
             **({} if self.history is None else {"history": self.history.to_dict()}),
+            **({} if self.network is None else {"network": self.network.to_dict()}),
         }
 
     def _value_of(self, name: str) -> float:
@@ -223,7 +237,7 @@ def check_report(
 ) -> Report:
     """The verdict, every check, margins and cost beside the exact ones, and P and K entry by entry.
 
-    states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, says whether the cost is kept.
+    states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, then decides the verdict.
     state_units, input_units: "" where they are not known.
     """
     m, n = check.exact.K.shape
@@ -237,11 +251,9 @@ def check_report(
         ("matrix", "row", "column", "learned", "exact", "unit"),
         entry_rows(both, (candidate.K, exact.K), (states, inputs), units),
     )
-    said = [f"Reason: {check.diagnosis}"] if check.diagnosis else []
-    if limit_cost is not None:
-        kept = "PASS" if check.flight.within(limit_cost) else "FAIL"
-        said.append(f"Cost in flight, at most {limit_cost:g} percent above the optimum: {kept}")
-    over_time = () if check.history is None else (check.history.block(),)
+    said = (_verdict(check, limit_cost), *[f"Reason: {check.diagnosis}"] * bool(check.diagnosis))
+    over_time: tuple[Part, ...] = () if check.history is None else (check.history.block(),)
+    over_time += () if check.network is None else (check.network.said,)
     parts: tuple[Part, ...] = (
         checks_block(check.checks),
         f"Box of states: {check.box.about}",
@@ -254,8 +266,8 @@ def check_report(
         flight = (_in_short(check),) if limit_cost is None else (_margins(check), _cost(check))
         parts = (_failures(check.checks), *flight, *over_time, _worst(check, records, states, SHOWN_OF_A_FAILURE))
     return Report(
-        title=f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}",
-        parts=(*said, *parts),
+        title=f"Critic on {origin}, against the exact game solution: {'PASS' if check.holds(limit_cost) else 'FAIL'}",
+        parts=(said, *parts),
         data={
             "state_units": list(state_units),
             "input_units": list(input_units),
@@ -263,6 +275,27 @@ def check_report(
         },
         records=records if check.history is None else check.history.records(),
     )
+
+
+def _verdict(check: CriticCheck, limit_cost: float | None) -> str:
+    """What decided, exact or not, stabilizing or not, cost lost, L2 gain, in one line."""
+    named = {each.name: each for each in check.checks}
+    limit, failed = named["K_rel_error"].limit, next((each for each in check.checks if not each.ok), None)
+    decided = f"the error limit {limit:g}" if failed is None or failed.limit == limit else failed.name
+    error = next((each for each in check.checks if not each.ok and each.limit == limit), None)
+    said = [
+        f"exact within {limit:g}" if error is None else f"not exact ({error.reason.partition(':')[0]})",
+        "stabilizing" if named["control_loop_abscissa"].ok else "not stabilizing",
+    ]
+    network = check.network
+    lost = max(check.flight.worst, 0.0 if network is None else network.lost)
+    where = "" if network is None or network.lost or not network.found else " near the origin"
+    said.append(f"{'no cost lost' if lost < _NO_COST else f'cost lost {lost:.2g} percent'}{where}")
+    if "l2_gain" in named and math.isfinite(named["l2_gain"].value):
+        said.append(f"L2 gain {named['l2_gain'].value:.4g} (delta {named['l2_gain'].limit:g})")
+    if limit_cost is not None:
+        decided = f"the cost limit {limit_cost:g} percent"
+    return f"Decided by {decided}: {', '.join(said)}"
 
 
 def _failures(checks: tuple[Check, ...]) -> Part:
@@ -328,7 +361,7 @@ def _cost(check: CriticCheck) -> Table:
 
 def _with_limit(check: CriticCheck, limit_cost: float) -> dict[str, Any]:
     data = check.to_dict()
-    limited = {"limit_cost_percent": limit_cost, "ok": check.flight.within(limit_cost)}
+    limited = {"limit_cost_percent": limit_cost, "ok": check.holds(limit_cost)}
     return data | {"graded": data["graded"] | limited}
 
 

@@ -1,0 +1,335 @@
+"""Critics and policies that are neural networks: read, differentiated, searched, and judged."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import AT_15, stored
+from network_files import onnx_file, safetensors_file, torch_file
+from planted_critics import DEGREE, gain, value
+
+from controller import Game, basis
+from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from hfa_support import BadInputError
+from verification import solve_game
+from verification.critic.critic_errors import ordinary_box
+from verification.critic.network_check import NetworkCritic, check_network, flown_loss, network_critic, search
+from verification.critic.network_file import ACTIVATIONS, network_in
+
+HERE = Path(__file__).parent
+DATA = json.loads((HERE / "networks.json").read_text(encoding="utf-8"))
+GOPS = DATA["gops"]
+#: z'Pz: x P, times x, summed.
+QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
+ONES = np.ones((6, 1))
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def critic_of(game: Game, path: str | Path, output: str | None = None, scale: Any = None, **how: Any) -> NetworkCritic:
+    functions = basis("quadratic", len(game.A))
+    return network_critic(game, network_in(path, len(game.A), features=functions.size, **how), functions, output, scale)
+
+
+def linear(weight: np.ndarray, name: str = "policy.pt") -> str:
+    return torch_file(name, {"weight": weight})
+
+
+# Read and differentiated.
+
+
+@pytest.mark.parametrize("name", ["torch_2_13.pt", "torch_2_13_legacy.pt"])
+def test_what_torch_wrote_is_read_and_differentiated(game: Game, name: str) -> None:
+    """V against torch's own, F against differences of V, P against differences of F."""
+    critic = critic_of(game, HERE / name, activation="tanh")
+    assert critic.evaluate is not None
+    V, F = (np.array(each) for each in critic.evaluate(np.array(DATA["torch"]["x"]).T))
+    assert V.ravel() == pytest.approx(DATA["torch"]["V"], rel=1e-12)
+    step, z = 1e-5, np.array(DATA["torch"]["x"][0])
+    moved = np.array(critic.evaluate(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))[0]).ravel()
+    assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
+    ends = np.array(critic.evaluate(step * np.hstack([np.eye(6), -np.eye(6)]))[1])
+    assert np.allclose(critic.candidate.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
+    assert critic.precision == "float32"
+
+
+_OPERATORS: dict[str, dict[str, Any]] = {
+    **{name: {} for name in ("Neg", "Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu", "Gelu", "Identity")},
+    "Elu ": {"alpha": 0.7},
+    "LeakyRelu ": {"alpha": 0.2},
+    "Gelu ": {"approximate": "tanh"},
+    "Transpose": {"perm": [0, 1]},
+}
+
+
+@pytest.mark.parametrize("name", _OPERATORS)
+def test_each_operator_is_that_of_onnx_runtime(game: Game, name: str) -> None:
+    runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
+    rng = np.random.default_rng(0)
+    constants = {
+        key: rng.normal(size=size).astype("float32") for key, size in (("W", (8, 6)), ("b", (8,)), ("c", (1,)))
+    }
+    constants |= {"shape": np.array([0, 2, -1]), "begin": np.array([1]), "end": np.array([9]), "axis": np.array([1])}
+    constants |= {"back": np.array([1, 12]), "rest": rng.normal(size=(12, 1)).astype("float32")}
+    nodes = [
+        ("Gemm", "x W b", "h", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
+        (name.strip(), "h", "g", _OPERATORS[name]),
+        ("Reshape", "g shape", "square"),
+        ("Slice", "square begin end axis", "half"),
+        ("Concat", "half square", "joined", {"axis": 1}),
+        ("Reshape", "joined back", "flat"),
+        ("Sub", "flat c", "less"),
+        ("Div", "less c", "part"),
+        ("Add", "part flat", "sum"),
+        ("MatMul", "sum rest", "y"),
+    ]
+    path = onnx_file("one.onnx", nodes, constants)
+    critic, session = critic_of(game, path), runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    assert critic.evaluate is not None
+    for z in rng.normal(scale=3.0, size=(20, 6)).astype("float32"):
+        theirs = float(session.run(None, {"x": z[None]})[0][0, 0])
+        assert float(critic.evaluate(z)[0]) == pytest.approx(theirs, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])
+def test_smooth_activations_have_their_derivatives_at_zero_and_far_away(name: str) -> None:
+    import casadi as ca
+
+    x = ca.SX.sym("x")
+    y = ACTIVATIONS[name](np.array([x], dtype=object))[0]
+    f = ca.Function("f", [x], [ca.gradient(y, x), ca.gradient(ca.gradient(y, x), x)])
+    at_zero = {"tanh": (1, 0), "sigmoid": (0.25, 0), "softplus": (0.5, 0.25), "gelu": (0.5, math.sqrt(2 / math.pi))}
+    assert [float(each) for each in f(0.0)] == pytest.approx(at_zero[name], abs=1e-12)
+    assert all(math.isfinite(each) for far in (-1e4, 1e4) for each in map(float, f(far)))
+
+
+# Right ones pass.
+
+
+@pytest.mark.parametrize("kind", ["float32", "float64"])
+def test_a_network_that_is_the_value_passes(game: Game, kind: str) -> None:
+    """Weights in float32 too: their rounding is below the limit."""
+    path = onnx_file("V.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)})
+    found = answer("verify", *AT_15, "--weights", path)
+    assert found["ok"]
+    assert (found["network"]["output"], found["network"]["precision"]) == ("V", kind)
+    assert {"searched_value_error", "searched_gradient_error", "searched_policy_error"} <= {
+        each["name"] for each in found["checks"]
+    }
+    said = hfa("verify", *AT_15, "--weights", path).out
+    assert "Decided by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost" in said
+    assert "(searched, 1000 starts; not a bound)" in said
+
+
+def test_gradients_and_policies_pass(game: Game) -> None:
+    box = ordinary_box(game)
+    for name, write in (("a.pt", torch_file), ("a.safetensors", safetensors_file)):
+        for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):
+            critic = critic_of(game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))}))
+            assert critic.output == output
+            assert check_network(game, critic, box=box).ok
+
+
+def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
+    """u = -(K/e) tanh(e z): its error is (e z)²/3."""
+    tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
+    path = torch_file("actor.pth", tensors)
+    words = ("verify", *AT_15, "--weights", path, "--activation")
+    assert answer(*words, "tanh")["ok"]
+    assert not answer(*words, "relu", code=FAILED)["ok"]
+    assert "give --activation tanh|relu" in hfa(*words[:-1]).err
+    assert "unknown activation 'cosh'" in hfa(*words, "cosh").err
+
+
+# Planted mistakes do not.
+
+MISTAKES: dict[str, tuple[Callable[[Game], np.ndarray], str]] = {
+    "outputs swapped": (lambda game: -gain(game)[[0, 2, 1, 4, 3]], "the inputs are in the order 1, 3, 2, 5, 4"),
+    "u = +K z": (gain, "the gain has the wrong sign"),
+    "degrees": (lambda game: -gain(game) * np.array([1.0, *[DEGREE] * 5]), "are in degrees"),
+    "another gamma": (lambda game: -gain(game.with_delta(160.0)), "of another game, at delta = 160"),
+    "no input scaling": (lambda game: -gain(game) / np.array([7.0, *[0.1] * 5]), ""),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_planted_mistakes_fail(game: Game, mistake: str) -> None:
+    plant, words = MISTAKES[mistake]
+    check = check_network(game, critic_of(game, linear(plant(game))), box=ordinary_box(game))
+    assert not check.ok
+    assert words in check.diagnosis
+
+
+def test_the_scale_of_the_inputs_counts(game: Game) -> None:
+    scale = np.array([1 / 7.0, *[10.0] * 5])
+    path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
+    said = ",".join(map(str, scale))
+    assert answer("verify", *AT_15, "--weights", path, "--scale", said)["ok"]
+    assert answer("verify", *AT_15, "--weights", path, code=FAILED)["ok"] is False
+    assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--scale", "1,2").err
+
+
+def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
+    """u = -K z + 5 z_1³/7³ in the first input: K is exact, and the search finds the corner."""
+    nodes = [("MatMul", "x K", "u"), ("MatMul", "x first", "h"), ("Mul", "h h", "s"), ("Mul", "s h", "c")]
+    constants = {"K": -gain(game).T, "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1]}
+    critic = critic_of(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
+    box = ordinary_box(game)
+    check = check_network(game, critic, box=box, fly=True)
+    assert check.K_rel_error < 1e-12
+    assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
+    assert check.network is not None
+    (found,) = check.network.found
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ box.half_widths)
+    assert found.error == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
+    assert check.flight.within(1e-6)
+    assert not check.holds(1e-6)
+
+
+def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
+    nodes = [*QUADRATIC[:2], ("MatMul", "terms ones", "V"), ("Slice", "x a b c", "s"), ("Pow", "s half", "r")]
+    constants = {"P": value(game), "ones": ONES, "a": np.array([0]), "b": np.array([1]), "c": np.array([1])}
+    constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
+    path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
+    check = check_network(game, critic_of(game, path), box=ordinary_box(game))
+    assert "searched_value_error" in {each.name for each in check.checks if not each.ok}
+
+
+def test_the_search_finds_what_many_samples_find(game: Game) -> None:
+    critic, exact, b = critic_of(game, HERE / "torch_2_13.pt", activation="tanh"), solve_game(game), np.full(6, 3.0)
+    assert critic.evaluate is not None
+    z = b[:, None] * np.random.default_rng(5).uniform(-1.0, 1.0, (6, 100_000))
+    V = np.array(critic.evaluate(z)[0]).ravel() - critic.constant
+    sampled = np.abs(V - np.sum(z * (exact.P @ z), axis=0)).max() / (b @ np.abs(exact.P) @ b)
+    found = {each.name: each for each in search(game, critic, exact, b)}
+    assert found["value"].error >= sampled
+
+
+def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(game: Game) -> None:
+    """From 40 starts, under the disturbance of the exact policies: no more than the worst of all."""
+    critic, exact = critic_of(game, linear(-1.2 * gain(game))), solve_game(game)
+    check = check_network(game, critic, box=ordinary_box(game), fly=True)
+    assert check.network is not None
+    assert 0.1 * check.flight.mean < check.network.lost <= check.flight.worst * (1 + 1e-6)
+    away = critic_of(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
+    assert flown_loss(game, away, exact, ordinary_box(game).half_widths) > 1.0
+
+
+# What others have published.
+
+
+def test_the_published_weights_of_gops() -> None:
+    """V = W'psi + a constant; the exact ones as printed, the learned ones off by 1.6 % and nearly free of cost."""
+    plant = stored("plant.json", **GOPS["plant"])
+    words = ("verify", "--model", plant, "--network", "value", "--weights")
+    for name, weights, bias in (("exact", GOPS["exact"], 0.0), ("learned", GOPS["learned"], GOPS["learned_bias"])):
+        one = {"v.weight": np.array([weights], "float32"), "v.bias": np.array([bias], "float32")}
+        both = {f"{part}.{key}": each for part in ("value", "value_target") for key, each in one.items()}
+        torch_file(f"{name}.pkl", both)
+    exact = answer(*words, "exact.pkl")
+    assert (exact["ok"], exact["P_rel_error"]) == (True, pytest.approx(1.6e-7, rel=0.1))
+    learned = answer(*words, "learned.pkl", code=FAILED)
+    assert learned["P_rel_error"] == pytest.approx(0.016, rel=0.03)
+    assert learned["K_rel_error"] == pytest.approx(0.0043, rel=0.02)
+    assert learned["graded"]["cost_lost_worst_percent"] == pytest.approx(0.0005, rel=0.03)
+    assert learned["graded"]["l2_gain"] == pytest.approx(3.543, abs=5e-4)
+    assert learned["network"]["value_at_origin"] == pytest.approx(-0.0424, abs=5e-5)
+    assert hfa(*words, "learned.pkl", "--limit-cost", "0.001").code == DONE
+    assert (
+        "of several networks name one by --network: value, value_target" in hfa(*words[:3], *words[5:], "exact.pkl").err
+    )
+
+
+# Refused in one line.
+
+
+class Evil:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, ("executed",)
+
+
+def refused(path: str | Path, **how: Any) -> str:
+    with pytest.raises(BadInputError) as caught:
+        network_in(path, 6, **how)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", [".pkl", ".pt", ".pth"])
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_pickle_that_would_run_code_is_refused_and_nothing_runs(suffix: str, packed: bool) -> None:
+    content, path = pickle.dumps({"0.weight": Evil()}), Path(f"evil{suffix}")
+    if packed:
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("evil/data.pkl", content)
+    else:
+        path.write_bytes(content)
+    assert "mkdir, which is not done: save state_dict() alone" in refused(path)
+    assert not Path("executed").exists()
+    pickle.loads(content)  # as torch.load without weights_only
+    assert Path("executed").exists()
+
+
+def test_wrong_state_dicts_are_refused() -> None:
+    good = np.zeros((1, 6), "float32")
+    wrong = {
+        "has 10 inputs": {"weight": np.zeros((1, 10))},
+        "HalfStorage": {"weight": good.astype("float16")},
+        "not finite": {"weight": good + np.nan},
+        "is no weight or bias of a linear layer": {"0.weight": good, "0.running_mean": np.zeros(3)},
+        "networks may have 200000": {"weight": np.zeros((40_000, 6))},
+        "the layer before gives 1": {"0.weight": good, "1.weight": good},
+    }
+    for said, tensors in wrong.items():
+        assert said in refused(torch_file("wrong.pt", tensors)), said
+    assert "F16" in refused(safetensors_file("half.safetensors", {"weight": good.astype("float16")}))
+    for name, content in (("a.pt", b"PK\3\4"), ("b.pt", b"text"), ("c.safetensors", b"\xff" * 20), ("d.pkl", b"")):
+        Path(name).write_bytes(content)
+        refused(name)
+    with Path("large.pt").open("wb") as stream:
+        stream.truncate(2**25)
+    assert "larger than 16 MiB" in refused("large.pt")
+
+
+def test_wrong_graphs_are_refused() -> None:
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
+    assert "has 10 inputs and the plant 6 states" in refused(
+        onnx_file("ten.onnx", [("MatMul", "x w", "y")], {"w": np.ones((10, 1), "float32")}, states=10)
+    )
+    assert "operator Loop is not known" in refused(onnx_file("loop.onnx", [("Loop", "x", "y")], constants))
+    half = {name: each.astype("float16") for name, each in constants.items()}
+    assert "is float16; export weights as float32" in refused(onnx_file("half.onnx", QUADRATIC, half))
+    assert "not finite" in refused(
+        onnx_file("nan.onnx", QUADRATIC, constants | {"P": np.full((6, 6), np.nan, "float32")})
+    )
+    model = onnx.load(onnx_file("good.onnx", QUADRATIC, constants))
+    network_in("good.onnx", 6)
+    onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
+    assert "is in another file; export with the weights inside" in refused("outside.onnx")
+    assert "belong to a state dict" in refused("good.onnx", activation="tanh")
+    Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
+    refused("damaged.onnx")
+
+
+def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
+    assert (
+        "the network has 3 outputs; on this plant V has 1, gradient has 6, policy has 5"
+        in hfa("verify", *AT_15, "--weights", linear(np.zeros((3, 6)))).err
+    )
+    plant = stored("plant.json", **GOPS["plant"])
+    path = linear(-np.ones((1, 3)))
+    said = hfa("verify", "--model", plant, "--weights", path)
+    assert (said.code, "1 outputs may be V or policy; say which by --network-output" in said.err) == (BAD_INPUT, True)
+    assert hfa("verify", "--model", plant, "--weights", path, "--network-output", "policy").code == FAILED
+    assert "--activation belongs to a network" in hfa("verify", *AT_15, "--activation", "tanh").err
