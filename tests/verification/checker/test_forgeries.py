@@ -11,76 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import ORIGIN, exact_table, family, forge, scalar_game
+from proof_cases import forge
 
 from controller import Game, basis
-from controller.game.critic_file import StoredCritic
-from controller.policy.gain_table import GainTable
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, default_parameters
+from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters
 from hfa_model.vectors import INPUT_SCALES
 from hfa_support import NoSolutionError
 from trim import TrimCondition, find_operating_point, linearize
-from verification import Family, check_certificate, coarsest_grid, prove_critic, prove_rate, prove_schedule
+from verification import check_certificate
 from verification.checker.checker import Rejected
-from verification.proof.certificate_file import ScheduleCertificate, write_certificate
-from verification.proof.lpv_grid import certify
-from verification.proof.solution_proof import critic_claim, prove_solution, solution_claim
 
 Content = dict[str, Any]
 KINDS = ("rate", "memory", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
 #: Rounding that the judge allows for: it computes in doubles.
 ROUNDING = 1e-10
-
-
-def _schedule(path: Path, flights: Family, table: GainTable, low: float, high: float, *, rate: bool = False) -> None:
-    proof = prove_schedule(flights, table, low, high)
-    motion = prove_rate(flights, table, low, high) if rate else None
-    ScheduleCertificate(flights, table, low, high, path, ORIGIN).finish(proof, motion)
-
-
-def _with_memory() -> GainTable:
-    """Throttle and elevators through lags that are states of the loop."""
-    exact, rows = exact_table(14.0, 14.125), np.arange(5)
-    K, M = np.zeros((2, 5, 11)), np.zeros((2, 11, 11))
-    K[:, rows, 6 + rows], M[:, 6 + rows, 6 + rows], M[:, 6:, :6] = -1.0, -400.0, -400.0 * exact.K
-    return GainTable(exact.dihedral_deg, K, M)
-
-
-@pytest.fixture(scope="module")
-def certificates(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Content]:
-    folder, known = tmp_path_factory.mktemp("proofs"), default_parameters()
-    files = {kind: folder / f"{kind}.json" for kind in KINDS}
-    spread = tuple(known.standard_errors.get(name, 0.0) for name in known.values._fields)
-    wide = Family(Aircraft(known.values), spread=spread)
-    _schedule(files["rate"], family(), exact_table(14.0, 14.125), 14.0, 14.125, rate=True)
-    _schedule(files["memory"], family(), _with_memory(), 14.0, 14.0625)
-    _schedule(files["crossing"], family(), exact_table(16.6875, 16.6895), 16.6875, 16.6895)
-    _schedule(files["errors"], wide, exact_table(14.0, 14.0625), 14.0, 14.0625)
-    aircraft, plant = (
-        _game(14.5),
-        Game(A=[[0.0, 1.0], [2.0, -1.0]], B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=50.0),
-    )
-    for name, game, flights, degrees in (
-        ("solution", aircraft, family(), 14.5),
-        ("scalar", scalar_game(2.0), None, None),
-    ):
-        proof = prove_solution(game, flights, degrees)
-        write_certificate(files[name], ORIGIN, "game", *solution_claim(proof))
-    for name, game, flights, degrees in (("critic", aircraft, family(), 14.5), ("plant", plant, None, None)):
-        exact, functions = solve_game(game), basis("quadratic", len(game.A))
-        stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
-        found = prove_critic(game, stored, functions, flights, degrees)
-        write_certificate(files[name], ORIGIN, "game", *critic_claim(found))
-    certify(coarsest_grid(family(), 14.0, 14.0625, 1e-2), family(), files["lpv"], ORIGIN)
-    return {kind: json.loads(path.read_text()) for kind, path in files.items()}
-
-
-def _game(degrees: float) -> Game:
-    from known_models import game_at
-
-    return game_at(degrees)
 
 
 # The forger: one change of one thing.
@@ -307,6 +253,88 @@ def test_no_false_theorem_is_accepted(certificates: dict[str, Content], kind: st
     assert 0 < accepted < count
 
 
+def _at_place(content: Content, *path: Any) -> Any:
+    for key in path:
+        content = content[key]
+    return content
+
+
+def put(value: Any, *path: Any) -> Callable[[Content], None]:
+    """Another value at a place, or what a function makes of the one there."""
+
+    def change(content: Content) -> None:
+        holder = _at_place(content, *path[:-1])
+        holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+
+    return change
+
+
+def _nearer(content: Content) -> None:
+    """A bracket of delta_min that is a thousandth as wide, from below."""
+    bracket = content["statement"]["delta_min"]
+    bracket[0] = bracket[1] * (1.0 - 1e-12)
+
+
+def _lower(content: Content) -> None:
+    bracket = content["statement"]["delta_min"]
+    bracket[1] = bracket[0] * (1.0 + 1e-12)
+
+
+def _half_an_entry(content: Content) -> None:
+    ends = content["boxes"]["loop"][0]["A"][3][1]
+    ends[1] = (ends[0] + ends[1]) / 2
+
+
+def _uneven(P: list[Any]) -> list[Any]:
+    """No longer one Lyapunov function: every node has its own size."""
+    return list((np.array(P) * np.linspace(1.0, 2.0, len(P))[:, None, None]).tolist())
+
+
+LOOP, MODES, TABLE = ("boxes", "loop", 0), ("boxes", "modes", 0), ("statement", "table")
+#: Name -> kind, and what is changed in a certificate whose digest is then right.
+UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
+    "rate": ("rate", put(0.5, *LOOP, "rate")),
+    "negative rate": ("rate", put(-0.1, *LOOP, "rate")),
+    "sign of H": ("rate", put(lambda H: (-np.array(H)).tolist(), *LOOP, "H")),
+    "singular H": ("rate", put(np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).tolist(), *LOOP, "H")),
+    "no H": ("rate", lambda content: _at_place(content, *LOOP).pop("H")),
+    "count": ("rate", put(0, *MODES, "unstable")),
+    "gain": ("rate", put(np.zeros((5, 6)).tolist(), *TABLE, "K", 0)),
+    "entry of A": ("rate", _half_an_entry),
+    "trim": ("rate", put(lambda x: x + 1e-3, *LOOP, "trim", "throttle", 0)),
+    "dynamics": ("rate", put("newton", "statement", "dynamics")),
+    "a box twice": ("rate", put(lambda boxes: [boxes[-1], *boxes], "boxes", "modes")),
+    "across an angle": ("rate", put([14.0, 14.02], *TABLE, "dihedral_deg")),
+    "limit": ("rate", put(1.0, "statement", "limits", "throttle", 1)),
+    "no limit": ("rate", lambda content: _at_place(content, "statement", "limits").pop("throttle")),
+    "motion": ("rate", put(lambda rate: 2.0 * rate, "statement", "dihedral_rate")),
+    "lyapunov": ("rate", put(_uneven, "statement", "lyapunov", "P")),
+    "every box at 14 deg": ("rate", put(float(np.radians(14.0)), "statement", "imposed", "dihedral")),
+    "throttle imposed": ("rate", put(3.0, "statement", "imposed", "throttle")),
+    "error of nothing": ("rate", put({"wing_color": 1.0}, "statement", "spread")),
+    "radius": ("solution", put(1e-14, "statement", "distances", "P", 1)),
+    "P": ("solution", put("1.0", "boxes", "solution", 0, "P", 0, 0, 0)),
+    "bracket from below": ("solution", _nearer),
+    "bracket from above": ("solution", _lower),
+    "count of A": ("solution", put(0, *MODES, "unstable")),
+    "trim of a bound": ("solution", put("20.0", "boxes", "value", 0, "trim", "throttle", 0)),
+    "Q": ("solution", put(lambda q: q * (1.0 + 1e-6), "statement", "game", "Q", 0, 0)),
+    "nothing refused": ("solution", put([], "boxes", "refused")),
+    "nearer": ("critic", put([0.0, 9e-4], "statement", "distances", "K")),
+    "farther": ("critic", put([2e-6, 1.0], "statement", "distances", "W")),
+    "unstable": ("critic", put(1, *LOOP, "unstable")),
+}
+
+
+@pytest.mark.parametrize("name", UNPROVED)
+def test_a_forgery_with_a_right_digest_is_rejected(certificates: dict[str, Content], name: str, tmp_path: Path) -> None:
+    kind, change = UNPROVED[name]
+    content = copy.deepcopy(certificates[kind])
+    change(content)
+    with pytest.raises(Rejected):
+        check_certificate(forge(tmp_path / "forged.json", content))
+
+
 def _one_direction(content: Content) -> None:
     content["statement"]["dihedral_rate"] = 1e6
     P = np.array(content["statement"]["lyapunov"]["P"])
@@ -346,18 +374,6 @@ def _unsorted(content: Content) -> None:
         table[key] = [table[key][0], table[key][-1], *table[key]]
 
 
-def _overwritten(content: Content) -> None:
-    content["statement"]["imposed"]["pitch"] = 0.3
-
-
-def _units(content: Content) -> None:
-    content["statement"]["state_units"][0] = "m/s"
-
-
-def _null(content: Content) -> None:
-    content["statement"]["imposed"]["gamma"] = None
-
-
 def _doubles_alone(content: Content) -> None:
     for boxes in content["boxes"].values():
         for box in boxes:
@@ -375,9 +391,9 @@ def _doubles_alone(content: Content) -> None:
         ("critic", _all_open),
         ("lpv", _no_cells),
         ("rate", _unsorted),
-        ("rate", _overwritten),
-        ("solution", _units),
-        ("lpv", _null),
+        ("rate", put(0.3, "statement", "imposed", "pitch")),
+        ("solution", put("m/s", "statement", "state_units", 0)),
+        ("lpv", put(None, "statement", "imposed", "gamma")),
     ],
 )
 def test_a_known_forgery_is_rejected(

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from known_models import game_at
-from proof_cases import ORIGIN, family, forge, scalar_game
+from proof_cases import ORIGIN, family, scalar_game
 
 from controller import Game, basis
 from controller.game.critic_file import StoredCritic
@@ -87,69 +85,3 @@ def test_a_loop_with_a_mode_on_the_axis_is_not_certified() -> None:
     assert proof.stabilizes is None
     with pytest.raises(NoSolutionError, match="may lie on the axis"):
         critic_claim(proof)
-
-
-def _radius(content: Content) -> None:
-    content["statement"]["distances"]["P"][1] = 1e-14
-
-
-def _solution(content: Content) -> None:
-    content["boxes"]["solution"][0]["P"][0][0][0] = "1.0"
-
-
-def _bracket(content: Content) -> None:
-    most = content["statement"]["delta_min"][1]
-    content["statement"]["delta_min"][0] = most * (1.0 - 1e-12)
-
-
-def _above(content: Content) -> None:
-    above = content["statement"]["delta_min"][0]
-    content["statement"]["delta_min"][1] = above * (1.0 + 1e-12)
-
-
-def _modes(content: Content) -> None:
-    content["boxes"]["modes"][0]["unstable"] = 0
-
-
-def _trim(content: Content) -> None:
-    content["boxes"]["value"][0]["trim"]["throttle"][0] = "20.0"
-
-
-def _weight(content: Content) -> None:
-    content["statement"]["game"]["Q"][0][0] *= 1.0 + 1e-6
-
-
-def _missing(content: Content) -> None:
-    content["boxes"]["refused"] = []
-
-
-@pytest.mark.parametrize("change", [_radius, _solution, _bracket, _above, _modes, _trim, _weight, _missing])
-def test_a_forged_solution_is_rejected(solution: Path, tmp_path: Path, change: Callable[[Content], None]) -> None:
-    with pytest.raises(Rejected):
-        check_certificate(_changed(solution, tmp_path, change))
-
-
-def _nearer(content: Content) -> None:
-    content["statement"]["distances"]["K"] = [0.0, 9e-4]
-
-
-def _farther(content: Content) -> None:
-    content["statement"]["distances"]["W"] = [2e-6, 1.0]
-
-
-def _unstable(content: Content) -> None:
-    content["boxes"]["loop"][0]["unstable"] = 1
-
-
-@pytest.mark.parametrize("change", [_nearer, _farther, _unstable])
-def test_a_forged_critic_is_rejected(critic: Path, tmp_path: Path, change: Callable[[Content], None]) -> None:
-    with pytest.raises(Rejected):
-        check_certificate(_changed(critic, tmp_path, change))
-
-
-def _changed(path: Path, folder: Path, change: Callable[[Content], None]) -> Path:
-    content = json.loads(path.read_text())
-    change(content)
-    forged = folder / "forged.json"
-    forge(forged, content)
-    return forged
