@@ -24,7 +24,8 @@ from controller.laws.run import Run
 from controller.training_data import recording
 from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from controller.training_data.recording import Stack
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.schema import POSITIVE, Number
 
 
 def decay_rate(time: float, eta: float, theta: float) -> float:
@@ -239,7 +240,15 @@ class CertifiedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        law_settings.recorded(self, "tick")
+        share, most = Number(0.0, 1.0, above=True), law_settings.MOST_SAMPLES
+        numbers = {"predefined_time": POSITIVE, "tick": POSITIVE, "eta": share, "theta": share}
+        law_settings.checked(self, numbers, {"samples": most, "pool_samples": most})
+        if 1.0 in (self.eta, self.theta):
+            raise BadInputError(f"{'eta' if self.eta == 1.0 else 'theta'} is 1.0; give a number below 1")
+        if self.tick > self.predefined_time:
+            raise BadInputError(
+                f"tick is {self.tick} s; it must not exceed the predefined time, {self.predefined_time} s"
+            )
 
 
 @dataclass(frozen=True, eq=False)

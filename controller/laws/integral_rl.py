@@ -19,10 +19,11 @@ from controller.training_data import recording
 from controller.training_data.bellman_equations import StackEquations
 from controller.training_data.recording import Stack, record, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.schema import POSITIVE, Number
 
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10
-#: Most intervals; each has NODES samples of the flight, and a few times M are enough.
+#: Most intervals, each with NODES samples of the flight, and most iterations; a few times M are enough.
 MOST_INTERVALS = 10_000
 #: A flight beyond this overflows when its states are multiplied.
 LARGEST_STATE = 1e100
@@ -50,13 +51,9 @@ class IrlSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        law_settings.positive("interval", self.interval)
-        law_settings.positive("probe", self.probe)
-        law_settings.counting("intervals", self.intervals, MOST_INTERVALS)
-        law_settings.counting("iterations", self.iterations)
+        numbers = {"interval": POSITIVE, "probe": POSITIVE, "disturbance": Number(0.0)}
+        law_settings.checked(self, numbers, {"intervals": MOST_INTERVALS, "iterations": MOST_INTERVALS})
         refuse_unknown("form is", self.form, ("game", "lqr"))
-        if not self.disturbance >= 0.0:
-            raise BadInputError(f"disturbance is {self.disturbance}; it must be at least 0")
 
 
 #: The scaled weights, and the misfit of the last least squares.

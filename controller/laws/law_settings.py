@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from controller.game.basis import Basis
 from hfa_support.errors import BadInputError
+from hfa_support.schema import Number
 
 #: Weights beyond this overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60
@@ -15,23 +17,20 @@ LARGEST_WEIGHT = 1e60
 MOST_SAMPLES = 100_000
 
 
-def positive(name: str, value: float) -> None:
-    """Raise BadInputError unless the setting is a finite number above 0."""
-    if not (_is_number(value) and np.isfinite(value) and value > 0.0):
-        raise BadInputError(f"{name} is {value}; it must be a positive number")
+def checked(settings: Any, numbers: Mapping[str, Number], counts: Mapping[str, int]) -> None:
+    """BadInputError unless the settings named are such numbers, and whole numbers from 1 to what is given.
 
-
-def counting(name: str, value: int | None, most: int | None = None) -> None:
-    """Raise BadInputError unless the setting is a whole number of at least 1, and of at most `most`.
-
-    None is a number that follows from the size of the basis (`enough_for`).
+    A count of None follows from the size of the basis (`enough_for`).
     """
-    if value is None:
-        return
-    if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 1):
-        raise BadInputError(f"{name} is {value}; it must be a whole number of at least 1")
-    if most is not None and value > most:
-        raise BadInputError(f"{name} is {value}; it must not exceed {most}")
+    for name, declared in numbers.items():
+        if declared.of(value := getattr(settings, name)) is None:
+            raise BadInputError(f"{name} is {value}; give {declared}")
+    for name, most in counts.items():
+        value = getattr(settings, name)
+        if value is not None and not (
+            isinstance(value, (int, np.integer)) and value is not True and 1 <= value <= most
+        ):
+            raise BadInputError(f"{name} is {value}; give a whole number from 1 to {most}")
 
 
 def enough_for(weights: int, least: int) -> int:
@@ -43,28 +42,6 @@ def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -
     """N_h and the size of the pool that it is chosen from, each as given or enough for the basis: 50 of 500 or more."""
     chosen = enough_for(basis.size, 50) if samples is None else samples
     return chosen, max(500, 5 * chosen) if pool_samples is None else pool_samples
-
-
-def recorded(settings: Any, step: str) -> None:
-    """Raise BadInputError unless what laws on recorded samples have in common can run.
-
-    settings: predefined_time and the one called `step`, s; eta and theta in (0, 1); samples and pool_samples.
-    """
-    length, end = getattr(settings, step), settings.predefined_time
-    positive("predefined_time", end)
-    positive(step, length)
-    for name in ("eta", "theta"):
-        value = getattr(settings, name)
-        if not (_is_number(value) and 0.0 < value < 1.0):
-            raise BadInputError(f"{name} is {value}; it must lie between 0 and 1, both excluded")
-    counting("samples", settings.samples)
-    counting("pool_samples", settings.pool_samples, MOST_SAMPLES)
-    if length > end:
-        raise BadInputError(f"{step} is {length} s; it must not exceed the predefined time {end} s")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:

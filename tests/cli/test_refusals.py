@@ -124,7 +124,7 @@ REFUSED = {
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "unknown law 'sarsa'; choose from certified"),
-        ("--dihedral 15 --set predefined_time=0", "predefined_time is 0.0; it must be a positive number"),
+        ("--dihedral 15 --set predefined_time=0", "predefined_time is 0.0; give a finite number above 0"),
         ("--dihedral 15 --set samples=20", "20 samples cannot determine 21 weights; record at least 21"),
         ("--dihedral 15 --law irl --set intervals=20", "20 intervals cannot determine 21 weights; record more"),
         ("--dihedral 15 --set samples=21.5", "samples is 21.5; give a whole number"),

@@ -106,8 +106,8 @@ def trim_of_third_printed_model() -> ReleasedTrim:
 
 
 SCHEMA = "hfa.validation/1"
-#: Largest differences that may be left. Deflections: rad. Thrust: relative. Eigenvalues: 1/s, printed to 1e-5.
-MOST_DEFLECTION, MOST_THRUST, MOST_EIGENVALUE = 5e-5, 3e-3, 1e-4
+#: Differences of a trim: unit, the largest that may be left, the unit in a sentence. Eigenvalues are printed to 1e-5.
+_DIFFERENCES = {"deflection": ("rad", 5e-5, "rad"), "thrust": ("1", 3e-3, "of it"), "eigenvalue": ("1/s", 1e-4, "1/s")}
 #: A cut digit is wrong by up to two half units, a rounded one by one.
 MOST_HALF_UNITS = 2.0
 #: The released simulation deflects its surfaces further than the trims of this project allow.
@@ -177,21 +177,12 @@ def _trims(found: Validation) -> Table:
             shown_value(each.released.speed, "ft/s"),
             f"{math.degrees(each.released.dihedral):g}",
             f"{math.degrees(each.released.alpha):.3f}",
-            f"{each.deflection:.1e}",
-            f"{each.thrust:.1e}",
-            f"{each.eigenvalue:.1e}",
+            *(f"{getattr(each, name):.1e}" for name in _DIFFERENCES),
         )
         for each in found.trims
     ]
-    header = (
-        f"speed {shown_unit('ft/s')}",
-        "dihedral deg",
-        "alpha deg",
-        "deflection, rad",
-        "thrust, relative",
-        "eigenvalue, 1/s",
-    )
-    return Table(header, rows)
+    differences = ("deflection, rad", "thrust, relative", "eigenvalue, 1/s")
+    return Table((f"speed {shown_unit('ft/s')}", "dihedral deg", "alpha deg", *differences), rows)
 
 
 def _entries(found: Validation) -> Table:
@@ -204,22 +195,17 @@ def _entries(found: Validation) -> Table:
 
 
 def _data(found: Validation) -> dict[str, Any]:
+    condition = {"speed": "ft/s", "dihedral": "rad", "alpha": "rad"}
+    differences = {f"{name}_difference": name for name in _DIFFERENCES}
     return {
         "schema": SCHEMA,
         "dynamics": found.dynamics,
         "ok": found.ok,
         "checks": [check.to_dict() for check in found.checks],
-        "trim_units": {"speed": "ft/s", "dihedral": "rad", "alpha": "rad", "deflection_difference": "rad"}
-        | {"thrust_difference": "1", "eigenvalue_difference": "1/s"},
+        "trim_units": condition | {key: _DIFFERENCES[name][0] for key, name in differences.items()},
         "trims": [
-            {
-                "speed": each.released.speed,
-                "dihedral": each.released.dihedral,
-                "alpha": each.released.alpha,
-                "deflection_difference": each.deflection,
-                "thrust_difference": each.thrust,
-                "eigenvalue_difference": each.eigenvalue,
-            }
+            {name: getattr(each.released, name) for name in condition}
+            | {key: getattr(each, name) for key, name in differences.items()}
             for each in found.trims
         ],
         "entries": [
@@ -285,14 +271,10 @@ def _checks(
     found = []
     for speed in dict.fromkeys(each.released.speed for each in trims):
         these = [each for each in trims if each.released.speed == speed]
-        for what, limit, unit in (
-            ("deflection", MOST_DEFLECTION, " rad"),
-            ("thrust", MOST_THRUST, " of it"),
-            ("eigenvalue", MOST_EIGENVALUE, " 1/s"),
-        ):
+        for what, (_, limit, unit) in _DIFFERENCES.items():
             worst = max(these, key=lambda each, what=what: abs(getattr(each, what)))  # type: ignore[misc]
             value = abs(getattr(worst, what))
-            reason = f"{what} off by {value:.2g}{unit} at {math.degrees(worst.released.dihedral):g} deg"
+            reason = f"{what} off by {value:.2g} {unit} at {math.degrees(worst.released.dihedral):g} deg"
             found.append(at_most(f"{what}_{speed:g}_ft_s", value, limit, reason))
     off = max(entries, key=lambda each: abs(each.half_units))
     reason = f"{off.printed.name} is printed {off.printed.digits} and comes out {off.computed:.6g}"

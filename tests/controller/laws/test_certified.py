@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from game_samples import game_models, random_game
+from known_models import game_at
 from learning_samples import (
     PUBLISHED,
     QUADRATIC,
@@ -23,7 +24,9 @@ from controller import CertifiedSettings, Game, Stack, basis, learn, random_pool
 from controller.game.basis import BASES
 from controller.laws.certified import after, certified_law, decay_rate, discount_at, fraction_to_reach
 from controller.training_data.recording import probing_flight
+from hfa_model import VARIANTS
 from hfa_support import NoSolutionError
+from verification import solve_game
 
 # The solution.
 
@@ -136,6 +139,17 @@ def test_one_state() -> None:
     s = 4.0 - 0.25
     assert result.P[0, 0] == pytest.approx((0.5 + np.sqrt(0.25 + 3.0 * s)) / s, rel=1e-12)
     assert result.converged
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+@pytest.mark.parametrize(
+    # docs/critics.md runs 0, 10 and 20.
+    "degrees",
+    [degrees if degrees % 10 == 5 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in range(21)],
+)
+def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
+    game = game_at(degrees, dynamics)
+    assert_exact(learn(game), solve_game(game))
 
 
 # The law.

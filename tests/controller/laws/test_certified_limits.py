@@ -201,7 +201,7 @@ def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:
     yield {"samples": 30.5}, "samples is 30.5"
     yield {"pool_samples": 40}, "the pool holds 40 samples and 50 were asked for"
     yield {"pool_samples": -1}, "pool_samples is -1"
-    yield {"pool_samples": 10**11}, "pool_samples is 100000000000; it must not exceed 100000"
+    yield {"pool_samples": 10**11}, "pool_samples is 100000000000; give a whole number from 1 to 100000"
     yield {"pool": 40}, "pool must be a Stack"
     yield {"basis": "cubic"}, "unknown basis 'cubic'"
     yield {"initial_weights": (1.0, 2.0)}, r"initial weights are \(2,\); basis 'quadratic' has 21"

@@ -135,7 +135,7 @@ def test_a_policy_without_value_breaks_down() -> None:
         ({"probe": -1.0}, "probe is -1.0"),
         ({"form": "nash"}, "form is 'nash'; choose from game, lqr"),
         ({"disturbance": -0.1}, "disturbance is -0.1"),
-        ({"intervals": 10_001}, "intervals is 10001; it must not exceed 10000"),
+        ({"intervals": 10_001}, "intervals is 10001; give a whole number from 1 to 10000"),
         ({"probe": 1e200}, r"the probing flight of 8 s grows beyond 1e\+100"),
         ({"disturbance": 1e150}, r"the probing flight of 8 s grows beyond 1e\+100"),
     ],
