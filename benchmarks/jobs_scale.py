@@ -86,7 +86,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     law = critic_law("published", CriticPolicy(case.law, zero(6)))
     initial = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     scenario = Scenario(duration, STEP, 0.01, initial, case.reference, case.disturbance, uncertainty=_UNCERTAIN)
-    return _plan(members, 5.0, "linear", law, scenario, _EVERYWHERE)
+    return _plan(members, 5.0, law, scenario, _EVERYWHERE)
 
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
@@ -95,15 +95,13 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
     scenario = Scenario(duration, uncertainty=_UNCERTAIN)
-    return _plan(members, 15.0, "nonlinear", law, scenario, flight_envelope(aircraft.parameters, model.point))
+    return _plan(members, 15.0, law, scenario, flight_envelope(aircraft.parameters, model.point))
 
 
-def _plan(
-    members: int, degrees: float, plant: str, law: FlownLaw, scenario: Scenario, envelope: Envelope
-) -> MonteCarlo:
+def _plan(members: int, degrees: float, law: FlownLaw, scenario: Scenario, envelope: Envelope) -> MonteCarlo:
     aircraft = Aircraft(default_parameters().values)
     point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    return MonteCarlo(members, 0, aircraft.parameters, "published", point, plant, law, scenario, envelope)
+    return MonteCarlo(members, 0, aircraft.parameters, "published", point, law, scenario, envelope)
 
 
 def _monte_carlo(quick: bool) -> Row:

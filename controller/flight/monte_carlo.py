@@ -16,7 +16,7 @@ from controller.flight.actuators import LONGEST_STEP
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, Envelope, beyond_control_limits, limited_names
 from controller.flight.integrator import COMPILE_FROM_STEPS
-from controller.flight.plants import UncertainPlant, uncertain_plant
+from controller.flight.plants import UncertainAircraft
 from controller.flight.scenario import Scenario, Uncertainty, loop_of
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import FlownLaw
@@ -54,7 +54,7 @@ _SHOWN = (("rms_error", LINEAR_STATES), ("peak_error", LINEAR_STATES), ("effort"
 class MonteCarlo(Shown):
     """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give the same results.
 
-    parameters, dynamics: the nominal aircraft, trimmed at `point`. plant: "nonlinear" or "linear". seed: with the
+    parameters, dynamics: the nominal aircraft, trimmed at `point`. seed: with the
     number of a member it decides all that is random in it, so that members can be simulated anywhere in any order. A
     member's flight ends at the first step outside the envelope. BadInputError when a number is wrong, the flight does
     not begin inside its envelope, an error belongs to a parameter that is zero, or a signal has no formula.
@@ -65,7 +65,6 @@ class MonteCarlo(Shown):
     parameters: Parameters
     dynamics: str
     point: OperatingPoint
-    plant: str
     law: FlownLaw
     scenario: Scenario
     envelope: Envelope
@@ -90,12 +89,6 @@ class MonteCarlo(Shown):
             if getattr(self.parameters, name) == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
         self.member(0)  # turbulence that cannot be made is refused here rather than in a worker
-        self.uncertain_plant  # noqa: B018 (refuses an unknown plant)
-
-    @property
-    def uncertain_plant(self) -> UncertainPlant:
-        """The plant with its parameters as an input."""
-        return uncertain_plant(self.plant, variant_named(self.dynamics), self.point)
 
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""
@@ -103,7 +96,9 @@ class MonteCarlo(Shown):
 
     def loop(self, scenario: Scenario) -> ClosedLoop:
         """The loop of a member."""
-        return loop_of(self.uncertain_plant, self.law.policy, scenario, self.point)
+        return loop_of(
+            UncertainAircraft(variant_named(self.dynamics), self.point), self.law.policy, scenario, self.point
+        )
 
     def parameters_of(self, member: Scenario) -> np.ndarray:
         """The parameters of a member, (18,)."""
@@ -118,7 +113,6 @@ class MonteCarlo(Shown):
             "dynamics": self.dynamics,
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
-            "plant": self.plant,
             "law": {"name": self.law.name, **self.law.identity},
             "scenario": self.scenario.to_dict(),
             "uncertainty": asdict(self.scenario.uncertainty),
@@ -212,7 +206,7 @@ def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
     """Draw and simulate one member."""
     scenario = plan.member(member)
     loop = plan.loop(scenario)
-    constants = loop.constants(plan.law.constants, plan.uncertain_plant.constants(plan.parameters_of(scenario)))
+    constants = loop.constants(plan.law.constants, plan.parameters_of(scenario))
     start = loop.start(scenario.initial, plan.law.memory)
     return scenario, member_loop(plan).fly(start, constants, scenario.duration)
 
@@ -286,7 +280,7 @@ class MonteCarloResult(Reported):
         plan, duration = self.plan, self.plan.scenario.duration
         moving_air = plan.scenario.moving_air
         title = (
-            f"Monte Carlo, {plan.dynamics} dynamics, {plan.plant} aircraft, law {plan.law.name}: "
+            f"Monte Carlo, {plan.dynamics} dynamics, nonlinear aircraft, law {plan.law.name}: "
             f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {self.where}" if self.where else "")
         )
         outcome = [f"stayed within limits: {self.within_limits} of {plan.members}"]
@@ -310,7 +304,7 @@ class MonteCarloResult(Reported):
         data = {
             "schema": SUMMARY_SCHEMA,
             "dynamics": plan.dynamics,
-            "plant": plan.plant,
+            "plant": "nonlinear",
             "law": plan.law.name,
             "members": plan.members,
             "seed": plan.seed,

@@ -3,9 +3,7 @@ are numbers or an input of the loop."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
@@ -18,12 +16,8 @@ from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 from hfa_model.winds import Air, Wind, Winds
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
-
-_N, _M = len(STATES), len(INPUTS)
-#: Where f0, A, B, b and b_o of `UncertainLinearization` begin, and where they end.
-_COLUMNS = [0, 1, 1 + _N, 1 + _N + _M, 2 + _N + _M, 3 + _N + _M]
 
 
 class Plant(Protocol):
@@ -137,36 +131,28 @@ class LinearizedAircraft(SevenStates, Unvaried):
     @classmethod
     def at(cls, aircraft: Aircraft, point: OperatingPoint) -> LinearizedAircraft:
         """The exact derivatives at an operating point of the aircraft."""
-        expanded = _expansion(aircraft.variant)(
-            np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
+        x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
+        outer, calm = ca.SX.sym("outer"), ca.DM.zeros(len(LINEAR_STATES))
+        uniform, apart = (
+            NonlinearPlant(aircraft, point).rate(x, u, calm, each) for each in (w, ca.vertcat(ca.SX(0), outer))
         )
-        _, A, B, gust, outer_gust = np.split(np.array(expanded), _COLUMNS[1:-1], axis=1)
+        parts = [*(ca.jacobian(uniform, part) for part in (x, u, w)), ca.jacobian(apart, outer)]
+        derivatives = ca.Function("derivatives", [x, u, w, outer], parts)
+        A, B, gust, outer_gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0, 0))
         return cls(A, B, gust.ravel(), outer_gust.ravel())
 
     def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + b w + b_o (w_o - w), disturbed."""
-        return _first_order([ca.DM(each) for each in (self.A, self.B, self.gust, self.outer_gust)], x, u, d, updraft)
-
-
-def _first_order(derivatives: Sequence[Any], x: Any, u: Any, d: Any, updraft: Any) -> Any:
-    A, B, gust, outer_gust = derivatives
-    center, *outer = ca.vertsplit(ca.SX(updraft))
-    rate = ca.mtimes(A, x) + ca.mtimes(B, u) + gust * center
-    for each in outer:
-        rate = rate + outer_gust * (each - center)
-    return rate + ca.mtimes(ca.DM(spread()), d)
+        center, *outer = ca.vertsplit(ca.SX(updraft))
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * center
+        for each in outer:
+            rate = rate + ca.DM(self.outer_gust) * (each - center)
+        return rate + ca.mtimes(ca.DM(spread()), d)
 
 
 def spread() -> np.ndarray:
     """(7, 6): the six states of the linear model among the seven."""
     return np.array([[float(name == other) for other in LINEAR_STATES] for name in STATES])
-
-
-class UncertainPlant(Plant, Protocol):
-    """A plant about a trim of the nominal aircraft, whose own parameters come as numbers p later."""
-
-    def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """p for parameters (18,) in the order of `Parameters`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,61 +164,7 @@ class UncertainAircraft(SevenStates):
     variant: Variant
     point: OperatingPoint
 
-    def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """The parameters themselves."""
-        return parameters
-
     def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
         """f(X0 + x, U0 + u, w; p), disturbed."""
         flown = Equations(Parameters(*ca.vertsplit(p)), self.variant)
         return NonlinearPlant(flown, self.point).rate(x, u, d, updraft)
-
-
-@dataclass(frozen=True, eq=False)
-class UncertainLinearization(SevenStates):
-    """x' = f0(θ) + A(θ) x + B(θ) u + d + b(θ) w + b_o(θ) (w_o - w): `UncertainAircraft` to first order in x, u and w.
-
-    f0, A, B, b, b_o: f and its exact derivatives at the nominal trim (X0, U0, 0), column by column in p. f0 is not zero
-    where θ is not nominal: the trim of the design is not the trim of the aircraft.
-    """
-
-    constants_size = _N * _COLUMNS[-1]
-
-    variant: Variant
-    point: OperatingPoint
-
-    def constants(self, parameters: np.ndarray) -> np.ndarray:
-        """[f0, A, B, b, b_o] of these parameters, (105,)."""
-        at = self.point
-        flat = _expansion(self.variant)(np.array(at.states), np.array(at.inputs), parameters)
-        return np.array(flat).ravel(order="F")
-
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
-        """f0 + A x + B u + b w + b_o (w_o - w), disturbed."""
-        offset, *derivatives = ca.horzsplit(ca.reshape(p, _N, _COLUMNS[-1]), _COLUMNS)
-        return offset + _first_order(derivatives, x, u, d, updraft)
-
-
-#: Kind of plant -> its class.
-PLANTS: dict[str, type[UncertainAircraft] | type[UncertainLinearization]] = {
-    "nonlinear": UncertainAircraft,
-    "linear": UncertainLinearization,
-}
-
-
-def uncertain_plant(kind: str, variant: Variant, point: OperatingPoint) -> UncertainPlant:
-    """The plant of one of `PLANTS`. Raises BadInputError for another name."""
-    refuse_unknown("unknown plant", kind, PLANTS)
-    return PLANTS[kind](variant, point)
-
-
-@lru_cache(maxsize=4)
-def _expansion(variant: Variant) -> ca.Function:
-    """(X0, U0, θ) -> [f0, A, B, b, b_o], (7, 15)."""
-    X, U, theta = (ca.SX.sym(name, size) for name, size in (("X", _N), ("U", _M), ("p", len(Parameters._fields))))
-    moved = ca.SX.sym("moved", _N + _M + 2)  # x, u, w and w_o - w
-    x, u, w, more = ca.vertsplit(moved, [0, _N, _N + _M, _N + _M + 1, _N + _M + 2])
-    arguments = State(*ca.vertsplit(X + x)), Input(*ca.vertsplit(U + u)), Parameters(*ca.vertsplit(theta)), variant
-    f = ca.vertcat(*rates(*arguments, _air(ca.vertcat(w, w + more))))
-    whole = ca.substitute(ca.horzcat(f, ca.jacobian(f, moved)), moved, ca.DM.zeros(moved.numel()))
-    return ca.Function("expansion", [X, U, theta], [ca.densify(whole)])

@@ -125,7 +125,6 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
         parameters=aircraft.parameters,
         dynamics=arguments.dynamics,
         point=point,
-        plant="nonlinear",
         law=law or _law(arguments, linearize(aircraft, point)),
         scenario=scenario,
         envelope=envelope_of(arguments, aircraft, point),

@@ -42,7 +42,7 @@ def everything_plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
         uncertainty=EVERYTHING,
     )
     law, envelope = gain_law("exact", gain), flight_envelope(PARAMETERS, point)
-    return MonteCarlo(12, 7, PARAMETERS, "published", point, "nonlinear", law, scenario, envelope)
+    return MonteCarlo(12, 7, PARAMETERS, "published", point, law, scenario, envelope)
 
 
 def with_scenario(plan: MonteCarlo, **changes: Any) -> MonteCarlo:

@@ -27,7 +27,7 @@ from controller import (
 from controller.flight import monte_carlo
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.plants import NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
@@ -52,20 +52,6 @@ def nonlinear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
 
     def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
         value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, w)])
-        value[SEEN] += d
-        return value
-
-    return rate
-
-
-def linear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
-    """f0 + A x + B u + b w + d of the aircraft that is flown, about the trim of the nominal one."""
-    wrong = Aircraft(Parameters(*plan.parameters_of(member).tolist()), plan.dynamics)
-    model = LinearizedAircraft.at(wrong, plan.point)
-    offset = wrong.rates(np.array(plan.point.states), np.array(plan.point.inputs))
-
-    def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
-        value = offset + model.A @ x + model.B @ u + model.gust * w
         value[SEEN] += d
         return value
 
@@ -136,11 +122,10 @@ def assert_same_flight(plan: MonteCarlo, member: int, rate_of: RateOf) -> None:
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-@pytest.mark.parametrize(("plant", "rate_of"), [("nonlinear", nonlinear_rate), ("linear", linear_rate)])
-def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str, plant: str, rate_of) -> None:
+def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
     point = find_operating_point(Aircraft(PARAMETERS, dynamics), level_flight(plan.point.states.dihedral))
-    flown = replace(plan, dynamics=dynamics, plant=plant, point=point)
-    assert_same_flight(with_scenario(flown, duration=0.05), 3, rate_of)
+    flown = replace(plan, dynamics=dynamics, point=point)
+    assert_same_flight(with_scenario(flown, duration=0.05), 3, nonlinear_rate)
 
 
 @pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
@@ -152,11 +137,11 @@ def test_machine_code_gives_the_same_flight(plan: MonteCarlo, monkeypatch: pytes
 
 
 def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
-    away = replace(plan, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])), plant="linear")
+    away = replace(plan, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
     member, summary = fly_member(away, 0)
     assert 0.0 < summary.flown < away.scenario.duration
     assert STATES[summary.left] in ("pitch_rate", "alpha")
-    assert_same_flight(away, 0, linear_rate)
+    assert_same_flight(away, 0, nonlinear_rate)
     assert member.samples.shape == (50, 6)
 
 
@@ -240,7 +225,6 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
     assert hash(replace(plan)) == hash(plan)
     others = [
         replace(plan, seed=8),
-        replace(plan, plant="linear"),
         replace(plan, law=gain_law("exact", 1.01 * gain)),
         replace(plan, law=critic_law("published", critic)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),

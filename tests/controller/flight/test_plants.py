@@ -5,12 +5,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from flight_cases import FlownCase
-from member_plans import PARAMETERS
 
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant, UncertainLinearization
-from hfa_model import LINEAR_STATES, Aircraft
-from hfa_model.variants import variant_named
-from trim import OperatingPoint, linearize
+from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from hfa_model import LINEAR_STATES
+from trim import linearize
 
 N = len(LINEAR_STATES)
 
@@ -35,15 +33,3 @@ def test_the_air_at_the_outer_panels_enters_by_its_own_column(at_15: FlownCase) 
         linear = np.array(ca.DM(model.rate(*nothing, winds))).ravel()
         np.testing.assert_allclose((up - down) / 2, linear, rtol=1e-6, atol=1e-11)
         assert np.abs(linear).max() > 1e-7
-
-
-def test_the_linear_plant_is_the_derivative_at_the_trim_of_the_design(point: OperatingPoint) -> None:
-    wrong = PARAMETERS._replace(panel_mass=1.1 * PARAMETERS.panel_mass)
-    plant = UncertainLinearization(variant_named("published"), point)
-    for parameters in (PARAMETERS, wrong):
-        matrix = plant.constants(np.array(parameters)).reshape(7, 15, order="F")
-        model = LinearizedAircraft.at(Aircraft(parameters), point)
-        whole = np.hstack([model.A, model.B, model.gust[:, None], model.outer_gust[:, None]])
-        np.testing.assert_allclose(matrix[:, 1:], whole, rtol=1e-12, atol=1e-13)
-        offset = Aircraft(parameters).rates(np.array(point.states), np.array(point.inputs))
-        np.testing.assert_allclose(matrix[:, 0], offset, rtol=1e-9, atol=1e-12)

@@ -51,7 +51,6 @@ def test_a_monte_carlo() -> None:
         PARAMETERS,
         "published",
         point,
-        "nonlinear",
         law,
         scenario,
         everywhere,
