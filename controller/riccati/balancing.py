@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.exact_product import add, exact, product
 
-#: Digits of `NormalForm.residual`: three times those of its data.
-DIGITS = 50
 #: Up to so many frequencies, a singular value at each takes less time than a choice among them.
 FEW = 8
 #: Steps of the inverse iteration that chooses: in the end no smallest singular value is off by more than a fourth.
@@ -155,26 +154,38 @@ class NormalForm:
         return self.B @ self.B.T - self.E @ self.E.T
 
     def residual(self, X: np.ndarray) -> np.ndarray:
-        """A'X + X A + Q - X S X, (n, n), in decimal arithmetic: what cancels in it leaves no rounding.
+        """A'X + X A + Q - X S X, (n, n), X symmetric, with twice the digits: what cancels in it leaves no rounding.
 
         Corrections of X by such residuals end at the rounding of X itself, however badly conditioned the equation
         (Wilkinson's iterative refinement). In double precision they end at a relative error of 1e-16 times the
         condition, which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states.
         """
-        from decimal import Decimal, localcontext
-
-        with localcontext() as context:
-            context.prec = DIGITS
-            decimal = np.vectorize(Decimal, otypes=[object])
-            exact = decimal(X)
-            half = decimal(self.A).T @ exact
-            control, disturbance = (exact @ decimal(matrix) for matrix in (self.B, self.E))
-            result = half + half.T + decimal(self.Q) - control @ control.T + disturbance @ disturbance.T
-            return result.astype(float)
+        n, m = self.B.shape
+        high, low = product(exact(X), exact(np.hstack([self.A, self.B, self.E])))
+        total = add((high[:, :n], low[:, :n]), add((high[:, :n].T, low[:, :n].T), exact(self.Q)))
+        signs = np.repeat([-1.0, 1.0], [m, self.E.shape[1]])
+        right = high[:, n:].T, low[:, n:].T
+        return np.asarray(add(total, product((high[:, n:] * signs, low[:, n:] * signs), right))[0])
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """P of the game in the user's units, symmetric."""
         return (X + X.T) / 2.0 / np.outer(self.units, self.units)
+
+
+def stable_basis(hamiltonian: np.ndarray) -> np.ndarray | None:
+    """(2n, n), orthonormal, of the stable subspace; None where that has not half the dimension.
+
+    Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal that comes there
+    makes it print two lines of its own.
+    """
+    from scipy.linalg.lapack import dgees, dtrsen
+
+    half = len(hamiltonian) // 2
+    form, _, growth, _, basis, _, lost = dgees(lambda *_: 0, hamiltonian)  # not asked
+    if lost:
+        return None
+    _, basis, growth, *_, lost = dtrsen(growth < 0.0, form, basis, job=b"N")
+    return None if lost or not np.array_equal(growth < 0.0, np.arange(2 * half) < half) else basis[:, :half]
 
 
 def normal_form(game: Game) -> NormalForm:

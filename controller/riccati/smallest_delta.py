@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import normal_form
+from controller.riccati.balancing import normal_form, stable_basis
 from controller.riccati.certificate import (
     ON_THE_AXIS,
     certified_solution,
@@ -47,29 +47,13 @@ def has_value(game: Game) -> bool | None:
         return False
     form = normal_form(game)
     n = len(form.A)
-    basis = _stable_basis(form.hamiltonian)
+    basis = stable_basis(form.hamiltonian)
     if basis is None or not distance.ok:
         return None
-    product = basis[:n, :n].T @ basis[n:, :n]
+    product = basis[:n].T @ basis[n:]
     smallest = float(np.linalg.eigvalsh((product + product.T) / 2.0)[0])
     signless = SIGNLESS * max(1.0, float(np.linalg.cond(form.hamiltonian)) / WELL_CONDITIONED)
     return smallest > 0.0 if abs(smallest) > signless else _solution_holds(game) or None
-
-
-def _stable_basis(hamiltonian: np.ndarray) -> np.ndarray | None:
-    """Orthogonal, its first half of columns spanning the stable subspace; None where that has not half the dimension.
-
-    Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal that comes there
-    makes it print two lines of its own.
-    """
-    from scipy.linalg.lapack import dgees, dtrsen
-
-    form, _, growth, _, basis, _, lost = dgees(lambda *_: 0, hamiltonian)  # not asked
-    if lost:
-        return None
-    _, basis, growth, *_, lost = dtrsen(growth < 0.0, form, basis, job=b"N")
-    halves = np.arange(len(form)) < len(form) // 2
-    return None if lost or not np.array_equal(growth < 0.0, halves) else basis
 
 
 def _solution_holds(game: Game) -> bool:
