@@ -10,7 +10,6 @@ import numpy as np
 from controller.game.zero_sum import published_game
 from controller.riccati.frequency_response import disk_margin
 from controller.riccati.gare import solve_game
-from controller.riccati.gare_batch import solve_games
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.vectors import INPUTS, UNITS
 from hfa_support.errors import NoSolutionError
@@ -54,8 +53,7 @@ class GameSweep:
 def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) -> GameSweep:
     """The paper's game, with `changes` of its Q, R or delta, at every trimmed point of a sweep of six states.
 
-    The gains come from all games at once (`gare_batch`); what that does not certify is solved alone, which says why
-    there is no solution. progress is called with (points done, points in all).
+    progress is called with (points done, points in all).
     """
     trimmed = np.flatnonzero(found.trimmed)
     games = [published_game(found.A[i], found.B[i], **changes) for i in trimmed]
@@ -63,13 +61,10 @@ def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) 
     K = np.full((len(found.reasons), m, n), np.nan)
     delta_min, disk, gain, phase = np.full((4, len(found.reasons)), np.nan)
     reasons = list(found.reasons)
-    if games:
-        K[trimmed] = solve_games(found.A[trimmed], found.B[trimmed], games[len(games) // 2]).K
     for i, game in told(list(zip(trimmed, games, strict=True)), progress):
         try:
             delta_min[i] = minimum_delta(game).value
-            if np.isnan(K[i]).any():
-                K[i] = solve_game(game).K
+            K[i] = solve_game(game).K
             disk[i], gain[i], phase[i], _ = disk_margin(game, K[i])
         except NoSolutionError as error:
             reasons[i] = str(error)
@@ -85,7 +80,6 @@ def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     )
     records = report.records
     if records is not None:
-        pairs = [(row, column) for row in INPUTS for column in found.model_states]
         pairs = [(row, column) for row in INPUTS for column in found.model_states]
         entries = [f"K({row}, {column}) [{gain_unit(UNITS[row], UNITS[column])}]" for row, column in pairs]
         header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)

@@ -11,6 +11,10 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.exact_product import add, exact, product
 
+#: Smaller cosines belong to a P of more than the inverse of this, in balanced units.
+MODERATE = 1e-4
+#: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less is not reached.
+RANK = 1e-13
 #: Up to so many frequencies, a singular value at each takes less time than a choice among them.
 FEW = 8
 #: Steps of the inverse iteration that chooses: in the end no smallest singular value is off by more than a fourth.
@@ -103,6 +107,10 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return scaled, scaling
 
 
+class Turned(Game):
+    """A game in the coordinates of `reached`, which `balanced_units` leaves alone."""
+
+
 @lru_cache(maxsize=16)
 def balanced_units(game: Game) -> np.ndarray:
     """Units u, (n,), powers of two: with z_i = u_i y_i the Hamiltonian of the game in y is balanced.
@@ -112,9 +120,10 @@ def balanced_units(game: Game) -> np.ndarray:
     Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
     """
     n = len(game.A)
-    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    _, scaling = balanced(H)
-    units = np.exp2(np.round(0.5 * (np.log2(scaling[:n]) - np.log2(scaling[n:]))))
+    units = np.ones(n)
+    if not isinstance(game, Turned):
+        _, scaling = balanced(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]))
+        units = np.exp2(np.round(0.5 * (np.log2(scaling[:n]) - np.log2(scaling[n:]))))
     units.setflags(write=False)  # the same array for whoever asks about this game
     return units
 
@@ -190,10 +199,44 @@ def stable_basis(hamiltonian: np.ndarray) -> np.ndarray | None:
 
 def normal_form(game: Game) -> NormalForm:
     """Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
-    from scipy.linalg import cholesky, solve_triangular
-
     units = balanced_units(game)
     alike = in_units(game, units)
-    root = cholesky(alike.R, lower=True)
-    B = solve_triangular(root, alike.B.T, lower=True).T
+    B = np.linalg.solve(np.linalg.cholesky(alike.R), alike.B.T).T
     return NormalForm(alike.A, B, alike.E / alike.delta, (alike.Q + alike.Q.T) / 2.0, units)
+
+
+@lru_cache(maxsize=16)
+def reached(game: Game) -> tuple[Game, np.ndarray]:
+    """The same game in y = T z, where its P without disturbance is of size 1 at most, and T, (n, n).
+
+    The game itself and the identity where P is of moderate size in balanced units. A mode that the input reaches by
+    the part r alone costs 1/r², and the rounding of that hides all the rest: T = D W' turns the directions W of P into
+    axes and takes other units D for the dear ones, with twice the digits on the way. P = T'P_y T, K = K_y T.
+    With the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and tan(θ) are the eigenvalues of P.
+    Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between subspaces).
+    """
+    turned, T, dearest = game, np.eye(len(game.A)), 1.0
+    while dearest < 1.0 / RANK:
+        form = normal_form(turned.with_delta(np.inf))
+        basis = stable_basis(form.hamiltonian)
+        if basis is None:
+            break
+        W, cosines, _ = np.linalg.svd(basis[: len(T)])
+        if cosines[-1] > MODERATE:
+            return turned, T
+        D = np.exp2(np.round(-0.5 * np.log2(cosines.clip(np.finfo(float).eps))))
+        turned = _turned(in_units(turned, form.units), W, D)
+        T = D[:, None] * W.T @ (T / form.units[:, None])
+        dearest *= D[-1]
+    return game, np.eye(len(game.A))
+
+
+def _turned(game: Game, W: np.ndarray, D: np.ndarray) -> Game:
+    """The game in y = D W'z, W orthogonal but for rounding, D powers of two, with one rounding at the end."""
+    rows, rough = exact(W.T), exact(W)
+    high, low = product(rows, rough)
+    inverse = add(rough, product(rough, (np.eye(len(W)) - high, -low)))  # a step of Newton's method
+    columns = inverse[0].T, inverse[1].T
+    A, Q = (product(product(left, exact(M)), inverse)[0] for left, M in ((rows, game.A), (columns, game.Q)))
+    B, E = (product(rows, exact(M))[0] * D[:, None] for M in (game.B, game.E))
+    return Turned(A * D[:, None] / D, B, E, (Q + Q.T) / 2.0 / np.outer(D, D), game.R, game.delta)

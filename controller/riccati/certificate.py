@@ -148,9 +148,9 @@ def iterated_solution(game: Game) -> np.ndarray:
     """X₀ = 0,  X_{k+1} = X_k + Z_k  with  A_k'Z + Z A_k - Z B B' Z + F_k = 0,  A_k = A - S X_k, in normal form.
 
     The second derivation, of a sequence of standard (definite) Riccati equations, which the tests alone need.
-    F_k is the residual of the game Riccati equation at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR problem,
-    solved by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >= 0 if there is one; if there is none, some
-    step has no stabilizing solution, or the sequence grows without end.
+    F_k is the residual of the game Riccati equation at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR
+    problem, solved by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >= 0 if there
+    is one; if there is none, some step has no stabilizing solution, or the sequence grows without end.
     Returns P, (n, n). Raises NoSolutionError when no positive semidefinite stabilizing solution exists.
     Source: Lanzon, Feng, Anderson and Rotkowitz, IEEE Trans. Automatic Control 53 (2008), 2280-2291.
     """
@@ -170,12 +170,15 @@ def iterated_solution(game: Game) -> np.ndarray:
 
 
 def _lqr_step(form: NormalForm, X: np.ndarray, step: int) -> np.ndarray:
-    """Stabilizing Z of A_k'Z + Z A_k - Z B B' Z + F = 0, solved with F scaled to one.
+    """Stabilizing Z of A_k'Z + Z A_k - Z B B' Z + F = 0, solved with Z scaled to one.
 
-    With Z = c Y and F = c G the equation becomes A_k'Y + Y A_k - Y c B B' Y + G = 0.
+    With Z = c Y and F = c G the equation becomes A_k'Y + Y A_k - Y c B B' Y + G = 0. Z is of the size of F, and at
+    least of that of A_k / B B' where A_k must be stabilized.
     """
     A, forcing = form.A - form.S @ X, form.residual(X)
     scale = float(np.abs(forcing).max()) or 1.0
+    if not is_hurwitz(A):
+        scale = max(scale, float(np.abs(A).max()) / (float(np.abs(form.B).max()) ** 2 or 1.0))
     basis = stable_basis(np.block([[A, -scale * form.B @ form.B.T], [-forcing / scale, -A.T]]))
     try:
         if basis is None:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import reached, spectrum
 from controller.riccati.certificate import Certificate, certified_solution
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
@@ -26,6 +28,7 @@ class GameSolution(Reported):
     P: (n, n); K: (m, n); disturbance_gain L: (k, n).
     closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s.
     worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance, rad/s.
+    abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order.
     """
 
     P: np.ndarray
@@ -35,6 +38,7 @@ class GameSolution(Reported):
     certificate: Certificate
     closed_loop_eigenvalues: np.ndarray
     worst_case_eigenvalues: np.ndarray
+    abscissa_error: float
 
     def report(self) -> Report:
         """P, K, the closed loop and the certificate."""
@@ -61,6 +65,7 @@ class GameSolution(Reported):
             "delta": finite_or_none(self.delta),
             "certificate": self.certificate.to_dict(),
             "closed_loop_eigenvalues": _pairs(self.closed_loop_eigenvalues),
+            "closed_loop_abscissa_error": finite_or_none(self.abscissa_error),
             "worst_case_eigenvalues": _pairs(self.worst_case_eigenvalues),
         }
 
@@ -73,19 +78,80 @@ def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
     try:
-        P, certificate = certified_solution(game)
+        return _solution(game)
     except NoSolutionError as failure:
         raise NoSolutionError(_explanation(game, str(failure), progress)) from failure
-    K, disturbance_gain = game.gain(P), game.disturbance_gain(P)
+
+
+def _solution(game: Game) -> GameSolution:
+    """`solve_game` without the search for what delta would do."""
+    alike, T = reached(game)
+    P_alike, certificate = certified_solution(alike)
+    P, K, disturbance_gain = P_alike, alike.gain(P_alike), alike.disturbance_gain(P_alike)
+    loop = spectrum(alike.A - alike.B @ K)
+    if alike is not game:
+        P, K, disturbance_gain = T.T @ P @ T, K @ T, disturbance_gain @ T
+        P = (P + P.T) / 2.0
+        P.setflags(write=False)
     return GameSolution(
         P=P,
         K=K,
         disturbance_gain=disturbance_gain,
         delta=game.delta,
         certificate=certificate,
-        closed_loop_eigenvalues=spectrum(game.A - game.B @ K).eigenvalues,
-        worst_case_eigenvalues=spectrum(game.A - game.S @ P).eigenvalues,
+        closed_loop_eigenvalues=loop.eigenvalues,
+        worst_case_eigenvalues=spectrum(alike.A - alike.S @ P_alike).eigenvalues,
+        abscissa_error=_abscissa_error(game, alike, T, P_alike),
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GameBatch(Shown):
+    """N solutions. P: (N, n, n), K: (N, m, n), nan where not certified. certified: (N,). reasons: N lines, or ""."""
+
+    P: np.ndarray
+    K: np.ndarray
+    certified: np.ndarray
+    reasons: tuple[str, ...]
+
+
+def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
+    """`solve_game` of every plant (A (N, n, n), B (N, n, m)), one after the other; E, Q, R, delta of `like`.
+
+    What it refuses gets the test that failed as its reason. BadInputError names the model that is none.
+    """
+    P, K = np.full_like(A, np.nan, dtype=float), np.full(np.swapaxes(B, 1, 2).shape, np.nan)
+    reasons = [""] * len(A)
+    for i in range(len(A)):
+        try:
+            found = _solution(replace(like, A=A[i], B=B[i]))
+            P[i], K[i] = found.P, found.K
+        except BadInputError as error:
+            raise BadInputError(f"model {i} of the batch: {error}") from error
+        except NoSolutionError as failure:
+            reasons[i] = str(failure)
+    return GameBatch(P, K, np.array([not reason for reason in reasons]), tuple(reasons))
+
+
+def _abscissa_error(game: Game, alike: Game, T: np.ndarray, P: np.ndarray) -> float:
+    """By how much rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order; inf where defective.
+
+    A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those of the game `alike`
+    in T z, whose value is P, where they are accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.
+    Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
+    """
+    K = alike.gain(P)
+    values, right = np.linalg.eig(alike.A - alike.B @ K)
+    try:
+        left = np.linalg.inv(right)  # rows y with y'x = 1
+    except np.linalg.LinAlgError:
+        return math.inf
+    x, y = np.abs(right), np.abs(left)
+    x_given, y_given = np.abs(np.linalg.solve(T, right)), np.abs(left @ T)
+    moved = np.sum(y.T * (np.abs(alike.A) @ x) + y_given.T * (np.abs(game.A) @ x_given), axis=0)
+    moved += np.sum(np.abs(left @ alike.B).T * (np.abs(K) @ (x + np.abs(T) @ x_given)), axis=0)
+    moved += np.sum(y.T * (np.abs(alike.B) @ np.abs(K) @ x), axis=0)
+    return float((values.real + len(T) * np.finfo(float).eps * moved).max() - values.real.max())
 
 
 def _explanation(game: Game, reason: str, progress: Progress | None) -> str:

@@ -12,12 +12,12 @@ import numpy as np
 
 from controller.game.array_file import checked_matrix
 from controller.game.zero_sum import LARGEST, Game
-from controller.riccati.balancing import balanced_units, in_units, normal_form, spectrum
+from controller.riccati.balancing import RANK, balanced_units, in_units, normal_form, spectrum
 from controller.riccati.certificate import relative_residual
 from controller.riccati.frequency_response import gain_is_below, square_root
 from controller.riccati.gare import GameSolution, solve_game
 from controller.riccati.gare_schur import quick_solution, schur_solution
-from controller.riccati.smallest_delta import RANK, dependent, has_value
+from controller.riccati.smallest_delta import dependence, has_value
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
@@ -261,9 +261,9 @@ def _check_modes(problem: OutputGame) -> None:
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
         text = f"the mode with eigenvalue {eigenvalue_text(value)}"
-        if value.real >= -RANK * size and dependent(form.A, value, form.B.T, size):
+        if value.real >= -RANK * size and dependence(form.A, value, form.B.T, size) <= RANK:
             raise NoSolutionError(f"the sensors do not see {text}, which is not stable; measure more")
-        if abs(value.real) <= RANK * size and dependent(form.A.T, value, form.Q, size):
+        if abs(value.real) <= RANK * size and dependence(form.A.T, value, form.Q, size) <= RANK:
             raise NoSolutionError(
                 f"the disturbance does not reach {text}, which does not decay, so its estimate would never settle; "
                 "let the disturbance enter there"

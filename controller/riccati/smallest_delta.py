@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import normal_form, stable_basis
+from controller.riccati.balancing import RANK, normal_form, reached, stable_basis
 from controller.riccati.certificate import (
     ON_THE_AXIS,
     certified_solution,
@@ -29,8 +29,8 @@ WELL_CONDITIONED = 1e4
 TOLERANCE = 1e-6
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
 CLOSE = 0.01
-#: What a rank test may leave of a matrix without full rank, relative to A; more names no mode.
-RANK = 1e-13
+#: An unstable mode that the input reaches by less than this part is named where the game is refused.
+BARELY = 1e-5
 
 
 def has_value(game: Game) -> bool | None:
@@ -106,7 +106,8 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     Raises NoSolutionError when neither can, naming the mode if one is found that rules out every solution.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
-    K = game.gain(_some_solution(game))
+    given, (game, _) = game, reached(game)
+    K = game.gain(_some_solution(game, given))
     if not game.E.any():
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
@@ -148,15 +149,15 @@ def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
     return DeltaMin(upper, lower)
 
 
-def _some_solution(game: Game) -> np.ndarray:
-    """P of the problem without disturbance, or else of the game itself."""
+def _some_solution(game: Game, given: Game) -> np.ndarray:
+    """P of the problem without disturbance, or else of the game itself; given: in the user's coordinates."""
     try:
         return certified_solution(game.with_delta(math.inf))[0]
     except NoSolutionError as error:
         try:
             return certified_solution(game)[0]
         except NoSolutionError:
-            raise NoSolutionError(lqr_obstacle(game, str(error))) from error
+            raise NoSolutionError(lqr_obstacle(given, str(error))) from error
 
 
 def lqr_obstacle(game: Game, failure: str) -> str:
@@ -170,26 +171,32 @@ def lqr_obstacle(game: Game, failure: str) -> str:
     A = form.A
     size = float(np.linalg.norm(A, 2)) or 1.0
     eigenvalues = np.linalg.eigvals(A)
+    unstable = eigenvalues[(eigenvalues.real >= -RANK * size) & (eigenvalues.imag >= 0.0)]
+    reach = [(dependence(A, value, form.B.T, size), value) for value in unstable]
+    share, value = min(reach, key=lambda each: each[0], default=(1.0, 0.0))
+    if share <= RANK:
+        return (
+            f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
+            "change B or leave that mode out of A"
+        )
     for value in eigenvalues:
-        if value.real >= -RANK * size and dependent(A, value, form.B.T, size):
-            return (
-                f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
-                "change B or leave that mode out of A"
-            )
-    for value in eigenvalues:
-        if abs(value.real) <= RANK * size and dependent(A.T, value, form.Q, size):
+        if abs(value.real) <= RANK * size and dependence(A.T, value, form.Q, size) <= RANK:
             return (
                 f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(1j * value.imag)} costs nothing; "
                 "give Q weight on it"
             )
-    return f"the problem without disturbance (delta = inf) is not certified: {failure}; check the scaling of A, B, Q, R"
+    advice = "check the scaling of A, B, Q, R"
+    if share <= BARELY:
+        advice = f"the inputs reach the mode with eigenvalue {_text(value)} by only {share:.2g} of their size; change B"
+    return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
 
 
-def dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
-    """Whether [A' - λI; rows] has no full column rank, the rows brought to the size of A first."""
+def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
+    """Smallest singular value of [A' - λI; rows], relative, the rows brought to the size of A first: 0 or rounding
+    where it has no full column rank."""
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
-    return bool(np.linalg.svd(stacked, compute_uv=False)[-1] <= RANK * size)
+    return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size
 
 
 def _text(value: complex) -> str:

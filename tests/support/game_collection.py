@@ -1,4 +1,4 @@
-"""A collection of games that are hard in eight ways, with one to ten states each."""
+"""A collection of games that are hard in nine ways, with one to ten states each."""
 
 from __future__ import annotations
 
@@ -79,6 +79,20 @@ def nilpotent(rng: np.random.Generator, n: int) -> Game:
     return replace(game, A=np.triu(game.A, 1))
 
 
+def barely_reached(rng: np.random.Generator, n: int) -> Game:
+    """One unstable mode, or two, that the inputs reach by 1e-11 to 1e-5 of their size, in a basis that hides them."""
+    few = 2 if n > 2 and rng.random() < 0.4 else 1
+    A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(rng.uniform(0.1, 3.0, n))
+    A[:few] = 0.0
+    rate = rng.uniform(0.05, 2.0)
+    A[:few, :few] = np.array([[rate, 1.0], [-1.0, rate]])[:few, :few]
+    B = rng.standard_normal((n, int(rng.integers(1, n + 1))))
+    B[:few] *= 10.0 ** rng.uniform(-11.0, -5.0)
+    basis, size = np.linalg.qr(rng.standard_normal((n, n)))[0], B.shape[1]
+    E = rng.standard_normal((n, 1)) * (rng.random() < 0.5)
+    return Game(basis @ A @ basis.T, basis @ B, basis @ E, np.eye(n), np.eye(size), math.inf)
+
+
 def marginal(rng: np.random.Generator, n: int) -> Game:
     """Any of the others; `collection` gives it a delta between a thousandth and a hundredth above the smallest."""
     return list(STRUCTURES.values())[int(rng.integers(0, 7))](rng, n)
@@ -87,6 +101,8 @@ def marginal(rng: np.random.Generator, n: int) -> Game:
 STRUCTURES: dict[str, Callable[[np.random.Generator, int], Game]] = {
     make.__name__: make for make in (dense, chain, low_rank, unseen, ill_scaled, lightly_damped, nilpotent, marginal)
 }
+#: One structure more, in a collection of its own: the numbers of the others are published.
+BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {"barely_reached": barely_reached}
 
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
@@ -102,16 +118,16 @@ def in_other_units(rng: np.random.Generator, game: Game) -> Game:
     )
 
 
-def collection(count: int, seed: int) -> Iterator[Sample]:
+def collection(count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES) -> Iterator[Sample]:
     """Game after game: structures in turn, then sizes; a third in absurd units; deltas on both sides of the smallest.
 
     delta is 1e-3 to 1e3 above delta_min in three games of five, relative, and 1e-5 to 1e-1 below in one.
     """
-    names = list(STRUCTURES)
+    names = list(structures)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         name, n = names[number % len(names)], 1 + (number + number // len(names)) % 10
-        game = STRUCTURES[name](rng, n)
+        game = structures[name](rng, n)
         if rng.random() < 0.3:
             game = in_other_units(rng, game)
         yield Sample(name, number, _with_telling_delta(rng, name, game))

@@ -1,4 +1,6 @@
-"""Batched exact solutions against the one-by-one ones: the same P, the same refusals."""
+"""Batched exact solutions against the one-by-one ones: the same P, the same refusals, little memory."""
+
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from controller import Game, published_game
 from hfa_model import LINEAR_STATES, STATES, VARIANTS, Aircraft
 from hfa_support import BadInputError, NoSolutionError
 from trim import trim_points
-from verification import solve_game, solve_games
+from verification import minimum_delta, solve_game, solve_games
 
 
 def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -55,6 +57,30 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int)
             assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-8 * np.linalg.norm(alone.P)
             accepted += 1
     assert min(accepted, refused) >= 2 * count // 3
+
+
+def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
+    rng = np.random.default_rng(8)
+    A, B = rng.standard_normal((12, 6, 6)), rng.standard_normal((12, 6, 2))
+    for i in range(len(A)):
+        game = Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), 1.0)
+        near = game.with_delta(minimum_delta(game).value * (1.0 + 10.0 ** rng.uniform(-6.0, -3.0)))
+        batch = solve_games(A[i : i + 1], B[i : i + 1], near)
+        try:
+            assert np.array_equal(batch.P[0], solve_game(near).P)
+        except NoSolutionError as refusal:
+            assert not batch.certified[0]
+            assert batch.reasons[0] in str(refusal)  # noqa: PT017
+
+
+def test_a_batch_of_24_states_needs_no_more_than_some_megabytes():
+    rng = np.random.default_rng(9)
+    A, B = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24), rng.standard_normal((2, 24, 3))
+    like = Game(A[0], B[0], np.eye(24), np.eye(24), np.eye(3), 50.0)
+    tracemalloc.start()
+    assert solve_games(A, B, like).certified.all()
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
 
 
 def test_a_singular_plant_does_not_stop_the_others():

@@ -8,11 +8,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from game_collection import STRUCTURES, Sample, collection
+from game_collection import BARELY_REACHED, STRUCTURES, Sample, collection
 from reference_riccati import reference_solution
 
 from controller import Game
-from controller.riccati.certificate import certified_solution
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -30,7 +29,7 @@ def _verdict(sample: Sample) -> str:
     game, label = sample.game, f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
     try:
-        P, _ = certified_solution(game)
+        P = solve_game(game).P
     except NoSolutionError:
         if _exists(game, math.inf):
             assert "is not certified" in lqr_obstacle(game, "why"), f"{label}: a cause that is none"
@@ -79,6 +78,14 @@ def test_smallest_delta_of_each_structure() -> None:
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
     assert brackets["right"] >= 6
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(400, marks=pytest.mark.slow)])
+def test_games_with_a_mode_that_the_input_barely_reaches(count: int) -> None:
+    """Some of one state, others in absurd units, or at a delta near the smallest."""
+    verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
+    assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
+    assert verdicts["accepted, rightly"] >= 0.7 * count
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
 from reference_riccati import reference_solution
@@ -108,6 +109,30 @@ def test_units_over_16_decades_change_nothing() -> None:
     for size in (1e-8, 1e8):  # of cost: P goes with it, and delta with its root
         dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(math.sqrt(size) * game.delta)
         np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=1e-12)
+
+
+@pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])
+def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole(reach: float) -> None:
+    """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to -1/2 as r -> 0."""
+    A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
+    game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
+    found = solve_game(game)
+    assert error(game, found.P) <= EXACT
+    np.testing.assert_allclose(found.K, reference_solution(game).K, rtol=EXACT)
+    data = found.to_dict()
+    with mpmath.workdps(40):
+        exact = mpmath.matrix(A.tolist()) - mpmath.matrix(game.B.tolist()) * mpmath.matrix(found.K.tolist())
+        abscissa = float(max(value.real for value in mpmath.eig(exact, left=False, right=False)))
+    assert abs(abscissa - found.closed_loop_eigenvalues[-1].real) <= data["closed_loop_abscissa_error"] <= 1e-14 / reach
+
+
+@pytest.mark.parametrize("reach", [0.0, 1e-15])
+def test_a_mode_that_the_input_reaches_by_no_more_than_rounding_is_named(reach: float) -> None:
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    B = turn @ [[reach], [1.0], [1.0]]
+    game = Game(turn @ np.diag([0.5, -1.0, -2.0]) @ turn.T, B, np.zeros((3, 1)), np.eye(3), np.eye(1), math.inf)
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue \+0.5;"):
+        solve_game(game)
 
 
 # A state x' = a x + b u + e d: its smallest delta is e / sqrt(b²/r + min(a, 0)²/q), as exact as that is computed.
