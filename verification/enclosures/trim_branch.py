@@ -19,7 +19,7 @@ from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import as_read, doubles, exact, inside, matrix, symmetric
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.taylor import ORDER, DihedralBox, dihedral_series, radians
+from verification.enclosures.dihedral_box import ORDER, DihedralBox, dihedral_series, radians
 
 #: At such a flight θ' = q and η' = η' are 0 already; what the unknowns of the trim move is left.
 EQUATIONS = tuple(STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate"))

@@ -17,7 +17,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.version import toolchain_version
 from verification.arithmetic import flint_or_refusal
-from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.dihedral_box import DihedralBox
 from verification.enclosures.trim_branch import Family
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof

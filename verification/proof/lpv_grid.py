@@ -26,9 +26,9 @@ from hfa_support.reporting.unit_system import gain_unit
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
 from verification.arithmetic.taylor_model import TaylorModel
+from verification.enclosures.dihedral_box import DihedralBox, bisected
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import lyapunov_operator
-from verification.enclosures.taylor import DihedralBox, bisected
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
 from verification.proof.stated_model import stated

@@ -17,7 +17,8 @@ from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.taylor import DihedralBox, bisected, roomy
+from verification.enclosures.dihedral_box import DihedralBox, bisected
+from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.trim_branch import Family, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated

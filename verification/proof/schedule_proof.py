@@ -18,8 +18,8 @@ from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles
 from verification.arithmetic.taylor_model import TaylorModel
+from verification.enclosures.dihedral_box import DihedralBox, bisected
 from verification.enclosures.eigenvalue_signs import counted
-from verification.enclosures.taylor import DihedralBox, bisected
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.scheduled_loop import closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated

@@ -14,7 +14,7 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError
 from verification.arithmetic.balls import exact, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.dihedral_box import DihedralBox
 from verification.enclosures.trim_branch import ModelForms
 
 _STATES = len(LINEAR_STATES)

@@ -11,7 +11,7 @@ from flint import arb
 from trim.point.condition import SCALES
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.taylor import radians
+from verification.enclosures.dihedral_box import radians
 from verification.enclosures.trim_branch import ModelForms, TrimBranch
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.

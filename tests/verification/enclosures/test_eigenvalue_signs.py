@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flint import arb
 
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import exact, filled, matrix, symmetric
+from verification.arithmetic.taylor_model import TaylorModel
+from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.game_balls import is_hurwitz, unstable_modes
 
 
@@ -62,3 +65,11 @@ def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
     assert unstable_modes(balls) == 0
     worst = (A + N) / -np.diag(A)[:, None]
     assert np.linalg.eigvalsh(worst + worst.T)[-1] > 0.0
+
+
+def test_a_roomy_model_is_the_same_but_for_a_larger_rest() -> None:
+    model = TaylorModel(arb(1), arb(2), arb(3), arb(0, 0.25), arb(4))
+    c0, c1, c2, rest, error = roomy(model).parts
+    assert (c0, c1, c2, error) == (arb(1), arb(2), arb(3), arb(4))
+    assert rest.contains(model.parts[3])
+    assert float(rest.rad()) == pytest.approx(1.5)

@@ -1,22 +1,26 @@
-"""The branch of trims and the linear model over a box of dihedrals."""
+"""The branch of trims and the linear model over a box of dihedrals, and which trims a statement may be about."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
+import flint
 import numpy as np
 import pytest
+from flint import arb
 from known_models import model_at
 from proof_cases import family
 
 from hfa_model import Aircraft, default_parameters
-from hfa_support import NoSolutionError
-from trim import level_model
+from hfa_support import BadInputError, NoSolutionError
+from hfa_support.linear_table import LinearTable
+from trim import LEVEL_FLIGHT, level_model, release
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.dihedral_box import DihedralBox
 from verification.enclosures.trim_branch import TrimBranch
 
 
@@ -103,3 +107,38 @@ def test_doubles_alone_give_a_sharper_model() -> None:
         assert other.contains(one.mid())
         assert float(one.rad()) < 1e-40
     assert 1e-16 < float(wide[3, 1].rad()) < 1e-11
+
+
+# Which trims a statement may be about, and boxes of dihedral.
+
+
+def test_the_paper_s_flights_are_taken() -> None:
+    flights = family()
+    flights.check(0.0, 20.0)
+    assert len(flights.condition(10.0).free) == 4
+
+
+def test_what_changes_with_the_dihedral_is_to_be_held() -> None:
+    table = LinearTable([0.0, np.radians(20.0)], [68.0, 60.0])
+    changing = replace(family(), flights=release(LEVEL_FLIGHT, hold={"speed": table}))
+    with pytest.raises(BadInputError, match="speed changes with the dihedral in this condition; --hold it"):
+        changing.check(0.0, 20.0)
+    replace(changing, flights=release(changing.flights, hold={"speed": 64.0})).check(0.0, 20.0)
+
+
+@pytest.mark.parametrize("settings", [{"free": ("alpha",)}, {"hold": {"dihedral_rate": 0.1}}, {"free": ("dihedral",)}])
+def test_other_trims_are_refused(settings: dict[str, Any]) -> None:
+    with pytest.raises(BadInputError, match="a proof takes trims at a given dihedral"):
+        replace(family(), flights=release(LEVEL_FLIGHT, **settings)).check(0.0, 20.0)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 20.0), (14.1, 14.3), (-3.7, 2.9)])
+def test_the_halves_of_a_box_cover_it_and_its_place_reaches_its_ends(low: float, high: float) -> None:
+    flint.ctx.prec = 106  # as proofs have it: middle and radius are exact
+    box = DihedralBox(low, high)
+    left, right = box.halves()
+    assert (left.low, right.high) == (low, high)
+    assert left.high == right.low == pytest.approx((low + high) / 2)
+    assert (box.middle - box.radius, box.middle + box.radius) == (arb(low), arb(high))
+    assert box.degrees.contains(arb(low))
+    assert box.degrees.contains(arb(high))

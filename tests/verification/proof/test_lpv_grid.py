@@ -17,8 +17,11 @@ from proof_cases import ORIGIN, family, forge
 from hfa_model.vectors import INPUT_SCALES
 from hfa_support import NoSolutionError
 from verification import check_certificate, coarsest_grid
+from verification.arithmetic.ball_function import Undecided
 from verification.checker.checker import Rejected
-from verification.proof.lpv_grid import LpvGrid, c_source, certify, lpv_report
+from verification.enclosures.dihedral_box import DihedralBox
+from verification.enclosures.trim_branch import TrimBranch
+from verification.proof.lpv_grid import LpvGrid, c_source, certify, gain_form, lpv_report
 from verification.proof.proof_report import checked_report
 
 WITHIN = 4.9e-4
@@ -51,21 +54,9 @@ def test_the_error_stays_below_its_bound_and_not_far(grid: LpvGrid) -> None:
     assert 0.51 * grid.error["inputs"] < max(trims) <= grid.error["inputs"]
 
 
-@pytest.mark.slow  # the bound is compared with true errors above
-def test_half_the_step_has_a_quarter_of_the_error(grid: LpvGrid) -> None:
-    finer = coarsest_grid(family(), 14.0, 14.375, grid.error["A"] / 4)
-    assert finer.dihedral_deg[1] - 14.0 == (grid.dihedral_deg[1] - 14.0) / 2
-
-
 def test_a_tolerance_that_is_too_small_is_said() -> None:
     with pytest.raises(NoSolutionError, match="no grid is proved within 1e-09"):
         coarsest_grid(family(), 14.0, 14.001, 1e-9)
-
-
-def test_a_grid_of_one_step_has_its_bounds() -> None:
-    one = coarsest_grid(family(), 14.0, 14.0625, 2e-3)
-    assert one.dihedral_deg.tolist() == [14.0, 14.0625]
-    assert 0.0 < max(one.error.values()) <= 2e-3
 
 
 def test_the_report_holds_the_matrices(grid: LpvGrid) -> None:
@@ -127,3 +118,28 @@ def _other_gain(content: dict[str, Any]) -> None:
 
 def _missing_cell(content: dict[str, Any]) -> None:
     content["boxes"]["cells"].pop(3)
+
+
+# The exact game's gain on a box, against the program's own.
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("middle", [0.5, 14.5])
+def test_the_program_s_gains_lie_in_the_enclosure(dynamics: str, middle: float) -> None:
+    form = gain_form(TrimBranch(family(dynamics)).forms(DihedralBox(middle - 2.0**-7, middle + 2.0**-7)))
+    for tau in (-(2.0**-7), 0.0, 2.0**-8):
+        K = exact_gain(middle + tau, dynamics)
+        near = form.coefficients[0] + tau * form.coefficients[1] + tau**2 * form.coefficients[2]
+        assert np.all(np.abs(near - K) <= form.rest + 1e-11 * np.abs(K).max())
+    assert np.linalg.norm(form.rest) < 1e-5 * np.linalg.norm(form.coefficients[0])
+
+
+def test_the_rest_shrinks_with_the_third_power_or_faster() -> None:
+    branch = TrimBranch(family())
+    rests = [np.linalg.norm(gain_form(branch.forms(DihedralBox(14.5 - r, 14.5 + r))).rest) for r in (2.0**-6, 2.0**-7)]
+    assert rests[0] / rests[1] > 7.0
+
+
+def test_a_box_that_is_too_wide_is_left_open() -> None:
+    with pytest.raises(Undecided):
+        gain_form(TrimBranch(family()).forms(DihedralBox(14.0, 15.0)))

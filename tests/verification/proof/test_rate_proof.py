@@ -9,7 +9,7 @@ from proof_cases import exact_table, family, unstable_between
 
 from hfa_support import BadInputError
 from verification import prove_rate
-from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.dihedral_box import DihedralBox
 from verification.proof.rate_proof import _angles
 from verification.proof.scheduled_loop import segments
 

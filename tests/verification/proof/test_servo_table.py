@@ -18,7 +18,7 @@ from hfa_support import BadInputError
 from verification import check_certificate, prove_rate, prove_schedule
 from verification.arithmetic.balls import doubles
 from verification.checker.checker import Rejected
-from verification.enclosures.taylor import DihedralBox
+from verification.enclosures.dihedral_box import DihedralBox
 from verification.enclosures.trim_branch import TrimBranch
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.schedule_proof import joined

@@ -13,12 +13,9 @@ from flint import arb, arb_series
 
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact, interval
-from verification.arithmetic.taylor_model import TaylorModel
 
 Proved = TypeVar("Proved")
 
-#: Times a remainder.
-_ROOM = 6
 #: Coefficients of the polynomial: 1, τ, τ². The remainder is of third order.
 ORDER = 3
 
@@ -85,9 +82,3 @@ def radians(degrees: arb) -> arb:
 def dihedral_series(degrees: arb, length: int) -> arb_series:
     """η(τ) = degrees + τ, in radians, as a series in τ (degrees) of `length` coefficients."""
     return arb_series([radians(degrees), radians(exact(1.0))], prec=length)
-
-
-def roomy(model: TaylorModel) -> TaylorModel:
-    """The same with a remainder that is larger: whoever checks what is proved of it may enclose it worse."""
-    c0, c1, c2, rest, *errors = model.parts
-    return type(model)(c0, c1, c2, _ROOM * rest, *errors)
