@@ -1,4 +1,4 @@
-"""The published formats of what `--json` prints and `-o FILE.json` writes: a JSON Schema, and the same for people."""
+"""The published formats of what `--json` prints and `-o FILE.json` writes: a JSON Schema."""
 
 from __future__ import annotations
 
@@ -9,25 +9,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from hfa_support.reporting.report import markdown_table
-from hfa_support.reporting.text import Table
-
 #: Types of JSON.
 _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
-_HEAD = """# Formats of the outputs
-
-What every command prints with `--json` and writes into files, key by key, in ft, slug, lbf, s and rad unless a name
-ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
-
-```sh
-python -m hfa_cli.formats > formats.json
-```
-
-Keys are added, never renamed or removed within a number after the `/`. A key marked * is always there. In files with
-other suffixes: `.npz` has one array a leaf, keys joined by dots; `.mat` the same tree as structs, N matrices as
-(rows, columns, N); `.csv` the numbers as a table with units in the names of its columns or a column of units, and where
-it comes from in the first row of its last column, `about`.
-"""
 
 
 @cache
@@ -81,46 +64,5 @@ def _type(kind: str) -> dict[str, Any]:
     return {} if kind == "any" else {"$ref": f"#/$defs/{kind}"}
 
 
-def formats_markdown() -> str:
-    """A table of keys for each output, then for the parts that outputs share."""
-    definitions = formats()["$defs"]
-    outputs = [entry["$ref"].rpartition("/")[2] for entry in formats()["oneOf"]]
-    parts = [_HEAD]
-    for name in outputs:
-        what = definitions[name]
-        parts.append(f"## {what['title']}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n")
-    shared = [name for name in definitions if name not in outputs]
-    rows = [(name, _kind(definitions[name]), definitions[name].get("description", "")) for name in shared]
-    parts.append(f"## Types\n\n{markdown_table(Table(('type', 'is', 'note'), rows))}\n")
-    parts += [f"### {name}\n\n{_keys(definitions[name])}\n" for name in shared if "properties" in definitions[name]]
-    return "\n".join(parts)
-
-
-def _keys(what: dict[str, Any]) -> str:
-    rows = [
-        (f"`{key}`{'*' * (key in what['required'])}", _kind(each), each.get("description", ""))
-        for key, each in what["properties"].items()
-        if key != "schema"
-    ]
-    return markdown_table(Table(("key", "type", "meaning"), rows))
-
-
-def _kind(each: dict[str, Any]) -> str:
-    """What a value is, in words."""
-    if "$ref" in each:
-        return str(each["$ref"].rpartition("/")[2])
-    if "const" in each or "enum" in each:
-        return " or ".join(f"`{word}`" for word in each.get("enum", [each.get("const")]))
-    if "oneOf" in each:
-        return " or ".join(map(_kind, each["oneOf"]))
-    kinds = each.get("type", "any")
-    if kinds == "array":
-        return f"list of {_kind(each['items'])}"
-    if kinds == "object" and "additionalProperties" in each:
-        return f"object of {_kind(each['additionalProperties'])}"
-    return " or ".join(kinds) if isinstance(kinds, list) else str(kinds)
-
-
 if __name__ == "__main__":
-    in_words = sys.argv[1:] == ["--markdown"]
-    sys.stdout.write(formats_markdown() if in_words else json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")
+    sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

@@ -219,3 +219,12 @@ def overview(with_command: bool = True) -> Parser:
         parser.add_argument("command", nargs="?", help="one of the commands below")
     parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
     return parser
+
+
+def whole_parser() -> Parser:
+    """Every command in one parser, for completions: `shtab --prog hfa --shell bash hfa_cli.main.whole_parser`."""
+    parser = overview(with_command=False)
+    commands = parser.add_subparsers(dest="command", parser_class=Parser)
+    for name, about in COMMANDS.items():
+        filled(commands.add_parser(name, help=about), name)
+    return parser

@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING
 
 from hfa_cli.options import games, shared_options as options
 from hfa_cli.options.argument_types import folder_or_file, input_file, whole
-from hfa_cli.options.law_options import LAWS, check_learning, flown_law_of
+from hfa_cli.options.flight_options import LAWS, actuators_of, add_actuators, check_policy, flown_law_of
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.scenario_options import actuators_of, add_actuators
 from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
 from hfa_cli.progress import say_notes
@@ -53,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     about = "a scheduled controller of hfa design instead of a gain"
     add_value(parser, "--controller", input_file(".npz"), "FILE", about)
-    add_actuators(parser, faults=False)
+    add_actuators(parser)
     games.add_weights(parser)
     options.add_json(parser)
 
@@ -81,14 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     """BadInputError for options that would change nothing."""
-    if arguments.controller is not None:
-        options.refuse(
-            arguments, ("law", "set", "seed", "delta", "Q", "R"), "belongs to a gain; leave it out with --controller"
-        )
-        if arguments.output.suffix and arguments.actuators is None:
-            raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
     if arguments.controller is None:
         options.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
+        return
+    check_policy(arguments)
+    if arguments.output.suffix and arguments.actuators is None:
+        raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
 
 
 def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
@@ -100,7 +97,7 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
     alone = arguments.law is None
     if alone:
         arguments.law = "exact"
-    check_learning(arguments)
+    check_policy(arguments)
     model, place = linearize(aircraft, point), arguments.output
     gain = flown_law_of(arguments, model).gains[0]
     if not place.suffix:

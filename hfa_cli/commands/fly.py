@@ -11,15 +11,18 @@ import argparse
 from typing import TYPE_CHECKING
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.law_options import (
+from hfa_cli.options.flight_options import (
     add_controller,
+    add_law,
+    add_scenario,
+    add_signal,
     add_stored,
-    add_weights,
-    check_learning,
+    check_policy,
     controlled,
+    envelope_of,
     flown_law_of,
+    scenario_of,
 )
-from hfa_cli.options.scenario_options import add_scenario, add_signal, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
 from trim.linear.linear_model import linearize
@@ -32,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa fly`."""
     options.add_condition(parser)
     options.add_aircraft(parser)
-    add_weights(parser)
+    add_law(parser)
     add_stored(parser)
     parser.add_argument(
         "--online",
@@ -54,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from controller.flight.nonlinear_flight import fly
     from verification.flights.flight_figures import flight_figure
 
-    check_learning(arguments)
+    check_policy(arguments)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     scenario = scenario_of(arguments, point)

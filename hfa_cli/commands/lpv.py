@@ -11,7 +11,6 @@ import argparse
 
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import output_file, positive
-from hfa_cli.options.flight_family import add_flights, family_of, interval_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import origin_lines, provenance
 from hfa_cli.output import show
@@ -20,7 +19,7 @@ from hfa_cli.progress import ProgressLine
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa lpv`."""
-    add_flights(parser, "LOW:HIGH")
+    options.add_flights(parser, "LOW:HIGH")
     add_value(parser, "--limit-error", positive, "X", "of the interpolation, relative; default 1e-3", default=1e-3)
     add_value(parser, "--certificate", output_file(".json"), "FILE", "also write what `hfa prove --check` verifies")
     options.add_output(parser, ".c")
@@ -34,8 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     flint_or_refusal()
     options.refuse(arguments, ("start",), "belongs to a single trim; leave it out")
-    family = family_of(arguments)
-    low, high = interval_of(arguments, family)
+    family = options.family_of(arguments)
+    low, high = options.interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.limit_error, progress=ProgressLine("lpv"))
     if arguments.certificate is not None:
         certify(grid, family, arguments.certificate, provenance())

@@ -10,10 +10,9 @@ import argparse
 from functools import partial
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.law_options import add_stored, add_weights, check_learning, flown_law_of
+from hfa_cli.options.flight_options import add_envelope, add_law, add_stored, check_policy, envelope_of, flown_law_of
 from hfa_cli.options.parser import add_named
 from hfa_cli.options.ranges import Range, array_of, value_range
-from hfa_cli.options.scenario_options import add_envelope, envelope_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
 from hfa_support.reporting.unit_system import shown_in
@@ -31,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa map`."""
     options.add_condition(parser)
     options.add_parameters(parser)
-    add_weights(parser)
+    add_law(parser)
     add_stored(parser)
     for option, ranges in _RANGES.items():
         about = f"off trim; default {', '.join(f'{name}={text}' for name, text in ranges.items())}"
@@ -50,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.flights.flight_figures import map_figure
     from verification.flights.recoverable_map import map_report, recoverable_map
 
-    check_learning(arguments)
+    check_policy(arguments)
     speeds, dihedrals, commands = (
         array_of(f"--{option} {name}", values, _MOST_POINTS)
         for option in _RANGES

@@ -12,41 +12,30 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import check_target, number, quantity, whole
-from hfa_cli.options.law_options import (
+from hfa_cli.options.argument_types import check_target, whole
+from hfa_cli.options.flight_options import (
     add_controller,
+    add_law,
+    add_scenario,
+    add_signal,
     add_stored,
-    add_weights,
-    check_stored,
+    check_policy,
     controlled,
+    envelope_of,
     flown_law_of,
-    law_of,
+    scenario_of,
     seed_of,
 )
-from hfa_cli.options.parser import add_named, add_value
-from hfa_cli.options.scenario_options import (
-    actuators_of,
-    add_actuators,
-    add_envelope,
-    add_initial,
-    add_signal,
-    add_times,
-    add_turbulence,
-    envelope_of,
-    initial_of,
-    signal_of,
-)
+from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import tell
 from hfa_cli.progress import ProgressLine
 from hfa_support.errors import BadInputError
 from hfa_support.files import temporary_folder
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from controller.flight.monte_carlo import MonteCarlo
-    from controller.flight.scenario import Uncertainty
-    from controller.policy.policies import FlownLaw
 
 _DEFAULT_MEMBERS = 100
 _MOST_MEMBERS = 10_000_000
@@ -56,24 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa monte-carlo`."""
     options.add_condition(parser)
     options.add_aircraft(parser)
-    add_weights(parser)
+    add_law(parser)
     add_stored(parser)
     add_value(
         parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
     )
-    drawn = parser.add_argument_group("what differs from member to member; off by default")
-    deviation, of_sensor = "relative standard deviation of a parameter", "standard deviation of a sensor"
-    add_named(drawn, "--error", lambda _, text: number(text), "NAME=DEVIATION", deviation)
-    add_named(drawn, "--noise", quantity, "NAME=DEVIATION", f"{of_sensor}, degrees for angles")
-    add_turbulence(drawn)
-    flight = parser.add_argument_group("the flight")
-    add_times(flight)
-    add_initial(flight)
+    add_scenario(parser, members=True)
     add_controller(parser)
-    add_actuators(flight)
-    add_signal(flight, "--reference", "what a state shall follow")
-    add_signal(flight, "--disturbance", "added to the rate of a state")
-    add_envelope(flight)
+    add_signal(parser, "--reference", "what a state shall follow")
     options.add_workers(parser, "run of the same options")
     options.add_json(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="keep every member in this store (.zarr)")
@@ -105,41 +84,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:
     from controller.flight.monte_carlo import MonteCarlo
-    from controller.flight.scenario import Scenario
 
+    check_policy(arguments)
     aircraft = options.aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    scenario = Scenario(
-        duration=20.0 if arguments.duration is None else arguments.duration,
-        step=arguments.step,
-        initial=initial_of(arguments.initial),
-        reference=signal_of("reference", arguments.reference),
-        disturbance=signal_of("disturbance", arguments.disturbance),
-        uncertainty=_uncertainty(arguments),
-        actuators=actuators_of(arguments),
-    )
-    law, scenario = controlled(arguments, aircraft, point, scenario)
+    law, scenario = controlled(arguments, aircraft, point, scenario_of(arguments, point))
     return MonteCarlo(
         members=arguments.members,
         seed=seed_of(arguments),
         parameters=aircraft.parameters,
         dynamics=arguments.dynamics,
         point=point,
-        law=law or _law(arguments, linearize(aircraft, point)),
+        law=law or flown_law_of(arguments, linearize(aircraft, point)),
         scenario=scenario,
         envelope=envelope_of(arguments, aircraft, point),
     )
-
-
-def _uncertainty(arguments: argparse.Namespace) -> Uncertainty:
-    from controller.flight.scenario import Uncertainty
-
-    errors, noise = arguments.error or {}, arguments.noise or {}
-    return Uncertainty(errors, noise, arguments.turbulence)
-
-
-def _law(arguments: argparse.Namespace, model: LinearModel) -> FlownLaw:
-    """The gain that the options name, designed for the nominal model."""
-    if law_of(arguments) == "exact" and arguments.set and not check_stored(arguments):
-        raise BadInputError("--set belongs to a learning law; with --law exact there is nothing to learn")
-    return flown_law_of(arguments, model)

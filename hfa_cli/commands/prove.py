@@ -22,7 +22,6 @@ from controller.design.scheduled_controller import load_controller
 from controller.policy.gain_table import GainTable, load_gains
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, number, parsed
-from hfa_cli.options.flight_family import add_flights, at_one_angle, family_of, interval_of
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of, weights_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
@@ -60,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "of `schedule`: for all parameters within N standard errors; default 0"
     add_value(parser, "--error", _not_negative, "N", about, default=0.0)
     parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
-    add_flights(parser, "DEG|LOW:HIGH")
+    options.add_flights(parser, "DEG|LOW:HIGH")
     about = "a plant of your own: A, B, optionally E, Q, R"
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
@@ -152,8 +151,8 @@ def _schedule(arguments: argparse.Namespace) -> int:
     target = _certificate(arguments)
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    family = family_of(arguments, arguments.error)
-    low, high = interval_of(arguments, family)
+    family = options.family_of(arguments, arguments.error)
+    low, high = options.interval_of(arguments, family)
     file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target, provenance())
     result = prove_schedule(
         family,
@@ -207,11 +206,11 @@ def _critic(arguments: argparse.Namespace) -> int:
 
 def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
     """The game that the options name, with its flights and dihedral (deg) unless it is a plant of a file."""
-    degrees = at_one_angle(arguments)
+    degrees = options.at_one_angle(arguments)
     named = game_of(arguments)
     if arguments.model is not None or degrees is None:
         return named, None, None
-    family = family_of(arguments)
+    family = options.family_of(arguments)
     family.check(degrees, degrees)
     return named, family, degrees
 

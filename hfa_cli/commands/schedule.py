@@ -11,11 +11,18 @@ import argparse
 
 from hfa_cli.options import games, shared_options as options
 from hfa_cli.options.argument_types import angle, input_file, number, whole
+from hfa_cli.options.flight_options import (
+    add_law,
+    add_scenario,
+    check_policy,
+    envelope_of,
+    law_of,
+    scenario_of,
+    seed_of,
+)
 from hfa_cli.options.games import MATRIX_FILES
-from hfa_cli.options.law_options import add_weights, check_learning, seed_of
 from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.scenario_options import add_scenario, envelope_of, scenario_of
 from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
 from hfa_support.errors import BadInputError
@@ -33,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--over", number, "S", "time of the change, default 60", default=60.0)
     add_value(parser, "--points", whole(2, _MOST_POINTS), "N", "grid points of the schedule, default 11", default=11)
     options.add_aircraft(parser)
-    add_weights(parser)
+    add_law(parser)
     about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
     add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
     add_scenario(parser, "20 more than the change takes")
@@ -55,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         schedule_report,
     )
 
-    check_learning(arguments)
+    check_policy(arguments)
     gains = None if arguments.weights is None else load_gains(arguments.weights)
     aircraft = options.aircraft_of(arguments)
     start, end, over = arguments.dihedral, arguments.to, arguments.over
@@ -69,16 +76,16 @@ def run(arguments: argparse.Namespace) -> int:
     certified = certified_schedule(
         aircraft,
         grid if gains is None else gains.grid(grid),
-        law=arguments.law,
+        law=law_of(arguments),
         seed=seed_of(arguments),
         game=games.weights_of(arguments),
-        settings={} if arguments.law == "exact" else law_settings(arguments),
+        settings={} if law_of(arguments) == "exact" else law_settings(arguments),
         gains=gains,
         progress=ProgressLine("certify"),
     )
     envelope = envelope_of(arguments, aircraft, certified.at(start).point)
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
-    law = arguments.law if gains is None else f"gain of {arguments.weights}"
+    law = law_of(arguments) if gains is None else f"gain of {arguments.weights}"
     report = schedule_report(result, certified, change, law)
     draw(arguments.picture, lambda: flight_figure(result, report.title))
     tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())

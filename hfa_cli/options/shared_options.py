@@ -8,10 +8,11 @@ import os
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa_cli.options.argument_types import (
     PICTURES,
+    number,
     one_angle,
     one_of,
     output_file,
@@ -23,7 +24,7 @@ from hfa_cli.options.argument_types import (
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, Parameters, ParameterSet, default_parameters, load_parameters, named_parameters
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, shortened
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.unit_system import SYSTEMS
@@ -31,6 +32,9 @@ from trim.point.condition import LEVEL_FLIGHT, TrimCondition, describe, release
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
+
+if TYPE_CHECKING:
+    from verification.enclosures.trim_branch import Family
 
 DEFAULT_DYNAMICS = "published"
 _HOLD = "hold speed (ft/s, default 68), altitude (ft, 40000), alpha (deg, 2.8), gamma (deg, 0) or any other variable"
@@ -235,3 +239,64 @@ def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: 
             raise BadInputError(
                 f"--units si does not go with --{name} {getattr(arguments, name)}: {reason}; leave one out"
             )
+
+
+# Flights over an interval of dihedral, about which something is proved.
+
+
+def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
+    """--dihedral in degrees, as it is written; what a trim imposes and leaves free; the aircraft."""
+    about = "degrees; what is proved holds at every angle between"
+    add_value(parser, "--dihedral", degrees, form, about)
+    add_flight(parser)
+    add_aircraft(parser)
+
+
+def degrees(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one angle, in degrees: the statement is about the numbers that were written."""
+    parts = text.split(":")
+    if len(parts) > 2:
+        raise argparse.ArgumentTypeError(f"is {shortened(text)!r}; give LOW:HIGH")
+    ends = tuple(number(part) for part in parts)
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise argparse.ArgumentTypeError(f"is {shortened(text)!r}; the first end must be the lower one")
+    return ends
+
+
+def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
+    """The aircraft and the flights that the options name; the dihedral is left.
+
+    errors: every identified parameter may be off by this many of its standard errors.
+    """
+    from verification.enclosures.trim_branch import Family
+
+    flights = flight_of(arguments)
+    parameters = parameters_of(arguments)
+    aircraft = Aircraft(parameters.values, arguments.dynamics)
+    if not errors:
+        return Family(aircraft, flights)
+    known = parameters.standard_errors
+    if not known:
+        raise BadInputError("the parameters have no standard errors; leave --error out")
+    spread = tuple(errors * known.get(name, 0.0) for name in parameters.values._fields)
+    return Family(aircraft, flights, spread)
+
+
+def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
+    """LOW:HIGH, deg; refused where no trim can be."""
+    ends: tuple[float, ...] = arguments.dihedral or ()
+    if len(ends) != 2:
+        raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
+    family.check(*ends)
+    return ends[0], ends[1]
+
+
+def at_one_angle(arguments: argparse.Namespace) -> float | None:
+    """The dihedral, deg, when one is given; the options then name a trim like those of other commands."""
+    if arguments.dihedral is None:
+        return None
+    if len(arguments.dihedral) != 1:
+        raise BadInputError("a game is at one dihedral; give --dihedral DEG")
+    angle_deg = float(arguments.dihedral[0])
+    arguments.dihedral = math.radians(angle_deg)
+    return angle_deg

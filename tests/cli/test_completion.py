@@ -11,7 +11,7 @@ import pytest
 
 from hfa_cli.main import COMMANDS
 
-PARSER = "hfa_cli.completion.whole_parser"
+PARSER = "hfa_cli.main.whole_parser"
 README = Path(__file__).parents[2] / "README.md"
 #: What bash calls, with the words typed so far.
 ASK = """

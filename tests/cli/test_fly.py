@@ -132,9 +132,9 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     stored("V.npz", W=np.ones(25))
     stored("small.npz", K=np.eye(2))
     for words, named in (
-        ("--weights K.json --law exact", "--weights takes the place of a law; leave out --law, --set and --online"),
-        ("--weights P.npz --online", "--weights takes the place of a law"),
-        ("--weights P.npz --delta 300", "--delta belongs to the game of a law; leave it out with --weights"),
+        ("--weights K.json --law exact", "--law changes nothing beside --weights; leave it out"),
+        ("--weights P.npz --online", "changes nothing beside --weights"),
+        ("--weights P.npz --delta 300", "--delta changes nothing beside --weights"),
         ("--weights K.json --seed 3", "here nothing is random"),
         ("--weights small.npz", "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6"),
         ("--weights V.npz", "V.npz: there are 25 weights; a simulation takes the 21 of the quadratic basis"),

@@ -55,8 +55,8 @@ def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
         (("--command", "speed=1:1"), "follows no command of 'speed'"),
         (("--command", "vertical_acceleration_short_period=1"), "give NAME=TIME:VALUE"),
         (("--command", "vertical_acceleration_short_period=2:1,1:0"), "the times must increase"),
-        (("--law", "exact"), "takes the place of a law"),
-        (("--reference", "dihedral=1"), "--reference belongs to a gain"),
+        (("--law", "exact"), "--law changes nothing beside --controller"),
+        (("--reference", "dihedral=1"), "--reference changes nothing beside --controller"),
     ],
 )
 def test_controllers_that_do_not_fit_are_refused(words: tuple[str, ...], named: str) -> None:
