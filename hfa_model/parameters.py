@@ -200,36 +200,27 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
 
 
 def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:
+    """The set with the covariance in the table, whose correlations have no negative eigenvalue but for rounding."""
     if not table:
         return parameters
     names = parameters.identified
     even = len({len(row) for row in table["rows"]}) < 2
     covariance = np.array(table["rows"] if even else ())
+    why = ""
     if table["names"] != list(names) or covariance.shape != (len(names), len(names)):
-        raise BadInputError(
-            f"{path}: [covariance] does not belong to the identified parameters; remove it or run `hfa identify` again"
-        )
-    if not (np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
-        raise BadInputError(
-            f"{path}: [covariance] is not symmetric with variances on its diagonal; "
-            "remove it or run `hfa identify` again"
-        )
-    lowest = _lowest_correlation(covariance)
-    if lowest < -_ROUNDING:
-        raise BadInputError(
-            f"{path}: [covariance] is no covariance: scaled to correlations, its lowest eigenvalue is {lowest:.3g}, "
-            "which must not be negative; remove it or run `hfa identify` again"
-        )
+        why = "does not belong to the identified parameters"
+    elif not (np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
+        why = "is not symmetric with variances on its diagonal"
+    else:
+        deviations = np.sqrt(np.diag(covariance))
+        deviations[deviations == 0.0] = 1.0
+        with np.errstate(over="ignore"):
+            correlations = covariance / deviations[:, None] / deviations
+        if not (np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING):
+            why = "is no covariance: scaled to correlations, its lowest eigenvalue is negative"
+    if why:
+        raise BadInputError(f"{path}: [covariance] {why}; remove it or run `hfa identify` again")
     return replace(parameters, covariance=covariance)
-
-
-def _lowest_correlation(covariance: np.ndarray) -> float:
-    """Lowest eigenvalue of the matrix scaled to ones on its diagonal, so that units do not weigh; -inf on overflow."""
-    deviations = np.sqrt(np.diag(covariance))
-    deviations[deviations == 0.0] = 1.0
-    with np.errstate(over="ignore"):
-        correlations = covariance / deviations[:, None] / deviations
-    return float(np.linalg.eigvalsh(correlations).min()) if np.isfinite(correlations).all() else -np.inf
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:

@@ -147,35 +147,28 @@ def _delta_of(delta: float) -> float:
 
 
 def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
+    """BadInputError unless symmetric and positive semidefinite, or, strictly, definite by more than rounding.
+
+    Definiteness is judged in units in which the diagonal is 1: weights of very different size are not singular.
+    """
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
-    if strictly and _is_definite(matrix):
-        return
-    smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if strictly:
-        rounding = " but for rounding" if smallest > 0.0 else ""
-        raise BadInputError(
-            f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every eigenvalue "
-            "positive"
-        )
-    if smallest < -1e-12 * scale:
+    smallest = np.linalg.eigvalsh(matrix)[0]
+    if not strictly and smallest < -1e-12 * scale:
         raise BadInputError(
             f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
         )
-
-
-def _is_definite(matrix: np.ndarray) -> bool:
-    """Whether a symmetric matrix is positive definite by more than rounding.
-
-    Judged in units in which its diagonal is 1: weights of very different size alone do not make it singular.
-    """
-    diagonal = np.diag(matrix)
-    if diagonal.min() < 1.0 / LARGEST:
-        return False
-    scales = np.sqrt(diagonal)
-    smallest = np.linalg.eigvalsh(matrix / scales / scales[:, None])[0]
-    return bool(smallest > 10 * len(matrix) * np.finfo(float).eps)
+    if strictly:
+        diagonal = np.diag(matrix)
+        sizes = np.sqrt(np.maximum(diagonal, 1.0 / LARGEST))
+        definite = np.linalg.eigvalsh(matrix / sizes / sizes[:, None])[0] > 10 * len(matrix) * np.finfo(float).eps
+        if diagonal.min() < 1.0 / LARGEST or not definite:
+            rounding = " but for rounding" if smallest > 0.0 else ""
+            raise BadInputError(
+                f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every "
+                "eigenvalue positive"
+            )
 
 
 def _shape(matrix: np.ndarray) -> str:

@@ -38,15 +38,9 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
             stream.write(_mat(data))
     elif suffix == ".csv":
         about = {name: data[name] for name in ("schema", "provenance") if name in data}
-        write_text(target, _csv(_with_column(records, "about", json.dumps(jsonable(about)))))
+        write_text(target, _csv(records, json.dumps(jsonable(about))))
     else:
         raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use one of {', '.join(SUFFIXES)}")
-
-
-def _with_column(records: Table, name: str, text: str) -> Table:
-    """The records with one column more, whose first row alone has something to say."""
-    rows = ((*row, "" if number else text) for number, row in enumerate(records.rows))
-    return Table((*records.header, name), tuple(rows))
 
 
 def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
@@ -97,12 +91,14 @@ def _field_name(key: str) -> str:
     return name if name[:1].isalpha() else f"x{name}"
 
 
-def _csv(records: Table) -> str:
+def _csv(records: Table, about: str) -> str:
+    """The records with one column more, `about`, whose first row alone is not empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(records.header)
-    for row in records.rows:
-        writer.writerow([_digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell) for cell in row])
+    writer.writerow((*records.header, "about"))
+    for number, row in enumerate(records.rows):
+        cells = [_digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell) for cell in row]
+        writer.writerow([*cells, "" if number else about])
     return stream.getvalue()
 
 

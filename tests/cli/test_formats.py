@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from cli import assert_refused, hfa
+from cli import hfa
 
 from hfa_cli.main import DONE
 
@@ -19,14 +18,6 @@ def written(name: str, *words: str) -> str:
     assert result.code == DONE
     assert [path.name for path in Path().iterdir()] == [name]
     return Path(name).read_text(encoding="utf-8")
-
-
-def test_markdown_has_a_row_for_each_of_the_text() -> None:
-    markdown = written("a.md", *TRIM)
-    assert markdown.startswith("# Trim, published dynamics: trimmed\n\n| state | value |")
-    for line in hfa(*TRIM).out.splitlines():
-        if line.startswith("rate of"):
-            assert f"| {' | '.join(re.split(r' {2,}', line.strip()))} |" in markdown
 
 
 def test_html_is_well_formed() -> None:
@@ -66,8 +57,3 @@ def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> Non
     assert hfa(*TRIM, "--picture", str(path)).code == DONE
     assert path.read_bytes().startswith(begin)
     assert b"hfa trim" in path.read_bytes() or b"published dynamics" in path.read_bytes()
-
-
-def test_a_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    assert_refused(hfa(*TRIM, "--picture", str(tmp_path / "none" / "front.png")), 2, "does not exist")
-    assert list(tmp_path.iterdir()) == []

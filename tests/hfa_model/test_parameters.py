@@ -64,9 +64,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     covariance[:, 2] *= units
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
-    said = refusal(load_parameters, path)
-    assert "[covariance] is no covariance" in said
-    assert "lowest eigenvalue is -1, " in said
+    assert "its lowest eigenvalue is negative" in refusal(load_parameters, path)
 
 
 def test_parameters_that_vary_as_one_are_accepted(tmp_path: Path, parameter_set: ParameterSet) -> None:
@@ -88,11 +86,6 @@ def test_covariance_gives_the_standard_errors(parameter_set: ParameterSet) -> No
 def test_wrong_values_are_refused(saved: Path, value: str) -> None:
     path = edited(saved, r"(?<=^\[chord\]\n)value = .*", f"value = {value}")
     assert "chord.value is " in refusal(load_parameters, path)
-
-
-def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
-    path = edited(saved, r"(?<=^\[zero_lift_moment\]\nvalue = ).*", "-0.03")
-    assert load_parameters(path).values.zero_lift_moment == -0.03
 
 
 @pytest.mark.parametrize(
@@ -118,18 +111,6 @@ def test_a_negative_moment_coefficient_is_accepted(saved: Path) -> None:
 )
 def test_wrong_entries_are_refused(saved: Path, pattern: str, replacement: str, named: str) -> None:
     assert named in refusal(load_parameters, edited(saved, pattern, replacement))
-
-
-def test_a_file_that_is_not_toml_is_refused(saved: Path) -> None:
-    saved.write_text("chord: 8.0 ft\n", encoding="utf-8")
-    assert "TOML" in refusal(load_parameters, saved)
-    saved.write_bytes(b"\xff\xfe\x00")
-    assert "TOML" in refusal(load_parameters, saved)
-
-
-def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
-    assert "cannot be read" in refusal(load_parameters, tmp_path / "nowhere.toml")
-    assert "cannot be read" in refusal(load_parameters, tmp_path)
 
 
 def test_the_named_sets_are_there() -> None:

@@ -56,13 +56,6 @@ def test_one_changed_entry_is_seen(model: LinearModel) -> None:
     assert replace(model, A=np.full_like(A, np.nan)) == replace(model, A=np.full_like(A, np.nan))
 
 
-def test_an_aircraft_can_be_sent_to_another_process(aircraft: Aircraft, point: OperatingPoint) -> None:
-    again = pickle.loads(pickle.dumps(aircraft))
-    assert (again.parameters, again.variant) == (aircraft.parameters, aircraft.variant)
-    at = np.array(point.states), np.array(point.inputs)
-    np.testing.assert_array_equal(again.rates(*at), aircraft.rates(*at))
-
-
 def test_a_failed_trim_can_be_sent_too(published_aircraft: Aircraft) -> None:
     with pytest.raises(TrimError) as caught:
         find_operating_point(published_aircraft, level_flight(0.1, speed=30.0))

@@ -9,7 +9,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_support import BadInputError
-from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, read_toml, regular_file
+from hfa_support.files import LARGEST_TEXT, read_json, read_toml, regular_file
 
 
 @pytest.mark.parametrize("read", [read_json, read_toml])
@@ -100,11 +100,3 @@ def test_text_that_no_parser_survives_is_one_line(tmp_path: Path, content: bytes
     path.write_bytes(b"x = " + content)
     with pytest.raises(BadInputError, match=f"is not a TOML file .*{said}"):
         read_toml(path)
-
-
-def test_names_that_no_file_has() -> None:
-    assert LARGEST >= LARGEST_TEXT
-    with pytest.raises(FileNotFoundError):
-        regular_file("a\0b")
-    with pytest.raises(IsADirectoryError):
-        regular_file("/")

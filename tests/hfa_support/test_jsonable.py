@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
 from hfa_support.jsonable import jsonable, records_text
@@ -15,12 +13,6 @@ def test_a_table_has_one_row_a_line() -> None:
         '{\n "schema": "x",\n "A": [[1.0, 0.0], [0.0, 1.0]],\n "rows": [\n'
         '  {"n": 1, "of": {"a": [1.0, null]}},\n  {"n": 2, "of": {}}\n ]\n}\n'
     )
-
-
-def test_tables_within_rows_are_tables() -> None:
-    value = {"outer": [{"name": "a", "inner": [{"i": 1}, {"i": 2}]}], "none": []}
-    assert json.loads(records_text(value)) == value
-    assert records_text(value).splitlines()[4:7] == ['   "inner": [', '    {"i": 1},', '    {"i": 2}']
 
 
 def test_numbers_of_every_width_are_numbers() -> None:

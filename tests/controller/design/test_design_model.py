@@ -170,6 +170,7 @@ def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Aircraft) -
 def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: int) -> None:
     weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
     design = Design("own", ("throttle",), {"throttle": weak}, input_weights={"throttle": 1.0})
+    assert design.disturbances == {"states": 1.0}
     built = design_at(published_aircraft, design, 5.0)
     rows = slice(6, None)
     rest = -np.linalg.solve(built.A[rows, rows], built.B[rows])

@@ -10,7 +10,6 @@ import pytest
 from controller import Basis, basis
 from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS
 from hfa_model import LINEAR_STATES
-from hfa_support import BadInputError
 
 SIZES = {"quadratic": 21, "quadratic+linear": 27, "quadratic+quartic": 27, "paper": 25}
 
@@ -82,30 +81,9 @@ def test_weights_and_matrix_are_the_same_value() -> None:
         assert np.array_equal(W[21:], np.zeros(functions.size - 21))
 
 
-def test_diagonal_entries_are_weights_and_others_half() -> None:
-    P = basis("quadratic", 2).matrix(np.array([3.0, 8.0, 5.0]))
-    assert P.tolist() == [[3.0, 4.0], [4.0, 5.0]]
-
-
 def test_scaling_moves_weights_between_units() -> None:
     rng = np.random.default_rng(5)
     scales, y = 10.0 ** rng.uniform(-2.0, 2.0, 6), rng.normal(size=6)
     for functions in all_bases():
         W = rng.normal(size=functions.size)
         assert (functions.scaling(scales) * W) @ functions.psi(y) == pytest.approx(W @ functions.psi(scales * y))
-
-
-def test_refusals_name_the_choices() -> None:
-    with pytest.raises(BadInputError, match=r"unknown basis 'cubic'.*quadratic\+linear"):
-        basis("cubic", 6)
-    with pytest.raises(BadInputError, match="'paper' is for 6 states, not 4"):
-        basis("paper", 4)
-    with pytest.raises(BadInputError, match="at least 1 state"):
-        basis("quadratic", 0)
-
-
-@pytest.mark.parametrize("name", BASES)
-def test_a_basis_is_shared_and_cannot_be_changed(name: str) -> None:
-    functions = basis(name, 6)
-    with pytest.raises(ValueError, match="read-only"):
-        functions.exponents[0, 0] = 7

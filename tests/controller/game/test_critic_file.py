@@ -10,9 +10,6 @@ import pytest
 from game_files import stored
 
 from controller import Game, History, load_history
-from controller.game import critic_file
-from controller.game.array_file import read_arrays
-from controller.game.critic_file import StoredCritic, critic_in
 from hfa_support import BadInputError
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
@@ -115,20 +112,6 @@ def test_columns_that_fit_two_kinds_are_to_be_named() -> None:
     with pytest.raises(BadInputError, match="the 1 columns beside the time may be W or P or K; name them"):
         load_history(written(lines(W[:, :1])), one)
     assert load_history(written(lines(W[:, :1], "t,K1\n")), one).K.shape == (3, 1, 1)
-
-
-@pytest.mark.parametrize("name", ["none.csv", "none.npz", "."])
-def test_no_file_is_one_line(name: str) -> None:
-    with pytest.raises(BadInputError, match=r"there is no such file|is not known"):
-        load_history(name, GAME)
-
-
-def test_a_critic_is_read_once_whether_it_is_over_time_or_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    opened = []
-    monkeypatch.setattr(critic_file, "read_arrays", lambda path: opened.append(path) or read_arrays(path))
-    assert isinstance(critic_in(stored("once.npz", K=K[0]), GAME), StoredCritic)
-    assert isinstance(critic_in(stored("rows.npz", K=K, time=TIMES), GAME), History)
-    assert opened == ["once.npz", "rows.npz"]
 
 
 @pytest.mark.parametrize(

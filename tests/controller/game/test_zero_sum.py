@@ -10,7 +10,6 @@ import pytest
 from game_samples import game_models
 
 from controller import Game, published_game
-from controller.game.zero_sum import LARGEST
 from hfa_model import published_models
 from hfa_support import BadInputError
 
@@ -68,11 +67,6 @@ def test_weights_of_very_different_size_are_definite(R: Any) -> None:
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
-def test_the_largest_delta_is_nearly_none() -> None:
-    most, none = (Game(**(SMALL | {"delta": delta})).S for delta in (1e50, math.inf))
-    np.testing.assert_allclose(most, none, rtol=1e-15, atol=1e-99)
-
-
 def test_policies_follow_from_the_value() -> None:
     game, P = Game(**SMALL), np.array([[3.0, 1.0], [1.0, 2.0]])
     np.testing.assert_allclose(game.gain(P), [[0.25, 0.5]], rtol=1e-15)
@@ -122,7 +116,3 @@ def test_published_game_has_the_settings_of_the_paper() -> None:
         published_game(np.eye(2), np.ones((2, 1)))
     with pytest.raises(BadInputError, match="A has 0 dimension"):
         published_game(np.array(3.0), model.B)
-
-
-def test_the_limit_of_size_leaves_room_for_products() -> None:
-    assert math.isfinite(LARGEST**3)

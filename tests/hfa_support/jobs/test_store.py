@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
@@ -231,13 +230,6 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
     assert outcomes == {"refused": 8 * described, "computed": 8 * (len(whole) - described)}
 
 
-@pytest.mark.parametrize("content", [b"", b"{}", b"\xff{", b"[" * 100_000, b'{"attributes": 1}'])
-def test_a_description_that_is_none_is_refused(path: Path, content: bytes) -> None:
-    (path / "zarr.json").write_bytes(content)
-    with pytest.raises(BadInputError, match="its names, units or attributes are not those written"):
-        open_store(path)
-
-
 def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -280,9 +272,3 @@ def test_settings_of_zarr_in_the_environment_do_no_harm(made: Path, path: Path, 
     words = [sys.executable, "-c", program, str(path)]
     done = subprocess.run(words, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("[]\n", "")
-
-
-def test_the_plan_and_the_provenance_are_kept(tmp_path: Path) -> None:
-    store = create_store(tmp_path / "a.zarr", Job().layout, {"version": "1"})
-    assert json.loads(store.attributes["plan"]) == {"rows": ROWS}
-    assert store.attributes["provenance"] == {"version": "1"}

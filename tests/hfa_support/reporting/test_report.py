@@ -66,22 +66,6 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert drawn == ["drawn"]
 
 
-def test_a_text_draws_no_picture() -> None:
-    drawn: list[str] = []
-    found = report(drawn)
-    assert found.text()
-    assert found.markdown()
-    assert [each.name for each in found.pictures()] == ["a.png"]
-    assert drawn == []
-
-
-def test_pictures_can_be_left_out() -> None:
-    found = report([]).without_pictures()
-    assert list(found.pictures()) == []
-    assert found.text() == report([]).text()
-    assert found.markdown() == report([]).markdown().replace('\n\n![a "picture"](a.png)', "")
-
-
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
     found = report([]).with_data(more=[1])
     expected = {"schema": "hfa.test/1", "values": [0.1, None], "rows": [{"name": "a"}, {"name": "b"}], "more": [1]}
@@ -127,14 +111,3 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
-
-
-def test_a_column_of_words_has_fewer_numbers_than_words_in_what_it_says() -> None:
-    columns = {
-        "words": ("a", "b", "-1"),
-        "half": ("a", "-", "2"),
-        "numbers": ("±3", "+4", "b"),
-        "empty": ("-", "", "-"),
-    }
-    page = Report("", (Table(("of", *columns), list(zip("xyz", *columns.values(), strict=True))),)).html()
-    assert [name for name in columns if f'<th scope="col" class="words">{name}</th>' in page] == ["words"]

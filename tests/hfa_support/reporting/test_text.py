@@ -15,10 +15,8 @@ from hfa_support.reporting.text import (
     angle_text,
     columns,
     degrees,
-    eigenvalue_text,
     in_degrees,
     matrix_table,
-    numbered,
     range_text,
     shown_value,
 )
@@ -30,11 +28,6 @@ def test_radians_become_degrees() -> None:
     assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
     assert degrees(68.0, "ft/s") == ("68.00000", "ft/s")
     assert (shown_value(angle, "rad"), shown_value(2.0, "ft", ".2f")) == ("15", "2.00")
-
-
-def test_a_pair_is_one_text() -> None:
-    assert eigenvalue_text(-1 - 2j) == eigenvalue_text(-1 + 2j) == "-1.0000 ± 2.0000i"
-    assert eigenvalue_text(0.5 + 0j) == "0.5000"
 
 
 def test_a_range_has_a_number_once() -> None:
@@ -51,10 +44,6 @@ def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
     rows = [("a", Cell("1.5", place=0.5)), ("b", "")]
     assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
     assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
-
-
-def test_what_has_no_name_is_counted() -> None:
-    assert numbered("x", 3) == ("x1", "x2", "x3")
 
 
 def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
