@@ -6,8 +6,11 @@ argument is checked for its shape and every result for finiteness.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -15,10 +18,14 @@ import numpy as np
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.dynamics import by_name, state_rates, symbols
-from hfa_model.parameters import Parameters, default_parameters
+from hfa_model.outputs import OUTPUTS, Watched, moment_of
+from hfa_model.parameters import FIELDS, Parameters, default_parameters
+from hfa_model.printed_matrices import published_data
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, STATES, State
+from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, State
+from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.model import Model, Signal
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 
 if TYPE_CHECKING:
@@ -28,6 +35,69 @@ if TYPE_CHECKING:
 #: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may come out negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 _AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Those of a variant as a `Model` takes them. ground_drag: with winds the drag takes the speed over ground, not
+    that through the air."""
+
+    variant: Variant
+    ground_drag: bool = False
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Rates by state, outputs by name."""
+        moment = moment_of(x, u, p, self.variant, winds_named(w._fields, w, ground_drag=self.ground_drag))
+        return moment.rates._asdict(), Watched(moment)
+
+
+def check_in_range(x: State) -> None:
+    """BadInputError when a state lies where the equations mean nothing."""
+    if x.speed <= 0.0:
+        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
+    refuse_beyond_the_atmosphere(x.altitude)
+    if not abs(x.dihedral) < np.pi / 2:
+        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")
+
+
+#: Typical size of an output, by its unit.
+_TYPICAL = {"ft/s^2": 10.0, "rad": 0.1, "ft/s": 10.0, "ft lbf": 1000.0, "lbf": 100.0, "lbf/ft^2": 1.0}
+_PAPER = published_data()["trim"]
+#: The aircraft as any `Model`: with the published equations and no values of its parameters.
+HFA = Model(
+    name="published",
+    called="published dynamics",
+    states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
+    inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
+    equations=Equations(variant_named("published")),
+    parameters=Parameters(*(Signal(each.unit) for each in FIELDS)),  # type: ignore[arg-type]
+    disturbances={name: Signal(DISTURBANCE_UNIT, 10.0) for name in DISTURBANCES},
+    outputs={name: Signal(each.unit, _TYPICAL.get(each.unit, 1.0)) for name, each in OUTPUTS.items()},
+    # The paper's level flight (Section 5.1), with a flat wing.
+    trim={
+        "speed": _PAPER["speed"],
+        "alpha": math.radians(_PAPER["alpha_deg"]),
+        "altitude": _PAPER["altitude"],
+        "gamma": 0.0,
+        "pitch_rate": _PAPER["pitch_rate"],
+        "dihedral": 0.0,
+        "dihedral_rate": _PAPER["dihedral_rate"],
+        "aileron_center": 0.0,
+    },
+    steady=tuple(name for name in STATES if name != "altitude"),
+    linear=LINEAR_STATES,
+    schedule="dihedral",
+    modes={
+        "short period": ("alpha", "pitch_rate"),
+        "phugoid": ("speed", "pitch"),
+        "dihedral": ("dihedral", "dihedral_rate"),
+        "altitude": ("altitude",),
+    },
+    replaced={"pitch": "gamma"},
+    # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
+    check=check_in_range,
+    range={"dihedral": (math.radians(15.0), "the paper's range")},
+)
 
 
 class CompiledDynamics:
@@ -92,6 +162,16 @@ class Aircraft:
     def __reduce__(self) -> tuple[type[Aircraft], tuple[Parameters, Variant]]:
         return Aircraft, (self.parameters, self.variant)  # compiled again where it is unpickled
 
+    @cached_property
+    def model(self) -> Model:
+        """The aircraft as any `Model`."""
+        values = self.parameters._asdict()
+        parameters = {name: each._replace(start=float(values[name])) for name, each in HFA.parameters.items()}
+        name = self.variant.name
+        return replace(
+            HFA, name=name, called=f"{name} dynamics", equations=Equations(self.variant), parameters=parameters
+        )
+
     def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
         """dX/dt, (7,)."""
         return self._at(x, u, "rates")[0]
@@ -111,13 +191,7 @@ class Aircraft:
 
     def to_control(self) -> control.NonlinearIOSystem:
         """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
-        import control
-
-        def update(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
-            return np.array(self._functions.rates(x, u, [params[name] for name in Parameters._fields])).ravel()
-
-        values, name = self.parameters._asdict(), f"{self.variant.name}_aircraft"
-        return control.nlsys(update, None, name=name, states=STATES, inputs=INPUTS, outputs=STATES, params=values)
+        return self.model.to_control()
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         state, control = numbers_in("state", x), numbers_in("input", u)
@@ -151,12 +225,3 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
         if name in _SIZES and value < 0.0:
             raise BadInputError(f"parameter {name} is {value:g}; it must be positive")
     return parameters
-
-
-def check_in_range(x: State) -> None:
-    """BadInputError when a state lies where the equations mean nothing."""
-    if x.speed <= 0.0:
-        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
-    refuse_beyond_the_atmosphere(x.altitude)
-    if not abs(x.dihedral) < np.pi / 2:
-        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hfa_model.vectors import Quantity
+from hfa_model.vectors import HIGHEST_ALTITUDE, Quantity
 from hfa_support.errors import BadInputError
-
-#: The highest altitude that the two layers below cover, ft (the 20 km geopotential limit lies at 65,824 ft).
-HIGHEST_ALTITUDE = 65_000.0
 
 # U.S. Standard Atmosphere, 1976, Tables 2-4 (SI, as defined there).
 _EARTH_RADIUS = 6_356_766.0  # m

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeAlias, TypeVar
 
+from hfa_support.model import Signal, rate_unit
+
 if TYPE_CHECKING:
     import casadi as ca
 
@@ -54,17 +56,32 @@ LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altit
 #: Where they stand among all states.
 LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
-STATE_UNITS = State("ft/s", "rad", "ft", "rad", "rad/s", "rad", "rad/s")
-INPUT_UNITS = Input("1", "rad", "rad", "rad", "rad")
-#: Units of dX/dt, for residuals of the equations of motion.
-RATE_UNITS = State("ft/s^2", "rad/s", "ft/s", "rad/s", "rad/s^2", "rad/s", "rad/s^2")
+#: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824 ft).
+HIGHEST_ALTITUDE = 65_000.0
 
-#: Typical size of each quantity: one scaled unit of it. Used to weigh residuals and unknowns of different
-#: units against each other, so that "balanced to 1e-10" means the same for a speed and for an angle.
-STATE_SCALES = State(68.0, 0.1, 1000.0, 0.1, 0.1, 0.1, 0.1)
-INPUT_SCALES = Input(40.0, 0.1, 0.1, 0.1, 0.1)
-#: One scaled unit of each residual: g for the speed, and rates that the eye would notice for the rest.
-RATE_SCALES = State(32.2, 0.1, 1.0, 0.1, 1.0, 0.1, 1.0)
+_ANGLE, _RATE = Signal("rad", 0.1), Signal("rad/s", 0.1, rate=1.0)
+#: Units, typical sizes (a rate's is g for the speed, and what the eye would notice for the rest), and limits, assumed:
+#: the paper states none. States: attached flow, the atmosphere's altitudes.
+STATE_SIGNALS = State(
+    speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2),
+    alpha=_ANGLE._replace(min=-math.radians(20), max=math.radians(20)),
+    altitude=Signal("ft", 1000.0, 0.0, HIGHEST_ALTITUDE, rate=1.0),
+    pitch=_ANGLE._replace(min=-math.radians(60), max=math.radians(60)),
+    pitch_rate=_RATE,
+    dihedral=_ANGLE._replace(min=-math.radians(60), max=math.radians(60)),
+    dihedral_rate=_RATE,
+)
+_AILERON = _ANGLE._replace(min=-math.radians(20), max=math.radians(20))
+_ELEVATOR = _ANGLE._replace(min=-math.radians(30), max=math.radians(30))
+INPUT_SIGNALS = Input(Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
+
+STATE_UNITS, INPUT_UNITS = State(*(s.unit for s in STATE_SIGNALS)), Input(*(s.unit for s in INPUT_SIGNALS))
+STATE_SCALES, INPUT_SCALES = State(*(s.nominal for s in STATE_SIGNALS)), Input(*(s.nominal for s in INPUT_SIGNALS))
+STATE_LIMITS = State(*((s.min, s.max) for s in STATE_SIGNALS))
+CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
+#: Units of dX/dt, for residuals of the equations of motion, and one scaled unit of each.
+RATE_UNITS = State(*map(rate_unit, STATE_UNITS))
+RATE_SCALES = State(*(s.rate or s.nominal for s in STATE_SIGNALS))
 
 #: Unit of every state and input, of the flight-path angle, and of alpha through the air.
 UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad", "angle_of_attack": "rad"}

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+from hfa_model.aircraft import HFA, Aircraft, Equations
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant
@@ -62,7 +62,7 @@ class CModel:
             c_table("const double hfa_B", self.model.B),
             c_table("const double hfa_K", gain),
             c_table("const int hfa_linear_state", LINEAR_ROWS),
-            c_table("static const double start", first_guess(LEVEL_FLIGHT.free, {})),
+            c_table("static const double start", first_guess(HFA, LEVEL_FLIGHT.free, {})),
             c_table("static const double lowest", limits[0]),
             c_table("static const double highest", limits[1]),
         ]
@@ -107,7 +107,8 @@ def _functions(variant: Variant) -> list[str]:
     f = state_rates(x, u, p, variant, w)
     still = state_rates(x, u, p, variant)
     by_rows = [ca.vec(ca.densify(ca.jacobian(still, by)).T) for by in (x, u)]
-    functions = newton_functions(variant, _GIVEN, LEVEL_FLIGHT.free, tuple(LEVEL_FLIGHT.rates.items()))
+    rates = tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
+    functions = newton_functions(replace(HFA, equations=Equations(variant)).layout, _GIVEN, LEVEL_FLIGHT.free, rates)
     assert functions is not None
     newton, at = functions
     return [

@@ -25,6 +25,7 @@ from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, Parameters, ParameterSet, default_parameters, load_parameters, named_parameters
 from hfa_support.errors import BadInputError, NoSolutionError, shortened
+from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.unit_system import SYSTEMS
@@ -208,7 +209,7 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> Ope
         raise TrimError(f"{error}; {advice}", error.attempt) from None
 
 
-def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft, condition: TrimCondition) -> str:
+def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condition: TrimCondition) -> str:
     """What to type where a held angle of attack is why a condition has no trim; "" where it is not why."""
     if "alpha" in condition.free:
         return ""

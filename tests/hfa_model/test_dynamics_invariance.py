@@ -131,7 +131,7 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
     held = {"aileron_outer": 0.0}
     unhinged = tuple(name for name in BALANCED if name != "dihedral_rate")
     rigid_condition = release(flat, hold=held)
-    rigid_condition = TrimCondition(rigid_condition.imposed, rigid_condition.free, dict.fromkeys(unhinged, 0.0))
+    rigid_condition = TrimCondition(rigid_condition.imposed, dict.fromkeys(unhinged, 0.0))
     # Three equations for three unknowns: throttle and both elevators, of which one is held.
     rigid_condition = release(rigid_condition, free=("alpha",), hold={"elevator_outer": -0.05})
     rigid_point = find_operating_point(aircraft, rigid_condition)

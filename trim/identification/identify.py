@@ -7,12 +7,13 @@ every step. Each printed entry weighs with half a unit of its last digit.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+from hfa_model.aircraft import HFA, Aircraft, Equations
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, save_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
@@ -232,8 +233,8 @@ class _Condition:
         state = {**flight.imposed, "pitch": flight.imposed["alpha"] + flight.imposed["gamma"]}
         point = ca.vertcat(*(state[name] for name in STATES), *_as_input(ca.vertsplit(inputs)))
         entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
-        given, rates = tuple(flight.imposed), tuple(flight.rates.items())
-        functions = newton_functions(variant, given, _FREE_INPUTS, rates)
+        given, rates = tuple(flight.imposed), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
+        functions = newton_functions(replace(HFA, equations=Equations(variant)).layout, given, _FREE_INPUTS, rates)
         assert functions is not None
         after, size = functions[0](ca.DM([flight.imposed[name] for name in given]), inputs, ca.vertcat(*p))
         self._step = _bound([theta, inputs], (after, size))

@@ -58,7 +58,7 @@ def _total_derivative(
         np.array, _derivatives(variant)(np.array(point.states), np.array(point.inputs), p)
     )
     moves = np.column_stack([_move(name) for name in condition.free])
-    rows = [STATES.index(name) for name in condition.rates]
+    rows = [STATES.index(name) for name in condition.equations[0]]
     free_by_p = -np.linalg.lstsq(rates_by_point[rows] @ moves, rates_by_p[rows], rcond=None)[0]
     total = entries_by_p + entries_by_point @ moves @ free_by_p
     return np.asarray(total[:, [Parameters._fields.index(name) for name in parameters.identified]])

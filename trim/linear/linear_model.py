@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.dynamics import by_name, symbols
-from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
-from hfa_model.variants import Variant
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, STATES, UNITS
-from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.model import Model
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table, angle_text, degrees, in_degrees, matrix_table
+from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
-from trim.linear.modes import modes_of, modes_table
+from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import level_flight
-from trim.point.operating_point import OperatingPoint
+from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
 from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
 
-#: What w is unless winds are named.
-UPDRAFT = ("updraft",)
 #: Why a model comes without bands.
 NO_BANDS = (
     "No bands of the rounding of the print: they are known for the six printed states of the identified aircraft only"
@@ -90,7 +83,7 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
 
 
 def truncation_note(model: LinearModel, whole: LinearModel) -> str:
-    """What a model of fewer states does to the eigenvalues of the six-state one; "" where no state of it is missing."""
+    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
     missing = [name for name in whole.states if name not in model.states]
     if not missing:
         return ""
@@ -99,7 +92,7 @@ def truncation_note(model: LinearModel, whole: LinearModel) -> str:
     off = [abs(value - known) / max(abs(known), 1e-12) for value, known in nearest]
     return (
         f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} held at the trim: the model is truncated, "
-        f"and its eigenvalues lie up to {100 * max(off):.2g} % from those of all six states"
+        f"and its eigenvalues lie up to {100 * max(off):.2g} % from those of all {len(whole.states)} states"
     )
 
 
@@ -115,7 +108,8 @@ class LinearModel(ByValue, Reported):
     A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
     point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the states unless
     others were asked for, with C (k, n) the identity and D (k, m) zero. output_offsets: Y0, (k,).
-    disturbances: winds w with names of `hfa_model.winds`, ft/s; without any E (n, l) and F (k, l) have no columns.
+    disturbances: names w; without any E (n, l) and F (k, l) have no columns. kinks: entries of A and B whose one-sided
+    slopes differ, in words.
     """
 
     A: np.ndarray
@@ -130,6 +124,7 @@ class LinearModel(ByValue, Reported):
     F: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     output_offsets: np.ndarray = field(default_factory=lambda: np.zeros(0))
     disturbances: tuple[str, ...] = ()
+    kinks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Without outputs, watch the states."""
@@ -142,22 +137,27 @@ class LinearModel(ByValue, Reported):
     @property
     def output_units(self) -> tuple[str, ...]:
         """Unit of each output, in order."""
-        return tuple(map(unit_of, self.outputs))
+        return self.point.model.units(self.outputs)
 
     @property
     def disturbance_units(self) -> tuple[str, ...]:
-        """Unit of each wind, in order."""
-        return (DISTURBANCE_UNIT,) * len(self.disturbances)
+        """Unit of each disturbance, in order."""
+        return self.point.model.units(self.disturbances)
 
     @property
     def state_units(self) -> tuple[str, ...]:
         """Unit of each state, in order."""
-        return tuple(getattr(STATE_UNITS, name) for name in self.states)
+        return self.point.model.units(self.states)
 
     @property
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input, in order."""
-        return tuple(getattr(INPUT_UNITS, name) for name in self.inputs)
+        return self.point.model.units(self.inputs)
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes of A, fastest first, named as the model has it."""
+        return modes_of(self.A, self.states, self.point.model.modes)
 
     @property
     def state_offsets(self) -> np.ndarray:
@@ -166,7 +166,7 @@ class LinearModel(ByValue, Reported):
 
     @property
     def input_offsets(self) -> np.ndarray:
-        """U0, (5,)."""
+        """U0, (m,)."""
         return np.array([getattr(self.point.inputs, name) for name in self.inputs])
 
     def select(self, states: tuple[str, ...] | None = None, inputs: tuple[str, ...] | None = None) -> LinearModel:
@@ -218,17 +218,17 @@ def linear_model_report(
     point, shown = model.point, _shown(model, windy)
     rate, output = (" + E w", " + F w") if windy else ("", "")
     return Report(
-        title=f"Linear model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics "
+        title=f"Linear model {at_scheduled(point)}, {point.called} "
         f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
-        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in rad, {unit_in_force('ft')}, s; "
+        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in {_units_in(model)}; "
         "the offsets X0 and U0 in the units beside them",
         parts=(
             *matrices(model, windy=windy),
             *filter(None, [trust]),
             _offsets(model),
-            modes_table(modes_of(model.A, model.states)),
+            modes_table(model.modes),
         ),
-        notes=point.warnings,
+        notes=[*point.warnings, *model.kinks],
         data=_data(model, bands, other),
         records=_records(model, bands, shown),
     )
@@ -259,7 +259,7 @@ def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) ->
     point = model.point
     data: dict[str, Any] = {
         "schema": LINEAR_MODEL_SCHEMA,
-        "dihedral_deg": in_degrees(point.states.dihedral),
+        **scheduled_data(point),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         "states": list(model.states),
@@ -274,8 +274,8 @@ def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) ->
         "output_units": list(model.output_units),
         "C": model.C.tolist(),
         "D": model.D.tolist(),
-        "modes": [mode.to_dict() for mode in modes_of(model.A, model.states)],
-        "warnings": point.warnings,
+        "modes": [mode.to_dict() for mode in model.modes],
+        "warnings": [*point.warnings, *model.kinks],
     }
     if model.disturbances:
         data |= {"disturbances": list(model.disturbances), "disturbance_units": list(model.disturbance_units)}
@@ -295,14 +295,14 @@ def _records(
 ) -> Table:
     """Header and rows (matrix, row, column, value, unit, band) of the matrices in the text, then the offsets."""
     widths = {} if bands is None else {"A": bands.A, "B": bands.B}
-    of_outputs = dict(zip(model.outputs, model.output_units, strict=True))
+    of, of_outputs = model.point.model, dict(zip(model.outputs, model.output_units, strict=True))
     rows: list[tuple[Any, ...]] = []
     for name, (row_names, column_names, values) in shown.items():
         band, of_rates = widths.get(name), name in "ABE"
         for i, row in enumerate(row_names):
-            unit = getattr(RATE_UNITS, row) if of_rates else of_outputs[row]
+            unit = of.rate_unit(row) if of_rates else of_outputs[row]
             for j, column in enumerate(column_names):
-                per = f"({unit})/({UNITS.get(column, DISTURBANCE_UNIT)})"
+                per = f"({unit})/({of.unit(column)})"
                 rows.append((name, row, column, values[i, j], per, "" if band is None else band[i, j]))
     offsets = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
     rows += [("X0", name, "", value, unit, "") for name, value, unit in offsets]
@@ -328,8 +328,16 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
     return [known.index(name) for name in chosen]
 
 
+def _units_in(model: LinearModel) -> str:
+    """The units that the entries are made of."""
+    units = {*model.state_units, *model.input_units}
+    if any("ft" in unit for unit in units):
+        return f"rad, {unit_in_force('ft')}, s"
+    return ", ".join(sorted(units - {"1"}))
+
+
 def linearize(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     point: OperatingPoint,
     *,
     full: bool = False,
@@ -337,45 +345,74 @@ def linearize(
     disturbances: tuple[str, ...] | None = None,
     ground_drag: bool = False,
 ) -> LinearModel:
-    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) in still air, by algorithmic
+    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by algorithmic
     differentiation (exact to rounding).
 
-    Returns the six states of the paper's model (Section 2.2), or all seven with altitude when `full`.
-    outputs: names of `hfa_model.outputs` or of states; None for the states of the model.
-    disturbances: winds w with names of `hfa_model.winds`, ft/s; None for the uniform updraft where outputs are asked
-    for. ground_drag: with these winds the drag takes the speed over ground, not that through the air.
-    BadInputError when the point belongs to other dynamics than the aircraft, or an output or a wind is unknown.
+    Returns the model's linear states, of the HFA the paper's six (Section 2.2), or all of them when `full`.
+    outputs: names of outputs or of states; None for the states of the model.
+    disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s;
+    ground_drag: with these its drag takes the speed over ground, not that through the air.
+    BadInputError when the point belongs to another model or other dynamics, or a name is unknown.
     """
-    point.refuse_other(aircraft.variant)
-    _, A, B = aircraft.jacobians(np.array(point.states), np.array(point.inputs))
-    model = LinearModel(A, B, STATES, INPUTS, point)
-    if outputs is not None or disturbances is not None:
-        seen, winds = tuple(outputs or (STATES if full else LINEAR_STATES)), tuple(disturbances or UPDRAFT)
-        for what, chosen, known in (("output", seen, (*STATES, *OUTPUTS)), ("disturbance", winds, (*DISTURBANCES,))):
-            for name in chosen:
-                refuse_unknown(f"unknown {what}", name, known)
-                if chosen.count(name) > 1:
-                    raise BadInputError(f"{what} {name} is named twice; name it once")
-        found = _watched(aircraft.variant, seen, winds, ground_drag)(
-            np.array(point.states), np.array(point.inputs), np.array(aircraft.parameters)
+    own = aircraft.model
+    point.refuse_other(own)
+    if ground_drag:
+        own = replace(own, equations=replace(own.equations, ground_drag=True))  # type: ignore[type-var]
+    seen = tuple(outputs or (own.states if full else own.linear))
+    winds = tuple(disturbances if disturbances is not None else [*own.disturbances][: outputs is not None])
+    for what, chosen, known in (
+        ("output", seen, (*own.states, *own.outputs)),
+        ("disturbance", winds, own.disturbances),
+    ):
+        for name in chosen:
+            refuse_unknown(f"unknown {what}", name, known)
+            if chosen.count(name) > 1:
+                raise BadInputError(f"{what} {name} is named twice; name it once")
+    if outputs is None and disturbances is None:
+        found = own.at(point.states, point.inputs)
+        model = LinearModel(found.A, found.B, tuple(own.states), tuple(own.inputs), point)
+    else:
+        found = own.at(point.states, point.inputs, seen, winds)
+        model = LinearModel(
+            found.A, found.B, tuple(own.states), tuple(own.inputs), point, seen, *found[4:], found.y, winds
         )
-        offsets, C, D, F, E = (np.array(ca.DM(part)) for part in found)
-        model = replace(model, outputs=seen, disturbances=winds, C=C, D=D, E=E, F=F, output_offsets=offsets.ravel())
-    return model if full else model.select(LINEAR_STATES)
+    if not isinstance(aircraft, Aircraft):
+        model = replace(model, kinks=kinks_of(own, model))
+    return model if full else model.select(own.linear)
+
+
+def kinks_of(own: Model, model: LinearModel) -> tuple[str, ...]:
+    """The entries of A and B whose slope to one side is not the Jacobian's entry, with both slopes.
+
+    Slopes s(h) = (f(z ± h) - f(z)) / ±h by Richardson's 2 s(h/2) - s(h), h = 1e-6 of the nominal value; they differ
+    from J by more than 1e-4 (1 + |J|), in scaled units.
+    """
+    names, n = [*own.states, *own.inputs], len(own.states)
+    z, nominal = np.array([*model.point.states, *model.point.inputs]), [own.signals[name].nominal for name in names]
+    function, exact = own.functions(()), np.hstack([model.A, model.B])
+    scales, said = np.array([own.rate_scale(name) for name in own.states]), []
+
+    def f(at: np.ndarray) -> np.ndarray:
+        return np.array(function(at[:n], at[n:], own.p)[0]).ravel()
+
+    here = f(z)
+    for j, size in enumerate(nominal):
+        slopes = []
+        for side in (-1.0, 1.0):
+            h = side * 1e-6 * size
+            ends = [(f(z + step * np.eye(len(z))[j]) - here) / step for step in (h, h / 2)]
+            slopes.append(2 * ends[1] - ends[0])
+        scaled = [np.abs(each - exact[:, j]) * size / scales for each in slopes]
+        for i in np.flatnonzero(np.maximum(*scaled) > 1e-4 * (1 + np.abs(exact[:, j]) * size / scales)):
+            matrix = "A" if j < n else "B"
+            where = f"{matrix}({[*own.states][i]}, {names[j]})"
+            said.append(
+                f"kink: {where} is {exact[i, j] + 0.0:.5g}, but the slopes below and above are {slopes[0][i]:.5g} and "
+                f"{slopes[1][i]:.5g}"
+            )
+    return tuple(said)
 
 
 def level_model(aircraft: Aircraft, dihedral: float) -> LinearModel:
     """A, B at the paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
     return linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
-
-
-@lru_cache(maxsize=16)
-def _watched(variant: Variant, names: tuple[str, ...], disturbances: tuple[str, ...], ground_drag: bool) -> ca.Function:
-    """(x, u, p) -> y, ∂y/∂x, ∂y/∂u, ∂y/∂w, ∂f/∂w at w = 0."""
-    (x, u, p), w = symbols(), ca.SX.sym("w", len(disturbances))
-    winds = winds_named(disturbances, ca.vertsplit(w), ground_drag=ground_drag)
-    moment = moment_of(*by_name(x, u, p), variant, winds)
-    y, f = ca.vertcat(ca.SX(0, 1), *outputs_of(moment, names)), ca.vertcat(*moment.rates)
-    parts = [y, *(ca.jacobian(y, by) for by in (x, u, w)), ca.jacobian(f, w)]
-    still = [ca.densify(ca.substitute(part, w, 0)) for part in parts]
-    return ca.Function("outputs", [x, u, p], still)

@@ -4,23 +4,16 @@ path of linear models by the continuity of their eigenvectors."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from hfa_model.vectors import STATE_SCALES, STATES
+from hfa_model.aircraft import HFA
 from hfa_support.errors import refuse_unknown
+from hfa_support.model import Model
 from hfa_support.reporting.text import Table, eigenvalue_text
-
-#: Which states make which mode.
-_FAMILIES = {
-    "short period": ("alpha", "pitch_rate"),
-    "phugoid": ("speed", "pitch"),
-    "dihedral": ("dihedral", "dihedral_rate"),
-    "altitude": ("altitude",),
-}
 
 
 @dataclass(frozen=True)
@@ -51,12 +44,15 @@ class Mode:
         return row
 
 
-def modes_of(A: np.ndarray, states: tuple[str, ...]) -> tuple[Mode, ...]:
+def modes_of(
+    A: np.ndarray, states: tuple[str, ...], families: Mapping[str, tuple[str, ...]] = HFA.modes
+) -> tuple[Mode, ...]:
     """Modes of x' = A x, fastest first; a conjugate pair is one mode.
 
     Participation of state k in mode i: |w_ki v_ki| / Σ_k |w_ki v_ki| with right and left eigenvectors v, w
     (Perez-Arriaga, Verghese, Schweppe 1982). A mode takes the name of the family of states with the largest
-    share; when two modes fall to one family, the faster is called "fast", the slower "slow".
+    share, or of the state where that is in no family; when two modes fall to one family, the faster is called "fast",
+    the slower "slow".
     """
     eigenvalues, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
@@ -67,14 +63,14 @@ def modes_of(A: np.ndarray, states: tuple[str, ...]) -> tuple[Mode, ...]:
         value = complex(eigenvalues[index])
         if value.imag >= 0.0:
             found.append((value, dict(zip(states, shares[:, index].tolist(), strict=True))))
-    families = [_family(participation) for _, participation in found]
-    return tuple(
-        _mode(_unique_name(families, i), value, participation) for i, (value, participation) in enumerate(found)
-    )
+    named = {state for members in families.values() for state in members}
+    known = {**families, **{state: (state,) for state in states if state not in named}}
+    names = [_family(participation, known) for _, participation in found]
+    return tuple(_mode(_unique_name(names, i), value, participation) for i, (value, participation) in enumerate(found))
 
 
-def _family(participation: dict[str, float]) -> str:
-    return max(_FAMILIES, key=lambda name: sum(participation.get(state, 0.0) for state in _FAMILIES[name]))
+def _family(participation: dict[str, float], families: Mapping[str, tuple[str, ...]]) -> str:
+    return max(families, key=lambda name: sum(participation.get(state, 0.0) for state in families[name]))
 
 
 def _unique_name(families: list[str], index: int) -> str:
@@ -133,20 +129,22 @@ def _time_to(mode: Mode) -> str:
     return f"{time:.3f} ({word})" if math.isfinite(time) else "-"
 
 
-def track_modes(A: np.ndarray, states: tuple[str, ...], neighbours: np.ndarray | None = None) -> np.ndarray:
+def track_modes(
+    A: np.ndarray, states: tuple[str, ...], neighbours: np.ndarray | None = None, model: Model = HFA
+) -> np.ndarray:
     """Eigenvalues (N, n) of N system matrices (N, n, n) paired so that a column follows one mode.
 
     neighbours: (M, 2) pairs of points that lie next to each other; None for points along a path. Two neighbours are
     paired by the permutation that maximizes
     Σ |v_i^H w_i|² - |λ_i - μ_i| / (|λ_i| + |μ_i|): the first term (modal assurance criterion, on states in
-    units of `STATE_SCALES`) holds on to the shape of a mode where eigenvalues cross, the second tells the two
+    units of their nominal values) holds on to the shape of a mode where eigenvalues cross, the second tells the two
     members of a pair apart. From the first point on, the pairings are followed along the tree of neighbours that are
     most alike. The first point is ordered fastest first, positive imaginary part first.
     """
     for name in states:
-        refuse_unknown("unknown state", name, STATES)
+        refuse_unknown("unknown state", name, model.states)
     values, vectors = np.linalg.eig(A)
-    scales = np.array([getattr(STATE_SCALES, name) for name in states])
+    scales = np.array([model.states[name].nominal for name in states])
     shapes = vectors / scales[:, None]
     shapes = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
     order = np.empty(values.shape, dtype=int)

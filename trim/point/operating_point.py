@@ -3,39 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_model.aircraft import HFA
 from hfa_model.variants import Variant
-from hfa_model.vectors import (
-    INPUT_UNITS,
-    INPUTS,
-    RATE_SCALES,
-    RATE_UNITS,
-    STATE_UNITS,
-    STATES,
-    UNITS,
-    Input,
-    State,
-)
+from hfa_model.vectors import Input, State
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
+from hfa_support.model import Model, record
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Cell, Table, angle_text, degrees
+from hfa_support.reporting.text import Cell, Table, degrees, in_degrees
 from hfa_support.reporting.unit_system import english, in_force, unit_in_force
 from hfa_support.schema import NUMBER, checked
-from trim.point.condition import PAPER_LIMIT, PAPER_RANGE
 
 if TYPE_CHECKING:
     import control
 
 SCHEMA = "hfa.operating-point/1"
-#: An equation balances when its residual, in units of `RATE_SCALES`, is no larger.
+#: An equation balances when its residual, in its scaled unit, is no larger.
 BALANCE = 1e-10
 
 
@@ -53,9 +44,9 @@ _FILE: dict[Any, Any] = {
     "schema*": (SCHEMA,),
     "dynamics*": str,
     "status*": tuple(Status),
-    "states*": {f"{name}*": NUMBER for name in STATES},
+    "states*": {str: NUMBER},
     "state_units": {str: str},
-    "inputs*": {f"{name}*": NUMBER for name in INPUTS},
+    "inputs*": {str: NUMBER},
     "residuals*": {str: NUMBER},
     ...: None,
 }
@@ -63,11 +54,11 @@ _FILE: dict[Any, Any] = {
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(Reported):
-    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation.
+    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs likewise.
 
-    states, inputs: in the units of `vectors.py`. residuals: balanced equation -> residual, in its own unit.
-    dynamics: name of the variant. status: `TRIMMED`, or `FAILED` when it comes with a
-    `TrimError`, which says why.
+    states, inputs: in the units of the model. residuals: balanced equation -> residual, in its own unit.
+    dynamics: name of the model, of the HFA's variant. status: `TRIMMED`, or `FAILED` when it comes with a
+    `TrimError`, which says why. model: whose names these are; of the HFA without its parameters.
     """
 
     states: State
@@ -75,44 +66,63 @@ class OperatingPoint(Reported):
     residuals: dict[str, float]
     dynamics: str
     status: Status
+    model: Model = field(default=HFA, compare=False)
 
     @property
     def scaled_residuals(self) -> dict[str, float]:
-        """Equation -> residual in units of `RATE_SCALES`."""
-        return {name: value / getattr(RATE_SCALES, name) for name, value in self.residuals.items()}
+        """Equation -> residual in its scaled unit."""
+        return {name: value / self._scale(name) for name, value in self.residuals.items()}
 
     @property
     def gamma(self) -> float:
-        """γ = θ - α, flight-path angle, rad."""
-        return float(self.states.pitch - self.states.alpha)
+        """Flight-path angle, rad: that output of the model."""
+        return self.model.outputs_at(self.states, self.inputs, ["gamma"])["gamma"]
 
     @property
     def values(self) -> dict[str, float]:
-        """State or input, and gamma -> its value."""
-        return {**self.states._asdict(), **self.inputs._asdict(), "gamma": self.gamma}
+        """State, input, or output that replaces a state, -> its value."""
+        replacing = self.model.outputs_at(self.states, self.inputs, list(self.model.replaced.values()))
+        return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
+
+    @property
+    def called(self) -> str:
+        """How reports name the model."""
+        return f"{self.dynamics} dynamics" if self.model is HFA else self.model.title
 
     @property
     def title(self) -> str:
-        """Which dynamics, and what became of the point."""
-        return f"Trim, {self.dynamics} dynamics: {self.status}"
+        """Which model, and what became of the point."""
+        return f"Trim, {self.called}: {self.status}"
 
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        if abs(self.states.dihedral) <= PAPER_LIMIT:
-            return []
+        say = self.model.describe
         return [
-            f"dihedral {angle_text(self.states.dihedral)} lies beyond the paper's range, "
-            f"which ends at {angle_text(PAPER_RANGE)}"
+            f"{name} {say(name, getattr(self.states, name))} lies beyond {whose}, which ends at {say(name, most)}"
+            for name, (most, whose) in self.model.range.items()
+            if abs(getattr(self.states, name)) > most * (1 + 1e-12)
         ]
 
-    def refuse_other(self, variant: Variant) -> None:
-        """BadInputError when the point was trimmed with other dynamics."""
-        if self.dynamics != variant.name:
+    def refuse_other(self, model: Model | Variant) -> None:
+        """BadInputError when the point was trimmed with another model, or other dynamics."""
+        if self.dynamics != model.name:
             raise BadInputError(
-                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has {variant.name!r}; "
+                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has {model.name!r}; "
                 "trim it again"
             )
+
+    def _scale(self, equation: str) -> float:
+        model = self.model
+        return model.rate_scale(equation) if equation in model.states else model.signals[equation].nominal
+
+    def equation_unit(self, equation: str) -> str:
+        """Unit of an equation's residual: of a rate, or of an imposed output."""
+        return self.model.rate_unit(equation) if equation in self.model.states else self.model.unit(equation)
+
+    def tolerance(self, equation: str) -> float:
+        """The residual that an equation may have, in its own unit."""
+        return BALANCE * self._scale(equation)
 
     def balances(self, equation: str) -> bool:
         """Whether the residual of an equation is small enough."""
@@ -120,39 +130,44 @@ class OperatingPoint(Reported):
 
     def report(self) -> Report:
         """State, inputs and residuals: what a point holds, without the aircraft and the condition."""
-        parts = _values("state", self.states._asdict()), _values("input", self.inputs._asdict()), self.equations()
+        parts = self._values("state", self.states), self._values("input", self.inputs), self.equations()
         return Report(self.title, parts, self.warnings, self.to_dict(), self.records())
+
+    def _values(self, kind: str, values: Any) -> Table:
+        rows = [(name, *degrees(value, self.model.unit(name))) for name, value in values._asdict().items()]
+        return Table((kind, "value", "unit"), rows)
 
     def equations(self, imposed: Mapping[str, float] | None = None) -> Table:
         """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
         rates = imposed if imposed and any(imposed.values()) else {}
-        failing_first = sorted(self.residuals.items(), key=lambda item: self.balances(item[0]))
-        rows = [
-            (
-                f"rate of {name}",
-                *((f"{in_force(rates[name], getattr(RATE_UNITS, name)):.6g}",) if rates else ()),
-                f"{in_force(value, getattr(RATE_UNITS, name)):.2e}",
-                f"{in_force(tolerance(name), getattr(RATE_UNITS, name)):.2e}",
-                unit_in_force(getattr(RATE_UNITS, name)),
-                f"{self.scaled_residuals[name]:.2e}",
-                Cell("PASS", "good") if self.balances(name) else Cell("FAIL", "bad"),
+        rows = []
+        for name, value in sorted(self.residuals.items(), key=lambda item: self.balances(item[0])):
+            unit = self.equation_unit(name)
+            rows.append(
+                (
+                    f"rate of {name}" if name in self.model.states else name,
+                    *((f"{in_force(rates.get(name, 0.0), unit):.6g}",) if rates else ()),
+                    *(f"{in_force(each, unit):.2e}" for each in (value, self.tolerance(name))),
+                    unit_in_force(unit),
+                    f"{self.scaled_residuals[name]:.2e}",
+                    Cell("PASS", "good") if self.balances(name) else Cell("FAIL", "bad"),
+                )
             )
-            for name, value in failing_first
-        ]
         header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
         return Table(header, rows)
 
     def records(self) -> Table:
         """Header and rows (kind, name, value, unit), angles in radians."""
+        unit = self.model.unit
         rows: list[tuple[Any, ...]] = [
-            *(("state", name, getattr(self.states, name), getattr(STATE_UNITS, name)) for name in STATES),
-            *(("input", name, getattr(self.inputs, name), getattr(INPUT_UNITS, name)) for name in INPUTS),
-            *(("residual", name, value, getattr(RATE_UNITS, name)) for name, value in self.residuals.items()),
+            *(("state", name, value, unit(name)) for name, value in self.states._asdict().items()),
+            *(("input", name, value, unit(name)) for name, value in self.inputs._asdict().items()),
+            *(("residual", name, value, self.equation_unit(name)) for name, value in self.residuals.items()),
         ]
         return Table(("kind", "name", "value", "unit"), rows)
 
     def to_control(self) -> control.OperatingPoint:
-        """The same point as python-control's `OperatingPoint` (seven states, five inputs)."""
+        """The same point as python-control's `OperatingPoint` of all states and inputs."""
         import control
 
         return control.OperatingPoint(np.array(self.states), np.array(self.inputs), outputs=np.array(self.states))
@@ -164,16 +179,26 @@ class OperatingPoint(Reported):
             "dynamics": self.dynamics,
             "status": str(self.status),
             "states": self.states._asdict(),
-            "state_units": STATE_UNITS._asdict(),
+            "state_units": {name: self.model.unit(name) for name in self.model.states},
             "inputs": self.inputs._asdict(),
-            "input_units": INPUT_UNITS._asdict(),
+            "input_units": {name: self.model.unit(name) for name in self.model.inputs},
             "residuals": self.residuals,
         }
 
 
-def tolerance(equation: str) -> float:
-    """The residual that an equation may have, in its own unit."""
-    return float(BALANCE * getattr(RATE_SCALES, equation))
+def at_scheduled(point: OperatingPoint) -> str:
+    """At which value of the scheduling variable a point lies, in words."""
+    name = point.model.schedule
+    return f"at {name} {point.model.describe(name, point.values[name])}" if name in point.values else ""
+
+
+def scheduled_data(point: OperatingPoint) -> dict[str, float]:
+    """The same as data: dihedral_deg of an angle."""
+    name = point.model.schedule
+    if name not in point.values:
+        return {}
+    is_angle = point.model.unit(name) == "rad"
+    return {f"{name}_deg": in_degrees(point.values[name])} if is_angle else {name: point.values[name]}
 
 
 def save_operating_point(point: OperatingPoint, path: Path) -> None:
@@ -181,8 +206,8 @@ def save_operating_point(point: OperatingPoint, path: Path) -> None:
     write_text(path, json_text(point.to_dict()) + "\n")
 
 
-def load_operating_point(path: Path) -> OperatingPoint:
-    """Read a saved point, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
+def load_operating_point(path: Path, model: Model = HFA) -> OperatingPoint:
+    """Read a saved point of a model, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
     try:
         data = read_json(path)
     except OSError as error:
@@ -191,14 +216,11 @@ def load_operating_point(path: Path) -> OperatingPoint:
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
-    found = checked(str(path), data, _FILE)
-    units, stated = STATE_UNITS._asdict(), found.get("state_units", {})
+    names = {kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")}
+    found = checked(str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]})
+    stated, values = found.get("state_units", {}), found["states"]
     with said_of(path):
-        given = found["states"]
-        states = State(**{name: english(given[name], stated.get(name, unit), unit) for name, unit in units.items()})
-    inputs = Input(**{name: found["inputs"][name] for name in INPUTS})
-    return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]))
-
-
-def _values(kind: str, values: Mapping[str, float]) -> Table:
-    return Table((kind, "value", "unit"), [(name, *degrees(value, UNITS[name])) for name, value in values.items()])
+        for name in model.states:
+            values[name] = english(values[name], stated.get(name, model.unit(name)), model.unit(name))
+    states, inputs = (record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs"))
+    return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model)

@@ -3,17 +3,18 @@ there is no solution."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
-from hfa_model.aircraft import Aircraft, check_in_range
-from hfa_model.atmosphere import density
-from hfa_model.vectors import INPUTS, RATE_SCALES, RATE_UNITS, STATES, Input, State
+from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.point.condition import SCALES, VARIABLES, TrimCondition, describe
+from hfa_support.model import Layout, Model, record
+from hfa_support.native.bound import BoundFunction, cached_per_thread
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 
 #: An entry of the scaled Jacobian up to which a variable does not move an equation.
@@ -22,45 +23,87 @@ _NOTHING = 1e-12
 _DEPENDENT = 1e-9
 
 
+@cached_per_thread(maxsize=16)
+def _bound(layout: Layout, outputs: tuple[str, ...]) -> BoundFunction:
+    """(v, p) -> x, u, f, the outputs, and the derivatives of f and of the outputs by v, the variables of a trim."""
+    names = layout.variables
+    v, (p,) = ca.SX.sym("v", len(names)), layout.symbols("p")
+    parts = layout.in_variables(dict(zip(names, ca.vertsplit(v), strict=True)), p, outputs)
+    parts += [ca.densify(ca.jacobian(each, v)) for each in parts[2:]]
+    return BoundFunction(ca.Function("trim", [v, p], parts))
+
+
 @dataclass(frozen=True)
 class TrimProblem:
-    """f(X, U) = imposed rates at an aircraft; unknowns in units of `SCALES`, residuals in units of `RATE_SCALES`."""
+    """f = imposed rates, y = imposed outputs of a model; unknowns and residuals in scaled units."""
 
-    aircraft: Aircraft
+    model: Model
     condition: TrimCondition
 
-    @property
+    @cached_property
     def scales(self) -> np.ndarray:
         """One scaled unit of each unknown."""
-        return np.array([SCALES[name] for name in self.condition.free])
+        return np.array([self.model.signals[name].nominal for name in self.condition.free])
 
-    @property
+    @cached_property
     def equations(self) -> tuple[str, ...]:
-        """Names of the balanced rates, in order."""
-        return tuple(name for name in STATES if name in self.condition.rates)
+        """The states whose rates, then the outputs whose values are imposed."""
+        rates, outputs = self.condition.equations
+        return (*rates, *outputs)
+
+    @cached_property
+    def _row_scales(self) -> np.ndarray:
+        model, (rates, outputs) = self.model, self.condition.equations
+        return np.array([*map(model.rate_scale, rates), *(model.signals[name].nominal for name in outputs)])
+
+    @cached_property
+    def _wanted(self) -> np.ndarray:
+        (rates, outputs), condition = self.condition.equations, self.condition
+        return np.array([*((condition.rates or {})[name] for name in rates), *(condition.imposed[y] for y in outputs)])
+
+    @cached_property
+    def watched(self) -> tuple[str, ...]:
+        """Imposed outputs, and what else has limits: states that an output replaces, limited outputs."""
+        limited = (name for name, ends in self.model.limits.items() if np.isfinite(ends).any())
+        others = {*limited, *self.condition.limits} - {*self.model.variables, *self.condition.imposed}
+        others -= set(self.model.disturbances)
+        return (*self.condition.equations[1], *(name for name in self.model.limits if name in others))
+
+    def _evaluate(self, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
+        """x, u, f, watched outputs and the derivatives of both by the variables."""
+        bound = _bound(self.model.layout, self.watched)
+        free = dict(zip(self.condition.free, (unknowns * self.scales).tolist(), strict=True))
+        values = {**self.condition.imposed, **free}
+        bound.inputs[0][:] = [values[name] for name in self.model.variables]
+        bound.inputs[1][:] = self.model.p
+        bound()
+        found = bound.results
+        if self.model.check is not None:
+            self.model.check(record(tuple(self.model.states))(*found[0].tolist()))
+        if not all(np.isfinite(each).all() for each in found):
+            at = {name: values[name] for name in self.model.variables}
+            raise FloatingPointError(self.model.not_finite(found[2], at, list(self.model.states)))
+        return found
 
     def vectors(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """State and input at given unknowns (scaled)."""
-        free = dict(zip(self.condition.free, (unknowns * self.scales).tolist(), strict=True))
-        values = {**self.condition.imposed, **free}
-        values["pitch"] = values["alpha"] + values["gamma"]
-        return np.array([values[name] for name in STATES]), np.array([values[name] for name in INPUTS])
-
-    def residual(self, unknowns: np.ndarray) -> np.ndarray:
-        """(f - imposed) / scale, one entry an equation."""
-        return self._scaled(self.aircraft.rates(*self.vectors(unknowns)))
+        x, u = self._evaluate(unknowns)[:2]
+        return x.copy(), u.copy()
 
     def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Scaled residual and its Jacobian with respect to the scaled unknowns."""
-        value, A, B = self.aircraft.jacobians(*self.vectors(unknowns))
-        by_name = {name: A[:, index] for index, name in enumerate(STATES)}
-        by_name |= {name: B[:, index] for index, name in enumerate(INPUTS)}
-        by_name["gamma"] = by_name["pitch"]
-        by_name["alpha"] = by_name["alpha"] + by_name["pitch"]
-        rows = [STATES.index(name) for name in self.equations]
-        columns = np.column_stack([by_name[name][rows] for name in self.condition.free])
-        row_scales = np.array([getattr(RATE_SCALES, name) for name in self.equations])
-        return self._scaled(value), columns * self.scales / row_scales[:, None]
+        _, _, f, y, by_f, by_y = self._evaluate(unknowns)
+        (rates, outputs), variables = self.condition.equations, self.model.variables
+        rows = [list(self.model.states).index(name) for name in rates]
+        columns = [variables.index(name) for name in self.condition.free]
+        value = np.concatenate([f[rows], y[: len(outputs)]])
+        by = [each.reshape(len(variables), -1).T for each in (by_f, by_y)]
+        slopes = np.vstack([by[0][rows], by[1][: len(outputs)]])[:, columns]
+        return (value - self._wanted) / self._row_scales, slopes * self.scales / self._row_scales[:, None]
+
+    def residual(self, unknowns: np.ndarray) -> np.ndarray:
+        """(f - imposed) / scale, one entry an equation."""
+        return self.linearization(unknowns)[0]
 
     def count(self, guess: np.ndarray) -> tuple[int, int]:
         """Equations that the unknowns can move, and unknowns."""
@@ -88,66 +131,69 @@ class TrimProblem:
         lowest, highest = self.limits()
         if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
             return False
-        return self.balanced(unknowns) and self.pitch_is_within_limits(unknowns)
+        return self.balanced(unknowns) and not self.beyond(unknowns)
 
     def balanced(self, unknowns: np.ndarray) -> bool:
         """Every residual within `BALANCE`, whatever the limits say."""
         return bool(np.abs(self.residual(unknowns)).max() <= BALANCE)
 
-    def pitch_is_within_limits(self, unknowns: np.ndarray) -> bool:
-        """What the limits of alpha and gamma cannot hold when both are free."""
-        lowest, highest = self.condition.limits_of("pitch")
-        return lowest - 1e-12 <= self.pitch(unknowns) <= highest + 1e-12
+    @cached_property
+    def bounded(self) -> list[tuple[int, float, float]]:
+        """Which watched quantities have limits: index, sign and limit in value = sign (limit - y) >= 0."""
+        ends = [(i, *self.condition.limits_of(name)) for i, name in enumerate(self.watched)]
+        ends = [each for each in ends if self.watched[each[0]] not in self.condition.imposed]
+        pairs = [(i, side, limit) for i, low, high in ends for side, limit in ((-1.0, low), (1.0, high))]
+        return [each for each in pairs if np.isfinite(each[2])]
 
-    def pitch(self, unknowns: np.ndarray) -> float:
-        """θ = α + γ, rad."""
-        return float(self.vectors(unknowns)[0][STATES.index("pitch")])
+    def slack(self, unknowns: np.ndarray) -> np.ndarray:
+        """How far the watched quantities lie within their limits, scaled."""
+        y = self._evaluate(unknowns)[3]
+        scales = [self.model.signals[self.watched[i]].nominal for i, _, _ in self.bounded]
+        return np.array([side * (limit - y[i]) for i, side, limit in self.bounded]) / scales
+
+    def beyond(self, unknowns: np.ndarray) -> list[str]:
+        """The watched states and outputs that lie beyond their limits, in words; what is found is within by `clip`."""
+        say, found = self.model.describe, []
+        for name, value in zip(self.watched, self._evaluate(unknowns)[3].tolist(), strict=True):
+            lowest, highest = self.condition.limits_of(name)
+            slack = 1e-8 * self.model.signals[name].nominal
+            if name not in self.condition.imposed and not lowest - slack <= value <= highest + slack:
+                between = f"{say(name, lowest)} and {say(name, highest)}"
+                found.append(f"{name} would have to be {say(name, value)}, it must lie between {between}")
+        return found
 
     def first_guess(self, start: OperatingPoint | None) -> np.ndarray:
-        """The warm start, or unaccelerated flight of a flat wing: L = W cos γ, T = D + W sin γ, no deflection."""
-        return self.unknowns_at(self._flat_wing() if start is None else start.values)
+        """The warm start, or where the condition or the declaration begins."""
+        signals = self.model.signals
+        usual = {name: signals[name].start for name in self.model.variables} | dict(self.condition.begin)
+        return self.unknowns_at(usual if start is None else start.values)
 
     def unknowns_at(self, values: Mapping[str, float]) -> np.ndarray:
         """The unknowns among the values of all variables."""
         return np.array([values[name] for name in self.condition.free]) / self.scales
 
-    def _flat_wing(self) -> dict[str, float]:
-        p, known = self.aircraft.parameters, {**self.condition.begin, **self.condition.imposed}
-        guess = dict.fromkeys(VARIABLES, 0.0) | {"speed": SCALES["speed"]} | known
-        guess["pitch"] = guess["alpha"] + guess["gamma"]
-        check_in_range(State(*(guess[name] for name in STATES)))
-        pressure_area = float(density(guess["altitude"])) * guess["speed"] ** 2 / 2 * 3 * p.panel_span * p.chord
-        weight = 3 * p.panel_mass * p.gravity
-        lift_coefficient = weight * math.cos(guess["gamma"]) / pressure_area
-        drag = pressure_area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
-        thrust = drag + weight * math.sin(guess["gamma"])
-        return guess | {"alpha": lift_coefficient / p.lift_slope, "throttle": thrust / p.thrust_per_throttle}
-
     def point(self, unknowns: np.ndarray, status: Status) -> OperatingPoint:
         """The operating point at these unknowns."""
-        state, control = self.vectors(unknowns)
-        unscaled = self.residual(unknowns) * [getattr(RATE_SCALES, name) for name in self.equations]
-        residuals = dict(zip(self.equations, unscaled.tolist(), strict=True))
-        return OperatingPoint(
-            State(*state.tolist()), Input(*control.tolist()), residuals, self.aircraft.variant.name, status
+        found, model = self.vectors(unknowns), self.model
+        state, control = (
+            record(tuple(names))(*each.tolist())
+            for names, each in zip((model.states, model.inputs), found, strict=True)
         )
+        residuals = dict(zip(self.equations, (self.residual(unknowns) * self._row_scales).tolist(), strict=True))
+        return OperatingPoint(state, control, residuals, model.name, status, model)
 
     def failure(self, found: np.ndarray) -> str:
         """One line on the best unknowns found: which equations do not balance within the limits, by how much, which
         limits bind, and, where the equations balance beyond them, what that would take."""
         unknowns = self.clip(found)
-        scaled = self.residual(unknowns)
+        scaled, point = self.residual(unknowns), self.point(unknowns, Status.FAILED)
         off = [
-            f"{name} by {scaled[i] * getattr(RATE_SCALES, name):.3g} {getattr(RATE_UNITS, name)}"
+            f"{name} by {scaled[i] * self._row_scales[i]:.3g} {point.equation_unit(name)}"
             for i, name in sorted(enumerate(self.equations), key=lambda item: -abs(scaled[item[0]]))
             if abs(scaled[i]) > BALANCE
         ]
         if not off:
-            below, above = (describe("pitch", limit) for limit in self.condition.limits_of("pitch"))
-            return (
-                f"no trim within limits: pitch would have to be {describe('pitch', self.pitch(unknowns))}, "
-                f"it must lie between {below} and {above}"
-            )
+            return f"no trim within limits: {'; '.join(self.beyond(unknowns))}"
         can_balance = self.balanced(found)
         binding = self._binding(unknowns, found if can_balance else unknowns)
         why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
@@ -158,7 +204,8 @@ class TrimProblem:
             why += f"; {' and '.join(idle)} moves none of them, set something else free"
         elif not can_balance and (alike := self._alike(unknowns)):
             why += f"; {'; '.join(alike)}; set something else free"
-        return f"no trim: these rates do not balance: {', '.join(off)} ({why})"
+        what = "equations" if self.condition.equations[1] else "rates"
+        return f"no trim: these {what} do not balance: {', '.join(off)} ({why})"
 
     def _idle(self, unknowns: np.ndarray) -> list[str]:
         """The free variables that no equation feels: their columns of the Jacobian are 0."""
@@ -187,24 +234,18 @@ class TrimProblem:
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
         """The limits that the unknowns lie at, and what is wanted instead."""
-        binding = []
+        binding, describe = [], self.model.describe
         for name, scale, value, other, *limits in zip(
             self.condition.free, self.scales, unknowns, wanted, *self.limits(), strict=True
         ):
             for limit, word in zip(limits, ("lowest", "highest"), strict=True):
                 slack = 1e-6 * (1 + abs(limit))
-                if abs(value - limit) <= slack:
+                if np.isfinite(limit) and abs(value - limit) <= slack:
                     instead = (
                         f", would have to be {describe(name, other * scale)}" if abs(other - limit) > slack else ""
                     )
                     binding.append(f"{name} at its {word}, {describe(name, limit * scale)}{instead}")
         return binding
-
-    def _scaled(self, value: np.ndarray) -> np.ndarray:
-        rates = self.condition.rates
-        return np.array(
-            [(value[STATES.index(name)] - rates[name]) / getattr(RATE_SCALES, name) for name in self.equations]
-        )
 
 
 _MAX_NEWTON_STEPS = 50
@@ -226,37 +267,40 @@ class TrimError(NoSolutionError):
 
 
 def find_operating_point(
-    aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint | None = None
+    aircraft: Aircraft | Model, condition: TrimCondition, start: OperatingPoint | None = None
 ) -> OperatingPoint:
-    """Solve f(X, U) = imposed rates for the free variables, every residual within `BALANCE` of its scale.
+    """Solve f(X, U) = imposed rates, y(X, U) = imposed outputs of any model for the free variables, every residual
+    within `BALANCE` of its scale.
 
     As many equations as unknowns: Newton's method with step halving. More unknowns than equations: the point
     of least control effort Σ (u / scale)², a local minimum near the start. When Newton leaves the limits, or
     with more equations than unknowns: least squares within the limits.
 
-    start: a neighbouring point to begin from (warm start); else an analytic guess. Raises TrimError when the
+    start: a neighbouring point to begin from (warm start); else where the declaration begins. Raises TrimError when the
     equations cannot be balanced within the limits, BadInputError when the condition is not well posed or its
     numbers, with the aircraft's, overflow.
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
     """
+    model = aircraft.model
     if not condition.free:
-        raise BadInputError("nothing is free; set at least one of " + ", ".join(VARIABLES) + " free")
+        raise BadInputError("nothing is free; set at least one of " + ", ".join(model.variables) + " free")
+    if condition.model.variables != model.variables:
+        raise BadInputError(f"the condition is one of {condition.model.name}, the aircraft is {model.name}")
     condition = condition.at() if condition.tables else condition
-    condition.check_pitch()
-    problem = TrimProblem(aircraft, condition)
+    problem = TrimProblem(model, condition)
     try:
         with np.errstate(over="raise"):
             return _solution(problem, problem.clip(problem.first_guess(start)))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
-            "the equations overflow or divide by zero at this condition with these parameters"
-            "; take values nearer to an aircraft's"
+            f"the equations overflow or divide by zero at this condition with these parameters; "
+            f"take values nearer to an aircraft's ({error})"
         ) from error
 
 
-def beyond_limits(aircraft: Aircraft, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
+def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
     """What `find_operating_point` says of a condition that balances beyond the limits only, at these free variables."""
-    problem = TrimProblem(aircraft, condition)
+    problem = TrimProblem(model, condition)
     return problem.failure(problem.unknowns_at(balancing))
 
 
@@ -351,7 +395,7 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> tuple[n
     from scipy.optimize import minimize
 
     lowest, highest = problem.limits()
-    effort = np.array([name in INPUTS for name in problem.condition.free], dtype=float)
+    effort = np.array([name in problem.model.inputs for name in problem.condition.free], dtype=float)
     # Equations that the unknowns cannot move (q = 0 gives θ' = 0) would make the constraints dependent.
     movable = np.abs(problem.linearization(guess)[1]).max(axis=1) > 1e-12
     result = minimize(
@@ -360,11 +404,14 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> tuple[n
         jac=lambda unknowns: 2 * effort * unknowns,
         method="SLSQP",
         bounds=list(zip(lowest, highest, strict=True)),
-        constraints={
-            "type": "eq",
-            "fun": lambda unknowns: problem.residual(unknowns)[movable],
-            "jac": lambda unknowns: problem.linearization(unknowns)[1][movable],
-        },
+        constraints=[
+            {
+                "type": "eq",
+                "fun": lambda unknowns: problem.residual(unknowns)[movable],
+                "jac": lambda unknowns: problem.linearization(unknowns)[1][movable],
+            },
+            *[{"type": "ineq", "fun": lambda unknowns: problem.slack(unknowns)}] * bool(problem.bounded),
+        ],
         options={"ftol": 1e-15, "maxiter": most},
     )
     return _polished(problem, problem.clip(np.asarray(result.x))), bool(result.nit < most)

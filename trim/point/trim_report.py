@@ -1,96 +1,17 @@
-"""What a trim says: every variable between its limits, each equation, loads, and the numbers of a flight manual."""
+"""What a trim says: every variable between its limits, each equation; of any model its outputs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
-from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.outputs import moment_of, outputs_of
-from hfa_model.vectors import INPUTS, RATE_UNITS, STATES, UNITS
 from hfa_support.jsonable import finite_or_none
+from hfa_support.model import Model
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import (
-    Cell,
-    Table,
-    degrees,
-    four_decimals,
-    in_degrees,
-    short_number,
-    shown_unit,
-    shown_value,
-)
-from hfa_support.reporting.unit_system import in_force, unit_in_force
-from trim.point.condition import SCALES, TrimCondition
-from trim.point.operating_point import BALANCE, OperatingPoint, tolerance
-
-
-class Performance(NamedTuple):
-    """Steady flight in numbers; units in `PERFORMANCE_UNITS`.
-
-    weight: W = 3 m g. wing_area: S = 3 s c, without the tails. The coefficients are C_L = L / (q S) and
-    C_D = D / (q S) of the whole aircraft, tails included, with q = ρ V² / 2. hinge_moment_total: of loads and weight
-    about a hinge, with spring and damper, zero in balance. The others as in `OUTPUTS` of `hfa_model/outputs.py`.
-    """
-
-    weight: float
-    wing_area: float
-    density: float
-    dynamic_pressure: float
-    speed_of_sound: float
-    mach: float
-    lift_coefficient: float
-    drag_coefficient: float
-    lift_over_drag: float
-    load_factor: float
-    gamma: float
-    climb_rate: float
-    hinge_moment_total: float
-
-
-PERFORMANCE_UNITS: dict[str, str] = {
-    "weight": "lbf",
-    "wing_area": "ft^2",
-    "density": "slug/ft^3",
-    "dynamic_pressure": "lbf/ft^2",
-    "speed_of_sound": "ft/s",
-    "mach": "1",
-    "lift_coefficient": "1",
-    "drag_coefficient": "1",
-    "lift_over_drag": "1",
-    "load_factor": "1",
-    "gamma": "rad",
-    "climb_rate": "ft/s",
-    "hinge_moment_total": "ft lbf",
-}
-
-_WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
-
-
-def performance(aircraft: Aircraft, point: OperatingPoint) -> Performance:
-    """The numbers at a point, trimmed or not."""
-    p, x = aircraft.parameters, point.states
-    moment = moment_of(x, point.inputs, p, aircraft.variant)
-    watched = dict(zip(_WATCHED, map(float, outputs_of(moment, _WATCHED)), strict=True))
-    lift, drag = float(moment.loads.lift), float(moment.loads.drag)
-    wing_area = 3 * p.panel_span * p.chord
-    pressure_area = watched["dynamic_pressure"] * wing_area
-    sound = float(speed_of_sound(x.altitude))
-    return Performance(
-        weight=3 * p.panel_mass * p.gravity,
-        wing_area=wing_area,
-        density=float(density(x.altitude)),
-        speed_of_sound=sound,
-        mach=x.speed / sound,
-        lift_coefficient=lift / pressure_area,
-        drag_coefficient=drag / pressure_area,
-        lift_over_drag=lift / drag,
-        **watched,
-    )
-
+from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import BALANCE, OperatingPoint, scheduled_data
 
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
 _CLOSE = 1e-6
@@ -99,8 +20,8 @@ _CLOSE = 1e-6
 class Margin(NamedTuple):
     """A variable between its limits, in its own unit: rad, ft, lbf.
 
-    role: "free", "held", or "alpha + gamma" for the pitch angle where one of these is free. A limit that does not
-    exist is infinite.
+    role: "free", "held", or "follows" for a state or an output that is neither. A limit that does not exist is
+    infinite. scale: one scaled unit.
     """
 
     name: str
@@ -108,11 +29,8 @@ class Margin(NamedTuple):
     role: str
     lowest: float
     highest: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of value and limits."""
-        return UNITS[self.name]
+    unit: str
+    scale: float
 
     @property
     def distance(self) -> float:
@@ -139,7 +57,7 @@ class Margin(NamedTuple):
     @property
     def at_limit(self) -> bool:
         """Whether the variable is at its nearer limit or beyond it."""
-        return bool(self.nearer) and self.distance <= _CLOSE * (SCALES[self.name] + abs(self.nearer_limit))
+        return bool(self.nearer) and self.distance <= _CLOSE * (self.scale + abs(self.nearer_limit))
 
     @property
     def binds(self) -> bool:
@@ -148,28 +66,45 @@ class Margin(NamedTuple):
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """Every state, input and the flight-path angle, in this order: states, gamma, inputs."""
+    """Every state, every output that a trim imposes or the model limits, and every input, in this order."""
+    model, found = point.model, point.values
     role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    role["pitch"] = "alpha + gamma" if {"alpha", "gamma"} & set(condition.free) else "held"
+    outputs = [
+        name
+        for name, signal in model.outputs.items()
+        if name in model.variables
+        or name in condition.imposed
+        or math.isfinite(signal.max)
+        or math.isfinite(signal.min)
+    ]
+    if missing := [name for name in outputs if name not in found]:
+        found |= model.outputs_at(point.states, point.inputs, missing)
     return {
-        name: Margin(name, point.values[name], role[name], *condition.limits_of(name))
-        for name in (*STATES, "gamma", *INPUTS)
+        name: Margin(
+            name,
+            found[name],
+            role.get(name, "follows"),
+            *condition.limits_of(name),
+            model.unit(name),
+            model.signals[name].nominal,
+        )
+        for name in (*model.states, *outputs, *model.inputs)
     }
 
 
 def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
     """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
 
-    The pitch angle is there when alpha or gamma is free. What has no limits has no margin.
+    What follows is there too, such as the pitch angle. What has no limits has no margin.
     """
     return {each.name: each.distance for each in margins_that_count(condition, point)}
 
 
 def margins_that_count(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
-    """The limited inputs and free variables: what the trim used up, or could."""
+    """The limited inputs, free variables and what follows: what the trim used up, or could."""
     every = all_margins(condition, point)
-    pitch = ("pitch",) if every["pitch"].role != "held" else ()
-    names = dict.fromkeys((*INPUTS, *condition.free, *pitch))
+    following = (each.name for each in every.values() if each.role == "follows")
+    names = dict.fromkeys((*point.model.inputs, *condition.free, *following))
     return [every[name] for name in names if every[name].nearer]
 
 
@@ -182,26 +117,39 @@ def nearest_limits(condition: TrimCondition, point: OperatingPoint) -> list[Marg
 TRIM_SCHEMA = "hfa.trim/1"
 
 
-def trim_report(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Every variable between its limits, the limits that bind, the verdict on each equation, loads and performance;
-    angles in degrees for people."""
-    loads = aircraft.loads(point.states, point.inputs)
-    numbers = performance(aircraft, point)
-    every = all_margins(condition, point)
-    return Report(
+def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> Report:
+    """Every variable between its limits, the limits that bind, the verdict on each equation; of the HFA loads and
+    performance, of other models their outputs; angles in degrees for people."""
+    every, model = all_margins(condition, point), aircraft.model
+    own = () if isinstance(aircraft, Aircraft) else _outputs(model, point)
+    report = Report(
         title=point.title,
         parts=(
-            _variables("state", [every[name] for name in (*STATES, "gamma")]),
-            _variables("input", [every[name] for name in INPUTS]),
+            _variables("state", [each for name, each in every.items() if name not in model.inputs]),
+            _variables("input", [every[name] for name in model.inputs]),
             _nearest(nearest_limits(condition, point)),
             point.equations(condition.rates),
-            _loads(loads, numbers),
-            _performance(numbers),
+            *own,
         ),
         notes=point.warnings,
-        data=_data(condition, point, loads, numbers),
+        data=_data(condition, point),
         records=point.records(),
     )
+    if isinstance(aircraft, Aircraft):
+        from trim.point.hfa_report import with_loads
+
+        return with_loads(report, aircraft, point)
+    values = model.outputs_at(point.states, point.inputs)
+    return report.with_data(performance=values, performance_units={name: model.unit(name) for name in values})
+
+
+def _outputs(model: Model, point: OperatingPoint) -> tuple[Table, ...]:
+    """The declared outputs, in a table; none without them."""
+    rows = [
+        (name, short_number(value, model.unit(name)), shown_unit(model.unit(name)))
+        for name, value in model.outputs_at(point.states, point.inputs).items()
+    ]
+    return (Table(("performance", "value", "unit"), rows),) * bool(rows)
 
 
 def _variables(kind: str, standing: list[Margin]) -> Table:
@@ -243,84 +191,31 @@ def _nearest(nearest: list[Margin]) -> Table:
     return Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), rows)
 
 
-def _loads(loads: Loads, numbers: Performance) -> Table:
-    """Of the aircraft, its center panel and one outer panel; the forces of a panel in its own axes."""
-    panel_weight, panel_pressure_area = numbers.weight / 3, numbers.dynamic_pressure * numbers.wing_area / 3
-    weights, coefficients = [numbers.weight, panel_weight, panel_weight], [numbers.lift_coefficient]
-    coefficients += [panel.lift / panel_pressure_area for panel in (loads.center, loads.outer)]
-    rows = [
-        ("weight", *_row(weights, "lbf")),
-        ("lift", *_row((loads.lift, loads.center.lift, loads.outer.lift), "lbf")),
-        ("drag", *_row((loads.drag, loads.center.drag, loads.outer.drag), "lbf")),
-        ("thrust", *_row((loads.thrust, None, None), "lbf")),
-        ("lift/drag", f"{numbers.lift_over_drag:.3f}", "", "", "1"),
-        ("lift coefficient", *_row(coefficients, "1")),
-        ("pitching moment", *_row((loads.pitching_moment, None, None), "ft lbf")),
-        ("hinge moment", *_row((None, None, loads.hinge_moment), "ft lbf")),
-        ("with hinge spring", *_row((None, None, numbers.hinge_moment_total), "ft lbf")),
-    ]
-    return Table(("load", "aircraft", "center panel", "outer panel", "unit"), rows)
-
-
-def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Loads and their unit; nothing where there is none."""
-    return *("" if value is None else four_decimals(in_force(value, unit)) for value in values), unit_in_force(unit)
-
-
-_SHOWN_PERFORMANCE = {
-    "dynamic_pressure": "dynamic pressure q",
-    "density": "air density",
-    "speed_of_sound": "speed of sound",
-    "mach": "Mach number",
-    "wing_area": "wing area S, without tails",
-    "drag_coefficient": "drag coefficient D/(q S)",
-    "load_factor": "load factor",
-    "gamma": "flight-path angle",
-    "climb_rate": "climb rate",
-}
-
-
-def _performance(numbers: Performance) -> Table:
-    rows = []
-    for name, shown in _SHOWN_PERFORMANCE.items():
-        unit = PERFORMANCE_UNITS[name]
-        rows.append((shown, short_number(getattr(numbers, name), unit), shown_unit(unit)))
-    return Table(("performance", "value", "unit"), rows)
-
-
-def _data(condition: TrimCondition, point: OperatingPoint, loads: Loads, numbers: Performance) -> dict[str, Any]:
+def _data(condition: TrimCondition, point: OperatingPoint) -> dict[str, Any]:
     """Radians, feet, pounds, as stored in the point."""
     nearest = nearest_limits(condition, point)
     return {
         "schema": TRIM_SCHEMA,
         "status": str(point.status),
-        "dihedral_deg": in_degrees(point.states.dihedral),
+        **scheduled_data(point),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
-        "loads": {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
-        | {
-            f"{panel}_{name}": getattr(getattr(loads, panel), name)
-            for panel in ("center", "outer")
-            for name in PanelLoads._fields
-        },
         "margins": margins(condition, point),
         "variables": {name: _variable_data(each) for name, each in all_margins(condition, point).items()},
         "nearest_limits": [each.name for each in nearest],
         "binding": [each.name for each in nearest if each.binds],
         "equations": {
             name: {
-                "imposed": condition.rates[name],
+                "imposed": {**condition.imposed, **(condition.rates or {})}[name],
                 "residual": value,
-                "tolerance": tolerance(name),
-                "unit": getattr(RATE_UNITS, name),
+                "tolerance": point.tolerance(name),
+                "unit": point.equation_unit(name),
                 "ok": point.balances(name),
             }
             for name, value in point.residuals.items()
         },
-        "performance": numbers._asdict(),
-        "performance_units": PERFORMANCE_UNITS,
         "warnings": point.warnings,
     }
 

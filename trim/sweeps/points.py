@@ -3,7 +3,7 @@ cannot settle goes to `find_operating_point`. A point without a trim keeps its s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -11,21 +11,15 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.dynamics import state_rates, symbols
-from hfa_model.parameters import Parameters
-from hfa_model.variants import Variant
-from hfa_model.vectors import INPUTS, RATE_SCALES, STATES
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in, refuse_unknown
+from hfa_support.model import Layout, Model, components
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
-from trim.linear.linear_model import linearize
-from trim.point.condition import LEVEL_FLIGHT, LIMITS, SCALES, VARIABLES, TrimCondition
+from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import beyond_limits, find_operating_point
 
-#: What can vary from point to point: what a trim imposes, and any parameter of the aircraft.
-PLANNED = VARIABLES + Parameters._fields
 #: What became of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
@@ -34,17 +28,13 @@ COMPILE_FROM = 50_000
 _MOST_STEPS = 20
 #: Points a call of the compiled function, the most that there are.
 _TOGETHER = (250, 16, 1)
-_N, _M, _P = len(STATES), len(INPUTS), len(Parameters._fields)
-#: Columns of x, u, A and B (row by row), dX/dt.
-_ENDS = np.cumsum([_N, _M, _N * _N, _N * _M, _N]).tolist()
 
 
 class Points(NamedTuple):
-    """N points. status: (N,) index into `STATUS`. limiting: (N,) index into STATES + INPUTS of the variable
-    farthest beyond its limits, -1 when none. states: (N, 7), inputs: (N, 5): where trimmed, or what balance
-    would take where beyond limits. A: (N, 7, 7), B: (N, 7, 5); nan where not trimmed. failures: number of a point
-    that `find_operating_point` could not trim -> why. Units: rad, ft, s as in `vectors.py`, entries of A and B as in
-    `entry_unit`.
+    """N points of n states and m inputs. status: (N,) index into `STATUS`. limiting: (N,) index into states and inputs
+    of the variable farthest beyond its limits, -1 when none. states: (N, n), inputs: (N, m): where trimmed, or what
+    balance would take where beyond limits. A: (N, n, n), B: (N, n, m); nan where not trimmed. failures: number of a
+    point that `find_operating_point` could not trim -> why. Units: the model's.
     """
 
     status: np.ndarray
@@ -56,8 +46,13 @@ class Points(NamedTuple):
     failures: dict[int, str]
 
 
+def planned(model: Model) -> tuple[str, ...]:
+    """What can vary from point to point: what a trim imposes, and any parameter."""
+    return (*model.holdable, *model.parameters)
+
+
 def trim_points(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     variables: tuple[str, ...],
     values: np.ndarray,
     condition: TrimCondition = LEVEL_FLIGHT,
@@ -68,9 +63,9 @@ def trim_points(
 ) -> Points:
     """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
 
-    variables: of `PLANNED`, one a column of values (N, k): what is imposed in place of the condition's values, or a
-    parameter in place of the aircraft's. rad, ft/s, ft. start: where the search begins at each point. compile_code: run
-    as machine code; by default from `COMPILE_FROM` points on. progress is called with (points settled, points in all).
+    variables: of `planned`, one a column of values (N, k): what is imposed in place of the condition's values, or a
+    parameter in place of the aircraft's. start: where the search begins at each point. compile_code: run as machine
+    code; by default from `COMPILE_FROM` points on. progress is called with (points settled, points in all).
 
     Newton's method needs as many equations as unknowns; without that, point by point. That a point balances beyond
     its limits only is said where the inputs alone are free: other unknowns can have two solutions.
@@ -78,111 +73,143 @@ def trim_points(
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
         raise BadInputError(f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable")
+    model = aircraft.model
     for name in variables:
-        refuse_unknown("cannot sweep", name, PLANNED)
-    constants = np.tile(np.array(aircraft.parameters, dtype=float), (len(values), 1))
+        refuse_unknown("cannot sweep", name, planned(model))
+    constants = np.tile(model.p, (len(values), 1))
     for column, name in enumerate(variables):
-        if name in Parameters._fields:
-            constants[:, Parameters._fields.index(name)] = values[:, column]
-    flat, balanced = _newton(aircraft.variant, variables, values, constants, condition, start, compile_code)
-    allowed = {**LIMITS, "gamma": (-np.inf, np.inf), **condition.limits}
-    excess, width = _excess(flat, allowed)
+        if name in model.parameters:
+            constants[:, list(model.parameters).index(name)] = values[:, column]
+    n, m = len(model.states), len(model.inputs)
+    flat, watched, balanced = _newton(model, variables, values, constants, condition, start, compile_code)
+    excess, width = _excess(model, flat, watched, condition)
     within = (excess <= 0.0).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
-    if set(condition.free) - set(variables) <= set(INPUTS):
+    if set(condition.free) - set(variables) <= set(model.inputs):
         status[balanced & ~within] = BEYOND_LIMITS
-    states, inputs, A, B, _ = np.split(flat, _ENDS[:-1], axis=1)
-    A, B = A.reshape(-1, _N, _N), B.reshape(-1, _N, _M)
+    states, inputs, A, B, _ = np.split(flat, _ends(model)[:-1], axis=1)
+    A, B = A.reshape(-1, n, n), B.reshape(-1, n, m)
     failures: dict[int, str] = {}
     slow = np.flatnonzero(status == NO_TRIM).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
         try:
-            own = Aircraft(Parameters(*constants[i].tolist()), aircraft.variant)
+            own = _own(model, constants[i])
             point = find_operating_point(own, condition_at(condition, variables, values[i]), start)
-            model = linearize(own, point, full=True)
-            status[i], states[i], inputs[i], A[i], B[i] = TRIMMED, point.states, point.inputs, model.A, model.B
+            found = own.at(point.states, point.inputs)
+            status[i], states[i], inputs[i], A[i], B[i] = TRIMMED, point.states, point.inputs, found.A, found.B
         except (BadInputError, NoSolutionError) as error:
             failures[i], states[i], inputs[i] = str(error), np.nan, np.nan
         if progress is not None:
             progress(done, len(values))
     limiting = np.full(len(values), -1, dtype=np.int8)
     beyond = status == BEYOND_LIMITS
-    limiting[beyond] = (excess[beyond, : _N + _M] / width[: _N + _M]).argmax(axis=1)
+    limiting[beyond] = (excess[beyond, : n + m] / width[: n + m]).argmax(axis=1)
     A[status != TRIMMED], B[status != TRIMMED] = np.nan, np.nan
     return Points(status, limiting, states, inputs, A, B, failures)
 
 
+def _own(model: Model, constants: np.ndarray) -> Model:
+    return model.with_parameters(**dict(zip(model.parameters, constants.tolist(), strict=True)))
+
+
+def _ends(model: Model) -> list[int]:
+    """Columns of x, u, A and B (row by row), dX/dt."""
+    n, m = len(model.states), len(model.inputs)
+    return [int(end) for end in np.cumsum([n, m, n * n, n * m, n])]
+
+
 def reasons_of(
-    points: Points, aircraft: Aircraft, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
+    points: Points, aircraft: Aircraft | Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[str, ...]:
     """Why each point has no trim, "" where it has one."""
+    model = aircraft.model
 
     def reason(i: int) -> str:
         if points.status[i] != BEYOND_LIMITS:
             return points.failures.get(i, "")
-        changed = dict(zip(variables, values[i].tolist(), strict=True))
-        own = Parameters(**{name: changed.get(name, each) for name, each in aircraft.parameters._asdict().items()})
-        balancing = dict(zip(INPUTS, points.inputs[i].tolist(), strict=True))
-        at = condition_at(condition, variables, values[i])
-        return beyond_limits(Aircraft(own, aircraft.variant), at, balancing)
+        changed = {
+            name: each for name, each in zip(variables, values[i].tolist(), strict=True) if name in model.parameters
+        }
+        balancing = dict(zip(model.inputs, points.inputs[i].tolist(), strict=True))
+        return beyond_limits(model.with_parameters(**changed), condition_at(condition, variables, values[i]), balancing)
 
     return tuple(reason(i) for i in range(len(values)))
 
 
 def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:
     """The condition of one point; BadInputError where one of its values lies outside its limits."""
-    hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in VARIABLES}
-    return condition.at(hold.get("dihedral"), hold)
+    known = condition.model.holdable
+    hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known}
+    return condition.at(hold.get(condition.model.schedule), hold)
 
 
-def is_square(variant: Variant, variables: tuple[str, ...], condition: TrimCondition) -> bool:
+def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
     """Whether the points have as many equations as unknowns, so that Newton's method settles many at once."""
-    return _functions(variant, variables, condition) is not None
+    return _key(model, variables, condition) is not None
 
 
 def newton_functions(
-    variant: Variant, given: tuple[str, ...], free: tuple[str, ...], rates: tuple[tuple[str, float], ...]
+    layout: Layout,
+    given: tuple[str, ...],
+    free: tuple[str, ...],
+    rates: tuple[tuple[str, float, float], ...],
+    outputs: tuple[tuple[str, float], ...] = (),
+    watched: tuple[str, ...] = (),
 ) -> tuple[ca.Function, ca.Function] | None:
     """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, A, B
-    (row by row), dX/dt at v. None unless as many equations as unknowns feel them, each unknown in one.
+    (row by row), dX/dt, the imposed and the watched outputs at v. None unless as many equations as unknowns feel them,
+    each unknown in one.
 
-    given: what is imposed; a variable that is neither given nor free is 0. v: the values of `free`.
+    given: what is imposed; a variable that is neither given nor free is 0. v: the values of `free`. rates: (state,
+    rate, scale); outputs: (imposed output, scale).
     """
-    x, u, p = symbols()
-    known, v = ca.SX.sym("given", len(given)), ca.SX.sym("v", len(free))
-    values = dict.fromkeys(VARIABLES, ca.SX(0)) | dict(zip(given, ca.vertsplit(known), strict=True))
+    known, v, (x, u, p) = ca.SX.sym("given", len(given)), ca.SX.sym("v", len(free)), layout.symbols("x", "u", "p")
+    values = dict.fromkeys(layout.variables, ca.SX(0)) | dict(zip(given, ca.vertsplit(known), strict=True))
     values |= dict(zip(free, ca.vertsplit(v), strict=True))
-    values["pitch"] = values["alpha"] + values["gamma"]
-    state, control = (ca.vertcat(*(values[name] for name in names)) for names in (STATES, INPUTS))
-    f, at = state_rates(x, u, p, variant), state_rates(state, control, p, variant)
-    residual = ca.vertcat(*((at[STATES.index(name)] - rate) / getattr(RATE_SCALES, name) for name, rate in rates))
+    names = [name for name, _ in outputs]
+    state, control, at, y = layout.in_variables(values, p, (*names, *watched))
+    index = layout.names[0].index
+    residual = ca.vertcat(
+        *((at[index(name)] - rate) / scale for name, rate, scale in rates),
+        *((y[i] - values[name]) / scale for i, (name, scale) in enumerate(outputs)),
+    )
     jacobian = ca.jacobian(residual, v)
-    moved = [i for i in range(len(rates)) if jacobian[i, :].nnz()]
+    moved = [i for i in range(residual.numel()) if jacobian[i, :].nnz()]
     if len(moved) != len(free) or ca.sprank(jacobian[moved, :]) < len(free):
         return None
     after = v - ca.solve(jacobian[moved, :], residual[moved])
+    f, _ = layout.expressions(list(map(components, (x, u, p))), ())
     flat = [f, *(ca.vec(ca.densify(ca.jacobian(f, by)).T) for by in (x, u))]
     rate, A, B = ca.substitute(flat, [x, u], [state, control])
     arguments = [known, v, p]
     return (
         ca.Function("newton", arguments, ca.cse([after, ca.sqrt(ca.sumsqr(ca.densify(residual)))])),
-        ca.Function("at", arguments, ca.cse([*map(ca.densify, (state, control)), A, B, rate])),
+        ca.Function("at", arguments, ca.cse([*map(ca.densify, (state, control)), A, B, rate, *[y] * bool(y.numel())])),
     )
 
 
-def first_guess(free: tuple[str, ...], begin: Mapping[str, float]) -> list[float]:
+def first_guess(model: Model, free: tuple[str, ...], begin: Mapping[str, float]) -> list[float]:
     """Where Newton's method begins: the same at every point, so that no row depends on its neighbours."""
-    return [begin.get(name, SCALES[name] if name in ("throttle", "speed") else 0.0) for name in free]
+    return [begin.get(name, model.signals[name].start) for name in free]
 
 
-def _functions(variant: Variant, variables: tuple[str, ...], condition: TrimCondition) -> Any:
-    """Key of `_compiled`: variant, given, free, rates; None where it makes no functions."""
-    varied = [name for name in variables if name in VARIABLES]
-    zero = [name for name, value in condition.imposed.items() if value == 0.0]
-    given = tuple(name for name in VARIABLES if name in varied or name not in (*zero, *condition.free))
+def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> Any:
+    """Key of `_compiled`: layout, given, free, rates, imposed outputs, watched; None where it makes no functions."""
+    varied = [name for name in variables if name in model.holdable]
+    held = dict.fromkeys([*condition.imposed, *condition.tables, *varied])
+    nonzero = [name for name in held if name in varied or condition.imposed.get(name) != 0.0]
+    given = tuple(name for name in model.holdable if name in nonzero or (name in held and name in model.outputs))
     free = tuple(name for name in condition.free if name not in varied)
-    key = variant, given, free, tuple(condition.rates.items())
+    rates = tuple((name, rate, model.rate_scale(name)) for name, rate in (condition.rates or {}).items())
+    outputs = tuple((name, model.signals[name].nominal) for name in given if name not in model.variables)
+    key = model.layout, given, free, rates, outputs, _watched(model, condition, [*held])
     return key if free and _pair(*key) is not None else None
+
+
+def _watched(model: Model, condition: TrimCondition, held: Sequence[str]) -> tuple[str, ...]:
+    """What has limits and is neither a state, an input nor held."""
+    limits = {**model.limits, **condition.limits}
+    return tuple(name for name in model.outputs if name not in held and np.isfinite(limits[name]).any())
 
 
 @lru_cache(maxsize=16)
@@ -203,28 +230,27 @@ def _compiled(key: Any, together: int, use_machine_code: bool) -> tuple[BoundFun
 
 
 def _newton(
-    variant: Variant,
+    model: Model,
     variables: tuple[str, ...],
     values: np.ndarray,
     constants: np.ndarray,
     condition: TrimCondition,
     start: OperatingPoint | None,
     compile_code: bool | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; and which points balance."""
-    count = len(values)
-    flat = np.full((count, _ENDS[-1]), np.nan)
-    key = _functions(variant, variables, condition)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; and which points
+    balance."""
+    count, end = len(values), _ends(model)[-1]
+    key = _key(model, variables, condition)
     if key is None or not count:
-        return flat, np.zeros(count, dtype=bool)
-    _, given, free, rates = key
-    columns = dict(zip(variables, values.T, strict=True))
-    dihedral = columns.get("dihedral", np.full(count, condition.imposed.get("dihedral", 0.0)))
-    columns |= {name: condition.values_at(name, dihedral) for name in given if name not in columns}
-    if "dihedral" in columns:
-        columns["dihedral"] = dihedral
-    imposed = np.stack([columns[name] for name in given], axis=-1)
-    guess = first_guess(free, condition.begin if start is None else start.values)
+        return np.full((count, end), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool)
+    _, given, free, rates, outputs, watched = key
+    flat = np.full((count, end + len(outputs) + len(watched)), np.nan)
+    columns, by = dict(zip(variables, values.T, strict=True)), model.schedule
+    place = columns.get(by, np.full(count, condition.imposed.get(by, 0.0)))
+    columns |= {name: condition.values_at(name, place) for name in given if name not in columns}
+    imposed = np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
+    guess = first_guess(model, free, condition.begin if start is None else start.values)
     together = next(size for size in _TOGETHER if size <= count)
     step, at = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
     after, residual = (result.reshape(together, -1) for result in step.results)
@@ -244,14 +270,22 @@ def _newton(
             target[:] = source
         at()
         flat[rows] = at.results[0].reshape(together, -1)[: rows.stop - first]
-    off = [(flat[:, _ENDS[3] + STATES.index(name)] - rate) / getattr(RATE_SCALES, name) for name, rate in rates]
-    return flat, np.asarray((np.abs(off) <= BALANCE).all(axis=0))
+    begin, index = _ends(model)[3], list(model.states).index
+    off = [(flat[:, begin + index(name)] - rate) / scale for name, rate, scale in rates]
+    off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
+    balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
+    return flat[:, :end], flat[:, end + len(outputs) :], balanced
 
 
-def _excess(flat: np.ndarray, allowed: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """How far x, u and γ lie beyond their limits, negative within, (N, 13); and the width of the limits, (13,)."""
-    gamma = flat[:, STATES.index("pitch")] - flat[:, STATES.index("alpha")]
-    values = np.hstack([flat[:, : _N + _M], gamma[:, None]])
-    limits = np.array([allowed[name] for name in (*STATES, *INPUTS, "gamma")])
+def _excess(
+    model: Model, flat: np.ndarray, watched: np.ndarray, condition: TrimCondition
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far x, u and the watched outputs lie beyond their limits, negative within, (N, k); and the width of the
+    limits, (k,)."""
+    names = (*model.states, *model.inputs)
+    values = np.hstack([flat[:, : len(names)], watched])
+    held = [*condition.imposed, *condition.tables]
+    seen = _watched(model, condition, held)[: watched.shape[1]]
+    limits = np.array([condition.limits_of(name) for name in (*names, *seen)])
     width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
     return np.maximum(limits[:, 0] - values, values - limits[:, 1]), width

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, NAMES_AND_UNITS, RATE_UNITS, STATE_UNITS, STATES
 from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
 from hfa_support.jobs.workers import Task
+from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from trim.point.condition import TrimCondition
@@ -28,7 +28,6 @@ CHUNK = 100_000
 #: The same where each point is trimmed on its own: seconds of work.
 SLOW_CHUNK = 1_000
 
-_N = len(STATES)
 _NAN = float("nan")
 SUMMARY_SCHEMA = "hfa.sweep-summary/1"
 
@@ -42,39 +41,43 @@ class SweepJob:
     @cached_property
     def layout(self) -> Layout:
         """One row a point: its values of what varies, the arrays of its `Points`, its eigenvalues."""
-        plan = self.plan
+        plan, model = self.plan, self.plan.aircraft.model
+        states, inputs = tuple(model.states), tuple(model.inputs)
+        state_units, input_units = model.units(states), model.units(inputs)
+        named = {"states": list(states), "state_units": list(state_units)}
+        named |= {"inputs": list(inputs), "input_units": list(input_units)}
         varied = zip(plan.variables, plan.units, strict=True)
         arrays = {name: _numbers((), described("what is varied", unit)) for name, unit in varied} | {
             "values": _numbers(("variable",), described("what is varied", units_of="variable_unit"), plan.variables),
             "status": Array((), "int8", -1, (), _coded("how the trim came out", STATUS)),
-            "limiting": Array((), "int8", -1, (), _coded("what lies beyond its limit", STATES + INPUTS)),
-            "states": _numbers(("state",), described("X0", units_of="state_unit"), STATES),
-            "inputs": _numbers(("input",), described("U0", units_of="input_unit"), INPUTS),
-            "A": _numbers(("rate", "state"), described("dx'/dx", units_of="rate_unit / state_unit"), STATES, STATES),
-            "B": _numbers(("rate", "input"), described("dx'/du", units_of="rate_unit / input_unit"), STATES, INPUTS),
+            "limiting": Array((), "int8", -1, (), _coded("what lies beyond its limit", states + inputs)),
+            "states": _numbers(("state",), described("X0", units_of="state_unit"), states),
+            "inputs": _numbers(("input",), described("U0", units_of="input_unit"), inputs),
+            "A": _numbers(("rate", "state"), described("dx'/dx", units_of="rate_unit / state_unit"), states, states),
+            "B": _numbers(("rate", "input"), described("dx'/du", units_of="rate_unit / input_unit"), states, inputs),
             "eigenvalues": Array(
-                (_N,), "complex128", complex(_NAN, _NAN), ("mode",), described("of A, fastest first", "1/s")
+                (len(states),), "complex128", complex(_NAN, _NAN), ("mode",), described("of A, fastest first", "1/s")
             ),
         }
         labels = {
             "variable": ("variable", plan.variables),
             "variable_unit": ("variable", plan.units),
-            "state": ("state", STATES),
-            "state_unit": ("state", STATE_UNITS),
-            "rate": ("rate", STATES),
-            "rate_unit": ("rate", RATE_UNITS),
-            "input": ("input", INPUTS),
-            "input_unit": ("input", INPUT_UNITS),
+            "state": ("state", states),
+            "state_unit": ("state", state_units),
+            "rate": ("rate", states),
+            "rate_unit": ("rate", tuple(map(model.rate_unit, states))),
+            "input": ("input", inputs),
+            "input_unit": ("input", input_units),
         }
         attributes = {
             "coordinates": " ".join((*plan.variables, *(name for name in labels if name.endswith("_unit")))),
             **plan.varied,
-            **NAMES_AND_UNITS,
+            **named,
             "status": list(STATUS),
-            "limiting": list(STATES + INPUTS),
+            "limiting": list(states + inputs),
             "warnings": plan_warnings(plan),
         }
-        chunk = CHUNK if is_square(plan.aircraft.variant, plan.variables, plan.condition) else SLOW_CHUNK
+        chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
         identity = plan.to_dict(), plan.identity
         return Layout(SCHEMA, "sweep", plan.count, "point", chunk, *identity, arrays, labels, attributes)
 
@@ -92,7 +95,7 @@ class SweepJob:
 
 
 def run_points(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     variables: tuple[str, ...],
     values: np.ndarray,
     condition: TrimCondition,
@@ -100,7 +103,7 @@ def run_points(
     compile_code: bool,
 ) -> Mapping[str, np.ndarray]:
     """The points of a task, by name of the array in the store: its `Points`, the values that it was given, and the
-    eigenvalues of A (N, 7), fastest first, 1/s. What a worker runs."""
+    eigenvalues of A (N, n), fastest first, 1/s. What a worker runs."""
     points = trim_points(aircraft, variables, values, condition, start=start, compile_code=compile_code)
     rows = points._asdict() | {"values": values, "eigenvalues": _eigenvalues(points.A)}
     rows |= {name: values[:, column] for column, name in enumerate(variables)}
@@ -120,7 +123,7 @@ def _coded(what: str, words: Sequence[str]) -> dict[str, Any]:
 
 
 def _eigenvalues(A: np.ndarray) -> np.ndarray:
-    """(N, 7), fastest first, positive imaginary part first; nan where A is."""
+    """(N, n), fastest first, positive imaginary part first; nan where A is."""
     known = ~np.isnan(A[:, 0, 0])
     found = np.full(A.shape[:2], np.nan, dtype=complex)
     found[known] = np.linalg.eigvals(A[known])
@@ -144,7 +147,7 @@ def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
     """Points by status, and where they are."""
     counts, notes = status_counts(store, plan.count), plan_warnings(plan)
     return Report(
-        title=f"Sweep over {', '.join(plan.variables)}, {plan.dynamics_name} dynamics, in {path}",
+        title=f"Sweep over {', '.join(plan.variables)}, {plan.aircraft.model.title}, in {path}",
         parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
         notes=notes,
         data={

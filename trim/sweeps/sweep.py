@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES, entry_unit
 from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
+from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
 from trim.linear.modes import modes_of, track_modes
-from trim.point.condition import LEVEL_FLIGHT, TrimCondition
+from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, Status
 from trim.sweeps.points import TRIMMED, reasons_of, trim_points
 from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
@@ -41,7 +41,7 @@ class RootLocus(NamedTuple):
     values: np.ndarray
     eigenvalues: np.ndarray
     mode_names: tuple[str, ...]
-    dynamics: str
+    called: str
 
     @property
     def slow(self) -> np.ndarray:
@@ -63,7 +63,7 @@ class RootLocus(NamedTuple):
         figure = new_figure(10.0, 5.2)
         for axes, (title, shown) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
             self._draw(axes, shown)
-            axes.set_title(f"{self.dynamics} dynamics, {title}", fontsize=10)
+            axes.set_title(f"{self.called}, {title}", fontsize=10)
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
         return figure
@@ -96,7 +96,7 @@ class Sweep(ByValue, Reported):
     plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
     why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
     mode through the sweep; nan where the trim failed. mode_names: name of each column at the first trimmed point.
-    Units: rad, ft, s as in `vectors.py`, entries of A and B as in `entry_unit`, eigenvalues 1/s.
+    Units: the model's, eigenvalues 1/s.
     """
 
     plan: SweepPlan
@@ -114,6 +114,11 @@ class Sweep(ByValue, Reported):
     def dynamics(self) -> str:
         """Name of the dynamics."""
         return self.plan.dynamics_name
+
+    @property
+    def model(self) -> Model:
+        """Whose trims these are."""
+        return self.plan.aircraft.model
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -134,7 +139,7 @@ class Sweep(ByValue, Reported):
     def root_locus(self) -> RootLocus:
         """The eigenvalues over the last variable."""
         variable, unit = self.variables[-1], self.units[-1]
-        return RootLocus(variable, unit, self.values[:, -1], self.eigenvalues, self.mode_names, self.dynamics)
+        return RootLocus(variable, unit, self.values[:, -1], self.eigenvalues, self.mode_names, self.model.title)
 
     def report(self) -> Report:
         """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
@@ -160,7 +165,7 @@ class Sweep(ByValue, Reported):
         )
         failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
         return Report(
-            title=f"Sweep, {self.dynamics} dynamics: {int(self.trimmed.sum())} of {count} points trimmed",
+            title=f"Sweep, {self.model.title}: {int(self.trimmed.sum())} of {count} points trimmed",
             parts=((Table(header, RowsMade(count, row)), *failures), *self._picture()),
             notes=warnings,
             data=self.to_dict() | {"warnings": warnings},
@@ -184,9 +189,9 @@ class Sweep(ByValue, Reported):
             "values": self.values,
             "reasons": list(self.reasons),
             "states": list(self.model_states),
-            "state_units": [getattr(STATE_UNITS, name) for name in self.model_states],
-            "inputs": list(INPUTS),
-            "input_units": list(INPUT_UNITS),
+            "state_units": list(self.model.units(self.model_states)),
+            "inputs": list(self.model.inputs),
+            "input_units": list(self.model.units(tuple(self.model.inputs))),
             "operating_states": self.states,
             "operating_inputs": self.inputs,
             "A": self.A,
@@ -198,17 +203,17 @@ class Sweep(ByValue, Reported):
 
 def _records(result: Sweep) -> Table:
     """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
-    n = len(result.model_states)
+    n, model = len(result.model_states), result.model
     header = (
         *(f"{name} [{unit}]" for name, unit in zip(result.variables, result.units, strict=True)),
         "status",
         "reason",
-        *(f"state {name} [{getattr(STATE_UNITS, name)}]" for name in STATES),
-        *(f"input {name} [{getattr(INPUT_UNITS, name)}]" for name in INPUTS),
+        *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
+        *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
         *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
         *(
-            f"{matrix}({row}, {column}) [{entry_unit(row, column)}]"
-            for matrix, names in (("A", result.model_states), ("B", INPUTS))
+            f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
+            for matrix, names in (("A", result.model_states), ("B", tuple(model.inputs)))
             for row in result.model_states
             for column in names
         ),
@@ -244,10 +249,10 @@ MOST_POINTS = 1_000_000
 
 
 def sweep(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     grid: Mapping[str, Sequence[float] | np.ndarray],
     *,
-    condition: TrimCondition = LEVEL_FLIGHT,
+    condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
     full: bool = False,
     progress: Progress | None = None,
@@ -255,17 +260,21 @@ def sweep(
     """Trim and linearize at every point of the product of the given values: a `SweepPlan` run in memory.
 
     grid: trim variable or parameter of the aircraft -> values that are held (rad, ft/s, ft). condition: what the other
-    variables do, by default the paper's level flight with a dihedral angle of zero; the grid overrides it. start: where
-    the search begins at each point. A point that has no trim becomes a row with its reason. progress is called with
-    (points done, points in all). BadInputError when a name is unknown, a value lies outside its limits, or the grid is
-    empty or has more than `MOST_POINTS` points.
+    variables do, by default the model's own trim, of the HFA the paper's level flight with a flat wing; the grid
+    overrides it. start: where the search begins at each point. A point that has no trim becomes a row with its
+    reason. progress is called with (points done, points in all). BadInputError when a name is unknown, a value lies
+    outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
     """
-    plan = SweepPlan(grid, aircraft.parameters, aircraft.variant, condition=condition, start=start)
+    asked = usual_condition(aircraft.model) if condition is None else condition
+    if isinstance(aircraft, Model):
+        plan = SweepPlan(grid, None, aircraft, condition=asked, start=start)
+    else:
+        plan = SweepPlan(grid, aircraft.parameters, aircraft.variant, condition=asked, start=start)
     return run_plan(plan, full=full, progress=progress)
 
 
 def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None = None) -> Sweep:
-    """Every point of a plan with a grid, in memory; full: all seven states."""
+    """Every point of a plan with a grid, in memory; full: all states, not the linear ones alone."""
     if plan.samples or plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
     values, variables = plan.values(0, plan.count), plan.variables
@@ -273,15 +282,16 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
     reasons = reasons_of(points, plan.aircraft, variables, values, plan.condition)
     trimmed = points.status == TRIMMED
     points.states[~trimmed], points.inputs[~trimmed] = np.nan, np.nan
-    model_states = STATES if full else LINEAR_STATES
-    rows = [STATES.index(name) for name in model_states]
+    model = plan.aircraft.model
+    model_states = tuple(model.states) if full else model.linear
+    rows = [list(model.states).index(name) for name in model_states]
     A, B = points.A[:, rows][:, :, rows], points.B[:, rows]
     eigenvalues = np.full((plan.count, len(rows)), np.nan, dtype=complex)
     mode_names: tuple[str, ...] = ()
     if trimmed.any():
-        eigenvalues[trimmed] = track_modes(A[trimmed], model_states, _neighbours(plan.sizes, trimmed))
+        eigenvalues[trimmed] = track_modes(A[trimmed], model_states, _neighbours(plan.sizes, trimmed), model)
         first = int(np.argmax(trimmed))
-        mode_names = _column_names(A[first], eigenvalues[first], model_states)
+        mode_names = _column_names(A[first], eigenvalues[first], model_states, model)
     return Sweep(plan, values, reasons, points.states, points.inputs, A, B, eigenvalues, model_states, mode_names)
 
 
@@ -298,8 +308,8 @@ def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     return np.asarray(numbers[np.concatenate(pairs)])
 
 
-def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...]) -> tuple[str, ...]:
+def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...], model: Model) -> tuple[str, ...]:
     """The mode that each eigenvalue column belongs to, at the first trimmed point."""
-    modes = modes_of(A, states)
+    modes = modes_of(A, states, model.modes)
     up = [complex(value.real, abs(value.imag)) for value in eigenvalues]
     return tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)

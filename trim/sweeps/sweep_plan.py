@@ -16,12 +16,11 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
-from hfa_support.reporting.text import angle_text
-from trim.point.condition import LEVEL_FLIGHT, PAPER_LIMIT, PAPER_RANGE, TrimCondition
+from hfa_support.model import Model
+from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.points import PLANNED, condition_at
+from trim.sweeps.points import condition_at, planned
 
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
@@ -48,14 +47,15 @@ class SweepPlan:
 
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
     fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
-    hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the
-    aircraft where it is not varied; dynamics by name or a `Variant`. condition: what the other variables do. start:
-    where the search begins at each point. BadInputError when a name or a range is wrong.
+    hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the HFA where
+    it is not varied; dynamics by name or a `Variant`, or any other `Model`, which has its own parameters. condition:
+    what the other variables do. start: where the search begins at each point. BadInputError when a name or a range is
+    wrong.
     """
 
     axes: Mapping[str, Sequence[float] | np.ndarray | Steps]
-    parameters: Parameters
-    dynamics: str | Variant
+    parameters: Parameters | None
+    dynamics: str | Variant | Model
     samples: int = 0
     seed: int = 0
     condition: TrimCondition = LEVEL_FLIGHT
@@ -63,16 +63,17 @@ class SweepPlan:
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything runs."""
+        known = planned(self.condition.model)
         if not self.axes:
-            raise BadInputError(f"nothing to sweep; choose from {', '.join(PLANNED)}")
+            raise BadInputError(f"nothing to sweep; choose from {', '.join(known)}")
         ends_of, listed = {}, {}
         for name, values in self.axes.items():
-            refuse_unknown("cannot sweep", name, PLANNED)
+            refuse_unknown("cannot sweep", name, known)
             ends = values.at(np.array([0, values.count - 1])) if isinstance(values, Steps) else numbers_in(name, values)
             if ends.ndim != 1 or not ends.size:
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
             ends_of[name], listed[name] = ends, values if isinstance(values, Steps) else tuple(ends.tolist())
-            if name in FIELDS._fields and getattr(FIELDS, name).positive and not min(ends) > 0:
+            if self.parameters and name in FIELDS._fields and getattr(FIELDS, name).positive and not min(ends) > 0:
                 raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
@@ -88,10 +89,10 @@ class SweepPlan:
         for corner in (np.argmin, np.argmax):
             condition_at(self.condition, self.variables, np.array([ends[corner(ends)] for ends in ends_of.values()]))
 
-    @property
-    def aircraft(self) -> Aircraft:
+    @cached_property
+    def aircraft(self) -> Aircraft | Model:
         """What is not varied of the aircraft."""
-        return Aircraft(self.parameters, self.dynamics)
+        return self.dynamics if isinstance(self.dynamics, Model) else Aircraft(self.parameters, self.dynamics)
 
     @property
     def dynamics_name(self) -> str:
@@ -106,7 +107,7 @@ class SweepPlan:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each variable, in order."""
-        return tuple(getattr(FIELDS, name).unit if name in FIELDS._fields else UNITS[name] for name in self.axes)
+        return self.condition.model.units(self.variables)
 
     @property
     def grid(self) -> dict[str, dict[str, Any]]:
@@ -159,8 +160,9 @@ class SweepPlan:
                 name: asdict(values) if isinstance(values, Steps) else list(values)
                 for name, values in self.axes.items()
             },
-            "parameters": self.parameters._asdict(),
+            "parameters": {name: each.start for name, each in self.aircraft.model.parameters.items()},
             "dynamics": self.dynamics_name,
+            **({"source": list(self.dynamics.source)} if isinstance(self.dynamics, Model) else {}),
             "samples": self.samples,
             "seed": self.seed,
             "condition": self.condition.to_dict(),
@@ -183,20 +185,21 @@ class SweepPlan:
 
 def plan_warnings(plan: SweepPlan) -> list[str]:
     """What a user should know before trusting a sweep of any size; a grid is counted without making its points."""
-    if "dihedral" not in plan.axes:
-        return []
-    dihedral = plan.axes["dihedral"]
-    if isinstance(dihedral, Steps):
-        # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
-        first = max(math.ceil((-PAPER_LIMIT - dihedral.start) / dihedral.step), 0)
-        last = min(math.floor((PAPER_LIMIT - dihedral.start) / dihedral.step), dihedral.count - 1)
-        beyond, each = dihedral.count - max(last - first + 1, 0), plan.count // dihedral.count
-    else:
-        place = plan.variables.index("dihedral")
-        angles = plan.values(0, plan.count)[:, place] if plan.samples else np.asarray(dihedral)
-        beyond, each = int(np.count_nonzero(np.abs(angles) > PAPER_LIMIT)), plan.count // len(angles)
-    if not beyond:
-        return []
-    lie = f"{beyond * each} of {plan.count} points {'lies' if beyond * each == 1 else 'lie'}"
-    where = f"beyond the paper's range of dihedral, which ends at {angle_text(PAPER_RANGE)}"
-    return [f"{lie if plan.count > 1 else 'the point lies'} {where}"]
+    model, found = plan.condition.model, []
+    for name, (most, whose) in model.range.items():
+        if name not in plan.axes:
+            continue
+        values, limit = plan.axes[name], most * (1 + 1e-12)
+        if isinstance(values, Steps):
+            # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
+            first = max(math.ceil((-limit - values.start) / values.step), 0)
+            last = min(math.floor((limit - values.start) / values.step), values.count - 1)
+            beyond, each = values.count - max(last - first + 1, 0), plan.count // values.count
+        else:
+            listed = plan.values(0, plan.count)[:, plan.variables.index(name)] if plan.samples else np.asarray(values)
+            beyond, each = int(np.count_nonzero(np.abs(listed) > limit)), plan.count // len(listed)
+        if beyond:
+            lie = f"{beyond * each} of {plan.count} points {'lies' if beyond * each == 1 else 'lie'}"
+            where = f"beyond {whose} of {name}, which ends at {model.describe(name, most)}"
+            found.append(f"{lie if plan.count > 1 else 'the point lies'} {where}")
+    return found

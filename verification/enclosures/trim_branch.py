@@ -13,7 +13,7 @@ from flint import arb, arb_mat, arb_series
 from hfa_model.aircraft import Aircraft, compiled_dynamics
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, STATES
 from hfa_support.errors import BadInputError
-from trim.point.condition import BALANCED, LEVEL_FLIGHT, TrimCondition
+from trim.point.condition import BALANCED, LEVEL_FLIGHT, TrimCondition, describe
 from trim.point.solve import find_operating_point
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import BallFunction, Undecided
@@ -47,9 +47,9 @@ class Family:
         """BadInputError unless the trims of the interval, degrees, are of the kind that is proved."""
         first, last = (self.condition(end) for end in (low, high))
         for condition in (first, last):
-            condition.check_pitch()
+            check_pitch(condition)
         still = all(first.imposed.get(name) == 0.0 for name in ("pitch_rate", "dihedral_rate"))
-        still = still and dict(first.rates) == dict.fromkeys(BALANCED, 0.0)
+        still = still and dict(first.rates or {}) == dict.fromkeys(BALANCED, 0.0)
         if not (still and len(first.free) == len(EQUATIONS) and "dihedral" in first.imposed):
             raise BadInputError(
                 f"a proof takes trims at a given dihedral, all rates 0, with {len(EQUATIONS)} unknowns; "
@@ -57,6 +57,30 @@ class Family:
             )
         for name in self.flights.tables:
             raise BadInputError(f"{name} changes with the dihedral in this condition; --hold it at one value")
+
+
+def limits_with_pitch(condition: TrimCondition, name: str) -> tuple[float, float]:
+    """Lowest and highest value of a variable; of alpha and gamma what the limits of pitch = alpha + gamma leave."""
+    lowest, highest = condition.limits_of(name)
+    if name not in ("alpha", "gamma"):
+        return lowest, highest
+    other = "gamma" if name == "alpha" else "alpha"
+    least, most = (condition.imposed[other],) * 2 if other in condition.imposed else condition.limits_of(other)
+    pitch = condition.limits_of("pitch")
+    return max(lowest, pitch[0] - most), min(highest, pitch[1] - least)
+
+
+def check_pitch(condition: TrimCondition) -> None:
+    """BadInputError when pitch = alpha + gamma lies beyond its limits, or they leave no alpha or gamma."""
+    if "alpha" in condition.imposed and "gamma" in condition.imposed:
+        pitch, (lowest, highest) = condition.imposed["alpha"] + condition.imposed["gamma"], condition.limits_of("pitch")
+        if not lowest <= pitch <= highest:
+            ends = f"{describe('pitch', lowest)} and {describe('pitch', highest)}"
+            raise BadInputError(f"pitch is {describe('pitch', pitch)}; it must lie between {ends}")
+    for name in condition.free:
+        lowest, highest = limits_with_pitch(condition, name)
+        if not lowest < highest:
+            raise BadInputError(f"the limits of pitch, alpha and gamma leave no {name}; widen one of them")
 
 
 #: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
@@ -200,7 +224,7 @@ class TrimBranch:
         self.family = family
         condition = family.condition(0.0)
         self.free = condition.free
-        self.limits = {name: condition.limits_of(name) for name in dict.fromkeys((*INPUTS, *condition.free))}
+        self.limits = {name: limits_with_pitch(condition, name) for name in dict.fromkeys((*INPUTS, *condition.free))}
         ball = as_read if family.decimals else exact
         functions = compiled_dynamics(family.aircraft.variant)
         self._known = TrimEquations(

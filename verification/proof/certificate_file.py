@@ -18,7 +18,7 @@ from hfa_support.jsonable import jsonable
 from hfa_support.version import toolchain_version
 from verification.arithmetic import flint_or_refusal
 from verification.enclosures.dihedral_box import DihedralBox
-from verification.enclosures.trim_branch import Family
+from verification.enclosures.trim_branch import Family, limits_with_pitch
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
 from verification.proof.stated_model import StatedModel
@@ -48,7 +48,7 @@ def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
         "parameters": parameters,
         "spread": {name: width for name, width in zip(parameters, family.spread or (), strict=False) if width > 0.0},
         "imposed": {name: value for name, value in condition.imposed.items() if name != "dihedral"},
-        "limits": {name: condition.limits_of(name) for name in (*INPUTS, *condition.free)},
+        "limits": {name: limits_with_pitch(condition, name) for name in (*INPUTS, *condition.free)},
         "dihedral_deg": [low, high],
     }
 

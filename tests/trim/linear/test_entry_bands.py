@@ -91,6 +91,6 @@ def test_a_truncated_model_says_so() -> None:
     data, whole = (json.loads(hfa(*each, "--json").out) for each in (words, words[:3]))
     (note,) = data["warnings"]
     near, exact = (complex(*each["modes"][0]["eigenvalue"]) for each in (data, whole))
-    assert f"eigenvalues lie up to {100 * abs(near - exact) / abs(exact):.2g} % from those of all six states" in note
+    assert f"eigenvalues lie up to {100 * abs(near - exact) / abs(exact):.2g} % from those of all 6 states" in note
     assert note in " ".join(hfa(*words).out.split())
     assert whole["warnings"] == []

@@ -11,7 +11,7 @@ from ambiance import Atmosphere
 
 from hfa_model import Aircraft
 from trim import OperatingPoint, find_operating_point, level_flight, release
-from trim.point.trim_report import PERFORMANCE_UNITS, Performance, performance
+from trim.point.hfa_report import PERFORMANCE_UNITS, Performance, performance
 
 METRE_PER_FOOT = 0.3048
 

@@ -51,7 +51,7 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_is_that_of_a_single_trim(published_aircraft: Aircraft, name: str) -> None:
     grid, condition, square = CASES[name]
-    assert is_square(published_aircraft.variant, tuple(grid), condition) == square
+    assert is_square(published_aircraft.model, tuple(grid), condition) == square
     result = sweep(published_aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
         single, aircraft = condition_at(condition, result.variables, row), published_aircraft

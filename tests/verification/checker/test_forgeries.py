@@ -101,9 +101,8 @@ def _forged(whole: Content, random: np.random.Generator) -> Content:
 
 @cache
 def _model(aircraft: Aircraft, imposed: tuple[tuple[str, float], ...], limits: str, degrees: float) -> Any:
-    free = tuple(name for name in json.loads(limits)[1])
     ends = {name: tuple(each) for name, each in json.loads(limits)[0].items()}
-    condition = TrimCondition(dict(imposed) | {"dihedral": np.radians(degrees)}, free, limits=ends)
+    condition = TrimCondition(dict(imposed) | {"dihedral": np.radians(degrees)}, limits=ends)
     point = find_operating_point(aircraft, condition)
     return linearize(aircraft, point)
 

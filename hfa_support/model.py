@@ -1,0 +1,431 @@
+"""One declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w): all packages take equations and names from it."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.native.bound import BoundFunction, cached_per_thread
+from hfa_support.reporting.text import shown_unit, shown_value
+
+if TYPE_CHECKING:
+    import control
+
+#: The four vectors that a model's equations take, in CasADi's order, and the declarations of their components.
+VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
+
+
+class Signal(NamedTuple):
+    """What is known of a state, input, parameter, disturbance or output beside its name.
+
+    unit: as text, "1" for none. nominal: its typical size, > 0, which weighs unknowns and residuals of different
+    units. min, max: where the equations hold; limits of a trim. start: the value of a parameter, and where a search
+    for a state or an input begins. rate: the typical size of a state's rate; the state's own nominal unless given.
+    The words are those of FMI 3 and casadi.DaeBuilder.
+    """
+
+    unit: str = "1"
+    nominal: float = 1.0
+    min: float = -math.inf
+    max: float = math.inf
+    start: float = 0.0
+    rate: float | None = None
+
+
+_RECORDS: dict[tuple[str, ...], Any] = {}
+
+
+def record(names: tuple[str, ...]) -> Any:
+    """The named tuple with these fields: the class that a declaration was written in, or a new one."""
+    if names not in _RECORDS:
+        made: Any = type("Values", (namedtuple("Values", names),), {})
+        made.__reduce__ = _pickled
+        _RECORDS[names] = made
+    return _RECORDS[names]
+
+
+def _pickled(values: Any) -> tuple[Any, ...]:
+    return _unpickled, (values._fields, tuple(values))
+
+
+def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return record(names)(*values)
+
+
+class Linearization(NamedTuple):
+    """f (n,), y (k,) and their derivatives by x, u, w: A (n, n), B, C (k, n), D, E, F."""
+
+    f: np.ndarray
+    y: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """x' = f(x, u, p, w), y = h(x, u, p, w), declared once.
+
+    states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors.
+    equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name); it takes numbers or CasADi
+    expressions and returns the same. It must return every declared output.
+    trim: what a trim imposes unless told otherwise, name of a state, an input or an output -> value.
+    steady: the states whose rates a trim balances; all of them unless given.
+    linear: the states of the linear model; all of them unless given. schedule: the name of the state, input or
+    parameter that sweeps, gain tables and proofs run over. modes: name of a mode -> the states that take part most.
+    replaced: state -> output, affine in it, that people name in its place in a trim: pitch -> gamma.
+    range: state -> (largest absolute value, whose): beyond it models come with a warning.
+    check: raises BadInputError for a state, by name, where the equations mean nothing whatever the limits.
+    called: how reports name it; its name unless given. source: the file and name that it was loaded from, and a hash.
+    BadInputError when a name is not an identifier, is declared twice or is unknown, or when a number cannot be.
+    """
+
+    name: str
+    states: Mapping[str, Signal]
+    inputs: Mapping[str, Signal]
+    equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
+    parameters: Mapping[str, Signal] = field(default_factory=dict)
+    disturbances: Mapping[str, Signal] = field(default_factory=dict)
+    outputs: Mapping[str, Signal] = field(default_factory=dict)
+    trim: Mapping[str, float] = field(default_factory=dict)
+    steady: tuple[str, ...] = ()
+    linear: tuple[str, ...] = ()
+    schedule: str = ""
+    modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    replaced: Mapping[str, str] = field(default_factory=dict)
+    range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    check: Callable[[Any], None] | None = None
+    called: str = ""
+    source: tuple[str, str] = ("", "")
+
+    def __post_init__(self) -> None:
+        """Name what is wrong with the declaration before anything is compiled."""
+        seen: set[str] = set()
+        for kind in ("states", "inputs", "parameters", "disturbances", "outputs"):
+            given: Any = getattr(self, kind)
+            if hasattr(given, "_asdict"):
+                _RECORDS[given._fields] = type(given)
+                given = given._asdict()
+            object.__setattr__(self, kind, dict(given))
+            for name, signal in given.items():
+                if not (isinstance(name, str) and name.isidentifier() and name.isascii() and name[0] != "_"):
+                    raise BadInputError(f"{self.name}: {shown(name)} in {kind} is not an identifier; rename it")
+                if name in seen:
+                    raise BadInputError(f"{self.name}: {name} is declared twice; rename one of them")
+                seen.add(name)
+                _check_signal(f"{self.name}: {name}", signal)
+        if not self.states:
+            raise BadInputError(f"{self.name} declares no states; a model needs at least one")
+        for kind in ("steady", "linear"):
+            object.__setattr__(self, kind, tuple(getattr(self, kind)) or tuple(self.states))
+        for what, names, known in (
+            ("steady names the unknown state", self.steady, self.states),
+            ("linear names the unknown state", self.linear, self.states),
+            ("trim imposes the unknown variable", self.trim, (*self.variables, *self.outputs)),
+            ("schedule is the unknown variable", [self.schedule] * bool(self.schedule), [*self.signals]),
+        ):
+            for name in names:
+                refuse_unknown(f"{self.name}: {what}", name, known)
+        for name, value in self.trim.items():
+            if not math.isfinite(value):
+                raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a finite number")
+
+    def __reduce__(self) -> Any:
+        if not self.source[0]:
+            return super().__reduce__()
+        return _reloaded, (self.source, {name: signal.start for name, signal in self.parameters.items()})
+
+    @property
+    def model(self) -> Model:
+        """Itself: what wraps a model has one too."""
+        return self
+
+    @property
+    def title(self) -> str:
+        """How reports name it."""
+        return self.called or self.name
+
+    @cached_property
+    def signals(self) -> dict[str, Signal]:
+        """Everything that has a name."""
+        return {**self.states, **self.inputs, **self.outputs, **self.parameters, **self.disturbances}
+
+    @cached_property
+    def variables(self) -> tuple[str, ...]:
+        """What a trim imposes or finds: states, some replaced by outputs, and inputs."""
+        return self.layout.variables
+
+    @cached_property
+    def holdable(self) -> tuple[str, ...]:
+        """What a trim can impose: variables and outputs."""
+        return tuple(dict.fromkeys((*self.variables, *self.outputs)))
+
+    @cached_property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each state, input and output."""
+        return {name: (each.min, each.max) for name, each in self.signals.items() if name not in self.parameters}
+
+    def unit(self, name: str) -> str:
+        """Unit of whatever has a name."""
+        return self.signals[name].unit
+
+    def units(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Their units, in order."""
+        return tuple(map(self.unit, names))
+
+    def rate_unit(self, name: str) -> str:
+        """Unit of a state's rate: ft/s^2 of ft/s."""
+        return rate_unit(self.unit(name))
+
+    def rate_scale(self, name: str) -> float:
+        """One scaled unit of a state's rate."""
+        return self.states[name].rate or self.states[name].nominal
+
+    def entry_unit(self, row: str, column: str) -> str:
+        """Unit of the entry of A or B that the rate of a state (row) has per state or input (column), as text."""
+        return f"({self.rate_unit(row)})/({self.unit(column)})"
+
+    def describe(self, name: str, value: float) -> str:
+        """A value with its unit as an engineer reads it: angles in degrees."""
+        unit = self.unit(name)
+        return shown_value(value, unit) + ("" if unit == "1" else f" {shown_unit(unit)}")
+
+    def with_parameters(self, **values: float) -> Model:
+        """The same model with other values of parameters."""
+        changed = dict(self.parameters)
+        for name, value in values.items():
+            refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
+            changed[name] = self.parameters[name]._replace(start=float(value))
+        return replace(self, parameters=changed)
+
+    @cached_property
+    def p(self) -> np.ndarray:
+        """The values of the parameters, in order."""
+        return np.array([signal.start for signal in self.parameters.values()], dtype=float)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """What its Functions depend on: all but numbers."""
+        names = (tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
+        return Layout(self.name, self.equations, tuple(names), tuple(self.replaced.items()))
+
+    def functions(self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()) -> ca.Function:
+        """(x, u, p) -> the parts of a `Linearization` at w = 0, of these outputs (all unless given)."""
+        return _linearized(self.layout, tuple(self.outputs if outputs is None else outputs), tuple(disturbances))
+
+    def at(self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()) -> Linearization:
+        """f, y and their derivatives, exact to rounding. FloatingPointError where one is not finite."""
+        bound = _bound_linearized(self.layout, tuple(outputs), tuple(disturbances))
+        for place, value in zip(bound.inputs, (x, u, self.p), strict=True):
+            place[:] = value
+        bound()
+        n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
+        shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
+        found = [
+            np.ascontiguousarray(part.reshape(shape, order="F"))
+            for part, shape in zip(bound.results, shapes, strict=True)
+        ]
+        for part in found:
+            if not np.isfinite(part).all():
+                values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
+                raise FloatingPointError(self.not_finite(found[0], values, list(self.states)))
+        return Linearization(*(part.copy() for part in found))
+
+    def not_finite(self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]) -> str:
+        """Which rate is not a number, and where."""
+        wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
+        what = f"the rate of {wrong[0]}" if wrong else "a derivative"
+        where = ", ".join(self.describe(name, value) + f" {name}" for name, value in values.items())
+        return f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min and max"
+
+    def outputs_at(
+        self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
+    ) -> dict[str, float]:
+        """Outputs, all unless named, at a state and an input."""
+        numbers = [list(map(ca.DM, each)) for each in (x, u, self.p)]
+        found = self.layout.equations(*map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances))))[1]
+        return {name: float(found[name]) for name in (self.outputs if names is None else names)}
+
+    def to_control(self) -> control.NonlinearIOSystem:
+        """x' = f(x, u, p), y = x as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
+        import control
+
+        function, names = self.functions(()), tuple(self.parameters)
+
+        def update(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
+            return np.array(function(x, u, [params[name] for name in names])[0]).ravel()
+
+        values = {name: signal.start for name, signal in self.parameters.items()}
+        called = "".join(each if each.isalnum() else "_" for each in self.title)
+        states, inputs = list(self.states), list(self.inputs)
+        return control.nlsys(update, None, name=called, states=states, inputs=inputs, outputs=states, params=values)
+
+
+class Layout(NamedTuple):
+    """What a model's Functions depend on: equations and names."""
+
+    name: str
+    equations: Callable[..., Any]
+    names: tuple[tuple[str, ...], ...]
+    replaced: tuple[tuple[str, str], ...]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What a trim imposes or finds."""
+        instead = dict(self.replaced)
+        return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
+
+    def record(self, vector: str, values: Any) -> Any:
+        """The values of x, u, p or w by name."""
+        return record(self.names[list(VECTORS).index(vector)])(*values)
+
+    def symbols(self, *vectors: str) -> list[ca.SX]:
+        """New symbols, a column for each of "x", "u", "p"."""
+        return [ca.SX.sym(vector, len(self.names[list(VECTORS).index(vector)])) for vector in vectors]
+
+    def expressions(self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None) -> tuple[ca.SX, ca.SX]:
+        """f (n,) and the named outputs or states (k,) at the components of x, u, p; without disturbances unless given.
+        BadInputError names what the equations leave out."""
+        still = [0.0] * len(self.names[3])
+        named = [self.record(*each) for each in zip(VECTORS, (*vectors, still if w is None else w), strict=True)]
+        try:
+            rates, found = self.equations(*named)
+        except (AttributeError, TypeError, ValueError, KeyError, IndexError, NameError, NotImplementedError) as error:
+            said = " ".join(str(error).split())[:200]
+            raise BadInputError(f"{self.name}: the equations fail ({type(error).__name__}: {said})") from error
+        states = self.names[0]
+        for kind, values, names in (("rate", rates, states), ("output", found, self.names[4])):
+            for name in (*names, *values):
+                if name not in values:
+                    raise BadInputError(f"{self.name}: the equations return no {kind} of {name}; add it")
+                refuse_unknown(f"{self.name}: the equations return the undeclared {kind}", name, names)
+        y = [getattr(named[0], name) if name in states else found[name] for name in outputs]
+        f = ca.vertcat(*(rates[name] for name in states))
+        return ca.densify(ca.SX(f)), ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *y)))
+
+    def in_variables(self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]) -> list[ca.SX]:
+        """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
+
+        The states in `replaced` follow from the outputs in their place: x = (value - y(0)) / (dy/dx).
+        """
+        unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
+        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
+        u = [values[name] for name in self.names[1]]
+        found = [output for _, output in self.replaced]
+        f, y = self.expressions((x, u, components(p)), (*outputs, *found))
+        y, given = y[: len(outputs)], y[len(outputs) :]
+        parts: Any = [ca.vertcat(*map(ca.SX, x)), ca.vertcat(ca.SX(0, 1), *u), f, y]
+        for i, (state, output) in enumerate(self.replaced):
+            symbol, slope = unknown[state], ca.jacobian(given[i], unknown[state])
+            if slope.is_zero() or ca.depends_on(slope, symbol):
+                raise BadInputError(f"{self.name}: {output} cannot replace {state}; it must be affine in it")
+            instead = (values[output] - ca.substitute(given[i], symbol, 0)) / slope
+            parts = ca.substitute(parts, [symbol], [instead])
+        return [ca.densify(part) for part in parts]
+
+
+def components(vector: ca.SX) -> list[ca.SX]:
+    """Of a column, which may be empty."""
+    return ca.vertsplit(vector) if vector.numel() else []
+
+
+@lru_cache(maxsize=64)
+def _linearized(layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]) -> ca.Function:
+    (x, u, p), w = layout.symbols("x", "u", "p"), ca.SX.sym("w", len(disturbances))
+    for name in disturbances:
+        refuse_unknown("unknown disturbance", name, layout.names[3])
+    vectors = list(map(components, (x, u, p)))
+    f, y = layout.expressions(vectors, outputs)
+    parts = [f, y, *(ca.jacobian(of, by) for of in (f, y) for by in (x, u))]
+    if disturbances:
+        winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
+        blown = layout.expressions(vectors, outputs, [winds.get(name, 0.0) for name in layout.names[3]])
+        parts += [ca.substitute(ca.jacobian(of, w), w, 0) for of in blown]
+    else:
+        parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
+    names = ("ode", "ydef", "jac_ode_x", "jac_ode_u", "jac_ydef_x", "jac_ydef_u", "jac_ode_w", "jac_ydef_w")
+    return ca.Function("linearized", [x, u, p], list(map(ca.densify, parts)), ["x", "u", "p"], names)
+
+
+@cached_per_thread(maxsize=16)
+def _bound_linearized(*key: Any) -> BoundFunction:
+    return BoundFunction(_linearized(*key))
+
+
+def rate_unit(unit: str) -> str:
+    """Unit of the rate of a quantity: ft/s of ft, ft/s^2 of ft/s."""
+    head, slash, power = unit.rpartition("/s")
+    if slash and (not power or power[1:].isdigit()):
+        return f"{head}/s^{int(power[1:] or 1) + 1}"
+    return f"{unit}/s"
+
+
+def _check_signal(where: str, signal: Signal) -> None:
+    if not isinstance(signal, Signal):
+        raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
+    numbers = (signal.nominal, signal.start, signal.nominal if signal.rate is None else signal.rate)
+    if not all(isinstance(each, (int, float)) and math.isfinite(each) for each in numbers):
+        raise BadInputError(f"{where}: nominal, start and rate must be finite numbers")
+    if signal.nominal <= 0.0 or (signal.rate is not None and signal.rate <= 0.0):
+        raise BadInputError(f"{where}: nominal and rate must be positive")
+    if not signal.min <= signal.max:
+        raise BadInputError(f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange them")
+
+
+def load_model(place: str) -> Model:
+    """The Model of `FILE.py:NAME` or `package.module:NAME`: the file is executed.
+
+    BadInputError names the file and what is wrong with it.
+    """
+    import hashlib
+    import importlib.util
+    import sys
+    from pathlib import Path
+
+    where, colon, name = place.rpartition(":")
+    if not colon or not name.isidentifier():
+        raise BadInputError(f"{shown(place)} is no aircraft; give FILE.py:NAME or package.module:NAME")
+    try:
+        if where.endswith(".py"):
+            spec = importlib.util.spec_from_file_location(f"aircraft_{Path(where).stem}", where)
+            text = Path(where).read_bytes()
+            module = importlib.util.module_from_spec(spec) if spec else None
+            exec(compile(text, where, "exec"), module.__dict__)
+        else:
+            if "" not in sys.path:
+                sys.path.insert(0, "")
+            module = importlib.import_module(where)
+            text = Path(str(module.__file__)).read_bytes()
+    except BadInputError as error:
+        raise BadInputError(f"{where}: {error}") from error
+    except OSError as error:
+        raise BadInputError(f"{where}: cannot be read ({error.strerror}); give FILE.py:NAME") from error
+    except Exception as error:  # whatever the user's file raises
+        line = f" in line {error.lineno}" if isinstance(error, SyntaxError) else ""
+        said = error.msg if isinstance(error, SyntaxError) else error
+        raise BadInputError(f"{where}: {type(error).__name__}{line}: {said}; correct the file") from error
+    found = getattr(module, name, None)
+    if not isinstance(found, Model):
+        known = [each for each, value in vars(module).items() if isinstance(value, Model)]
+        what = "has no name" if found is None else f"holds {shown(found)}, not a Model, under"
+        raise BadInputError(f"{where}: {what} {name}; " + (f"use {', '.join(known)}" if known else "define a Model"))
+    return replace(found, source=(place, hashlib.sha256(text).hexdigest()))
+
+
+def _reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
+    """The model of a file in another process. BadInputError when the file has changed since."""
+    found = load_model(source[0])
+    if found.source != source:
+        raise BadInputError(f"{source[0]} has changed since the work began; start again")
+    return found.with_parameters(**parameters)
