@@ -69,6 +69,8 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     """Every state, every output that a trim imposes or the model limits, and every input, in this order."""
     model, found = point.model, point.values
     role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
+    if set(condition.free) <= set(model.inputs):  # then all states are held, those that outputs replace too
+        role |= dict.fromkeys(model.replaced, "held")
     outputs = [
         name
         for name, signal in model.outputs.items()
