@@ -21,7 +21,6 @@ from hfa_model import (
     State,
     aircraft_loads,
     density,
-    kinematics,
     rates_from_loads,
 )
 from hfa_model.dynamics import rates
@@ -61,14 +60,19 @@ def test_newton_in_moving_air_equals_the_euler_lagrange_equations(judge: ca.Func
     assert disagreement(judge, parameters) <= 1e-11
 
 
-def test_a_gust_from_the_wrong_side_is_seen(judge: ca.Function, parameters: Parameters) -> None:
-    assert disagreement(judge, parameters, sign=-1.0) > 1.0
-
-
-def test_a_gust_that_is_not_turned_into_body_axes_is_seen(
-    judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("place", "wrong"),
+    [
+        ("hfa_model.kinematics._forward", lambda x, wind: x.speed * ca.cos(x.alpha)),
+        ("hfa_model.aerodynamics.airspeed", lambda x, wind: x.speed),
+    ],
+    ids=["not turned into body axes", "drag at the speed over ground"],
+)
+def test_a_wrong_gust_is_seen(
+    judge: ca.Function, parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
-    monkeypatch.setattr(kinematics, "_forward", lambda x, wind: x.speed * ca.cos(x.alpha))
+    assert disagreement(judge, parameters, sign=-1.0) > 1.0
+    monkeypatch.setattr(place, wrong)
     assert disagreement(judge, parameters) > 1e-3
 
 

@@ -60,6 +60,12 @@ def test_a_seed_that_ignores_the_member_is_noticed(plan: MonteCarlo, monkeypatch
     assert complaint in complaints_about_draws(plan, 300)
 
 
+def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = Uncertainty.factors
+    monkeypatch.setattr(Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2)
+    assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
+
+
 def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
     one, again, next_one = plan.member(3), replace(plan, members=99).member(3), plan.member(4)
     other_seed = replace(plan, seed=8).member(3)

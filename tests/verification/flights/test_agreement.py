@@ -98,6 +98,13 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, sce
     assert [check.name for check in integration_checks(off, adaptive) if not check.ok] == ["integration_pitch"]
 
 
+def test_the_same_flight_twice_gives_the_same_bits(newton: FlownCase) -> None:
+    one, two = (flown(newton, one_flight_of_everything(0.5)) for _ in range(2))
+    for name in ("times", "states", "errors", "inputs", "memory", "updrafts"):
+        assert np.array_equal(getattr(one.flight, name), getattr(two.flight, name)), name
+    assert np.any(one.flight.updrafts != 0.0)
+
+
 def test_a_step_that_is_too_long_fails_the_check(newton: FlownCase) -> None:
     scenario = Scenario(duration=1.0, step=0.01, initial=SMALL)
     checks = agreement_checks(newton.aircraft, newton.law, flown(newton, scenario))
