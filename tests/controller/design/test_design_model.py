@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from known_models import model_at, released_simulation
 
 from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
-from controller.design.design import NAMED, SHORT_PERIOD, Feedforward
-from controller.design.design_model import _full_rank
+from controller.design.design import SHORT_PERIOD, Feedforward
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import LINEAR_STATES, Aircraft
 from hfa_model.outputs import moment_of, outputs_of
@@ -58,14 +60,6 @@ def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Aircraft, ga
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
     assert built.delta == game.delta
     assert published_game(game.A, game.B).delta == 200.0
-
-
-@pytest.mark.parametrize("name", NAMED)
-def test_names_and_units_fit_the_matrices(published_aircraft: Aircraft, name: str) -> None:
-    built = design_at(published_aircraft, load_design(name), 11.0)
-    n, m = len(built.states), len(built.inputs)
-    assert (built.A.shape, built.B.shape) == ((n, n), (n, m))
-    assert (len(built.state_units), len(built.input_units)) == (n, m)
 
 
 def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(published_aircraft: Aircraft) -> None:
@@ -180,62 +174,29 @@ def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: in
     assert built.A[0, 6] == pytest.approx(built.model.B[0, 0])
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"inputs": ("flaps",)}, "unknown input 'flaps'"),
-        ({"inputs": ()}, "no input is left"),
-        ({"integrals": ("lift",)}, "unknown integrated output 'lift'"),
-        ({"integrals": ("dihedral", "dihedral")}, "integrated output dihedral is named twice"),
-        ({"actuators": {"throttle": Actuator()}}, "unknown actuator 'throttle'; choose from aileron_outer"),
-        ({"state_weights": {"sped": 1.0}}, "unknown weight of a state 'sped'"),
-        ({"input_weights": {}}, "input aileron_outer has no weight"),
-        ({"disturbances": {"wind": 1.0}}, "unknown disturbance 'wind'; choose from states, updraft, commands"),
-        ({"disturbances": {"updraft": 0.0}}, "the intensity of disturbance updraft is 0.0; it must be a positive"),
-    ],
-)
-def test_a_wrong_design_is_refused(changes: dict, message: str) -> None:
-    with pytest.raises(BadInputError, match="design simvfa-1: ") as caught:
-        replace(load_design("simvfa-1"), **changes)
-    assert message in str(caught.value)
+def own(**changes: Any) -> Design:
+    return replace(load_design("simvfa-1"), **changes)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("make", "message"),
     [
-        ({"bandwidth": 0.0}, "the bandwidth of a feedforward is 0.0; it must"),
-        ({"damping": math.inf}, "the damping of a feedforward is inf; it must"),
-        ({"lag": -0.1}, "the lag of a feedforward is -0.1; it must"),
-        ({"stages": 2.5}, "the stages of a feedforward are 2.5; give a whole number from 1 to 12"),
-        ({"stages": 13}, "the stages of a feedforward are 13; give"),
-        ({"actuators": {}}, "a feedforward has no actuators to be made for; name one"),
-        ({"importance": {"weak": 1.0}}, "the feedforward has no actuators 'weak'; choose from designed"),
-        ({"rates": {"dihedral": 0.0}}, "the rate of dihedral of a feedforward is 0.0; it must"),
+        (lambda: own(inputs=("flaps",)), "design simvfa-1: unknown input 'flaps'"),
+        (lambda: own(inputs=()), "no input is left"),
+        (lambda: own(integrals=("dihedral", "dihedral")), "integrated output dihedral is named twice"),
+        (lambda: own(input_weights={}), "input aileron_outer has no weight"),
+        (lambda: own(disturbances={"wind": 1.0}), "unknown disturbance 'wind'; choose from states, updraft, commands"),
+        (lambda: own(disturbances={"updraft": 0.0}), "the intensity of disturbance updraft is 0.0; it must be"),
+        (lambda: own(feedforward=Feedforward(rates={"dihedrl": 1.0})), "unknown output of the feedforward 'dihedrl'"),
+        (lambda: Feedforward(damping=math.inf), "the damping of a feedforward is inf; it must"),
+        (lambda: Feedforward(stages=2.5), "the stages of a feedforward are 2.5; give a whole number from 1 to 12"),
+        (lambda: Feedforward(actuators={}), "a feedforward has no actuators to be made for; name one"),
+        (lambda: Feedforward(importance={"weak": 1.0}), "the feedforward has no actuators 'weak'; choose from"),
+        (lambda: Feedforward(rates={"dihedral": 0.0}), "the rate of dihedral of a feedforward is 0.0; it must"),
+        (lambda: Actuator(order=3), "the order of an actuator is 3; it must be"),
+        (lambda: Actuator(damping=math.nan), "the damping of an actuator is nan; it must be"),
     ],
 )
-def test_what_is_no_feedforward_is_refused(changes: dict, message: str) -> None:
-    with pytest.raises(BadInputError) as caught:
-        Feedforward(**changes)
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("entry", ["weights", "rates"])
-def test_a_feedforward_answers_integrated_outputs(entry: str) -> None:
-    with pytest.raises(BadInputError, match="unknown output of the feedforward 'dihedrl'; choose from dihedral"):
-        replace(load_design("simvfa-1"), feedforward=Feedforward(**{entry: {"dihedrl": 1.0}}))
-
-
-@pytest.mark.parametrize("changes", [{"order": 3}, {"effectiveness": 0.0}, {"bandwidth": -1.0}, {"damping": math.nan}])
-def test_what_is_no_actuator_is_refused(changes: dict) -> None:
-    (name,) = changes
-    with pytest.raises(BadInputError, match=f"the {name} of an actuator is .*; it must be"):
-        Actuator(**changes)
-
-
-@pytest.mark.parametrize("units", [1e-12, 1.0, 1e12])
-def test_rank_does_not_hang_on_units(units: float) -> None:
-    independent = np.array([[units, 0.0, 0.0], [1.0, 1.0 / units, 0.0]])
-    assert _full_rank(independent)
-    assert not _full_rank(np.array([[units, 2.0 * units], [1.0, 2.0]]))
-    assert not _full_rank(np.zeros((1, 3)))
-    assert not _full_rank(np.vstack([independent, independent]))
+def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(BadInputError, match=re.escape(message)):
+        make()

@@ -15,7 +15,7 @@ from controllers import integrating_controller
 from controller import Actuators, CommandedStates, CommandSteps, Scenario, Signal, servo_law
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
-from controller.export.fmu import description, variables, write_fmu
+from controller.export.fmu import description, write_fmu
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
@@ -160,16 +160,6 @@ def test_a_state_is_kept_and_a_wrong_guid_refused(unit: Unit, tmp_path: Path) ->
     read.guid = "another"
     with pytest.raises(Exception, match="instantiate"):
         fmpy.instantiate_fmu(folder, read, "CoSimulation")
-
-
-def test_variables_are_in_order(unit: Unit) -> None:
-    listed, n = variables(unit.loop), len(unit.loop.states)
-    assert [each.reference for each in listed] == list(range(len(listed)))
-    assert [each.name for each in listed if each.rate_of == 7] == ["der(dihedral_rate)"]
-    assert [each.name for each in listed[:n]] == [each.name.removeprefix("der(")[:-1] for each in listed[n : 2 * n]]
-    assert (
-        len({each.name for each in listed}) == len(listed) == {"aircraft": 20, "gain": 26, "controller": 47}[unit.kind]
-    )
 
 
 def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:

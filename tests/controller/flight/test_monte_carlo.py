@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -278,33 +276,6 @@ def test_chunks_and_their_order_do_not_matter(plan: MonteCarlo) -> None:
     last, first = fly_members(plan, 4, 6), fly_members(plan, 0, 4)
     assert_same_rows(whole, {name: np.concatenate([first[name], last[name]]) for name in whole})
     assert plan.layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
-
-
-def fly_or_die(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """`fly_members`, but the first process that comes to member 4 kills itself."""
-    flag = Path(os.environ["DIED"])
-    if start == 4 and not flag.exists():
-        flag.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return fly_members(plan, start, stop)
-
-
-@pytest.fixture
-def deadly(small_chunks: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Workers started from now on run `fly_or_die`; the file exists once one has died."""
-    monkeypatch.setenv("DIED", str(tmp_path / "died"))
-    monkeypatch.setattr(monte_carlo, "fly_members", fly_or_die)
-    return tmp_path / "died"
-
-
-@pytest.mark.slow  # test_store.py has both, on sweeps
-def test_two_processes_give_the_bits_of_one_and_a_killed_one_loses_nothing(
-    plan: MonteCarlo, deadly: Path, tmp_path: Path
-) -> None:
-    two = stream_monte_carlo(plan, tmp_path / "two.zarr", count=2)
-    assert deadly.exists()
-    assert two.missing() == []
-    assert_same_rows(two, fly_members(plan, 0, 12))
 
 
 def test_a_resumed_run_simulates_only_what_is_missing(

@@ -1,4 +1,4 @@
-"""Which gain flies: frozen, or while a value is being learned."""
+"""Which gain flies: a given one, one for each tick, a frozen learned one, or one that is being learned."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import pytest
 from flight_cases import SMALL, FlownCase
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, Scenario, fly, learn
+from controller import Game, Scenario, fly, gain_law, learn
 from controller.policy.learned_gain import baseline_gain, certified_gains, frozen_law, learned_value, online_law
-from hfa_support import NoSolutionError
+from hfa_support import BadInputError, NoSolutionError
+
+GAINS = np.random.default_rng(1).normal(size=(3, 5, 6))
 
 
 def test_a_frozen_learned_gain_is_the_exact_one(newton: FlownCase) -> None:
@@ -61,3 +63,19 @@ def test_a_value_that_is_zero_for_a_state_without_cost_takes_over_too() -> None:
         assert first <= 10.0
         K = game.gain(reference_solution(game).P)
         assert relative_error(gains[-1], K) < 1e-9
+
+
+def test_one_gain_stays_and_several_follow_each_other_and_the_last_stays() -> None:
+    one, several = gain_law("one", GAINS[0]), gain_law("several", GAINS)
+    assert (one.online, several.online) == (False, True)
+    np.testing.assert_array_equal(one.gains, GAINS[:1])
+    np.testing.assert_array_equal(several.gains, GAINS)
+    for tick, gain in ((0, 0), (1, 1), (2, 2), (3, 2), (99, 2)):
+        np.testing.assert_array_equal(several.constants(tick), GAINS[gain].ravel(order="F"))
+    assert one.memory.size == 0
+
+
+@pytest.mark.parametrize("gains", [GAINS[0].T, GAINS[0, 0], GAINS[None], np.full((5, 6), np.nan)])
+def test_another_shape_is_refused(gains: np.ndarray) -> None:
+    with pytest.raises(BadInputError, match=r"the gain has shape .*; give 5 x 6 finite numbers"):
+        gain_law("bad", gains)
