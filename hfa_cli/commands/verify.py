@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 from typing import Any
 
 from controller.game.basis import basis
@@ -20,7 +21,7 @@ from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError, said_of
 from verification.critic.candidate import from_run, from_stored
-from verification.critic.check_result import CriticCheck, check_figure, check_report
+from verification.critic.check_result import CriticCheck, check_figure, check_report, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
 from verification.critic.network_check import OUTPUTS, check_network, network_critic
@@ -37,11 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa verify`."""
     add_game(parser)
     add_learning(parser)
-    about = (
-        f"a critic from elsewhere: W, or P, or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network"
-    )
-    about += f" of V, dV/dx or u ({' '.join(NETWORK_FILES)})"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES, *NETWORK_FILES), "FILE", about)
+    about = f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network "
+    about += f"of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, one table"
+    add_value(parser, "--weights", input_file(*MATRIX_FILES, *NETWORK_FILES), "FILE", about, nargs="+")
     add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
     about = f"between the layers of a state dict: {', '.join(ACTIVATIONS)}"
     add_value(parser, "--activation", str, "NAME", about)
@@ -61,7 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
-    if arguments.weights is None or arguments.weights.suffix.lower() not in NETWORK_FILES:
+    paths = arguments.weights or []
+    if len(paths) > 1:
+        options.refuse(arguments, ("picture",), "draws one critic; leave it out with several files of --weights")
+    if not any(path.suffix.lower() in NETWORK_FILES for path in paths):
         options.refuse(arguments, _OF_NETWORKS, "belongs to a network; give its file by --weights")
     for name in ("basis", "predefined_time"):
         if arguments.weights is None and getattr(arguments, name) is not None:
@@ -79,7 +81,16 @@ def run(arguments: argparse.Namespace) -> int:
         "box": ordinary_box(named.game, named.states, named.inputs, named.state_units),
         "at_dihedral": None if arguments.dihedral is None else at_dihedral,
     }
-    result, time = None, None
+    limit_cost, result, time = arguments.limit_cost, None, None
+    if len(paths) > 1:
+        checks = {str(path): _check_file(path, arguments, named, options_of_all) for path in paths}
+        show(
+            checks_report(checks, named.origin, limit_cost).with_data(**named.labels()),
+            arguments,
+            target=arguments.output,
+        )
+        say_notes(named.warnings)
+        return 0 if all(check.holds(limit_cost) for check in checks.values()) else 1
     if arguments.weights is None:
         result = run_learning(arguments, named.game)
         time = result.settings.get("predefined_time")
@@ -87,23 +98,27 @@ def run(arguments: argparse.Namespace) -> int:
             named.game, from_run(named.game, result), run=result, predefined_time=time, **options_of_all
         )
     else:
-        check = _check_file(arguments, named, options_of_all)
+        check = _check_file(paths[0], arguments, named, options_of_all)
     draw(arguments.picture, lambda: check_figure(check, *named.names, run=result, predefined_time=time))
-    limit_cost = arguments.limit_cost
     report = check_report(check, *named.names, limit_cost=limit_cost).with_data(**named.labels())
     show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0 if check.holds(limit_cost) else 1
 
 
-def _check_file(arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any]) -> CriticCheck:
+def _check_file(
+    path: Path, arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any]
+) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time."""
-    path, time, game = arguments.weights, arguments.predefined_time, named.game
+    time, game = arguments.predefined_time, named.game
     functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
     if path.suffix.lower() in NETWORK_FILES:
         if time is not None:
             raise BadInputError(f"--predefined-time belongs to a critic over time; {path} is a network")
-        network = network_in(path, len(game.A), arguments.activation, arguments.network, functions.size)
+        of_file = arguments.activation, arguments.network
+        if len(arguments.weights) > 1 and path.suffix.lower() == ".onnx":
+            of_file = None, None  # they are for the state dicts among several files
+        network = network_in(path, len(game.A), *of_file, functions.size)
         with said_of(path):
             critic = network_critic(game, network, functions, arguments.network_output, arguments.scale)
             return check_network(game, critic, fly=arguments.limit_cost is not None, **options_of_all)

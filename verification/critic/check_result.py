@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from controller.riccati.frequency_response import DiskMargin
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.checks import Check, Checked, checks_block
+from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows, numbered
@@ -192,8 +193,7 @@ class CriticCheck(Checked, Reported):
         it was flown."""
         if limit_cost is None:
             return self.ok
-        flown = 0.0 if self.network is None else self.network.lost
-        return self.flight.within(limit_cost) and flown <= limit_cost
+        return _lost(self) <= limit_cost
 
     def report(self) -> Report:
         """What the check says, states and inputs by number."""
@@ -277,6 +277,56 @@ def check_report(
     )
 
 
+def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: float | None = None) -> Report:
+    """Several critics of one game side by side, by the names of their files; limit_cost: as in `check_report`."""
+    header = (
+        "critic",
+        "verdict",
+        "error of P",
+        "error of K",
+        "largest error",
+        "stabilizing",
+        "cost lost, percent",
+        "L2 gain",
+    )
+    rows = [
+        (
+            name,
+            verdict_text(check.holds(limit_cost)),
+            _shown(check.P_rel_error),
+            f"{check.K_rel_error:.3g}",
+            f"{max(each.value for each in check.checks if each.limit == check.checks[0].limit):.3g}",
+            "yes" if check.flight.distance > 0.0 else "no",
+            f"{0.0 if _lost(check) < _NO_COST else _lost(check):.3g}",
+            f"{check.flight.gain:.4g}",
+        )
+        for name, check in checks.items()
+    ]
+    passed = sum(check.holds(limit_cost) for check in checks.values())
+    limits = () if limit_cost is None else (f"Decided by the cost limit {limit_cost:g} percent",)
+    return Report(
+        title=f"{passed} of {len(checks)} critics on {origin} pass against the exact game solution",
+        parts=(
+            *limits,
+            Table(header, rows),
+            tuple(f"{name}: {check.diagnosis}" for name, check in checks.items() if check.diagnosis),
+        ),
+        data={
+            "schema": "hfa.critic-checks/1",
+            "ok": passed == len(checks),
+            "critics": {
+                name: check.to_dict() if limit_cost is None else _with_limit(check, limit_cost)
+                for name, check in checks.items()
+            },
+        },
+        records=Table(header, rows),
+    )
+
+
+def _lost(check: CriticCheck) -> float:
+    return max(check.flight.worst, 0.0 if check.network is None else check.network.lost)
+
+
 def _verdict(check: CriticCheck, limit_cost: float | None) -> str:
     """What decided, exact or not, stabilizing or not, cost lost, L2 gain, in one line."""
     named = {each.name: each for each in check.checks}
@@ -288,7 +338,7 @@ def _verdict(check: CriticCheck, limit_cost: float | None) -> str:
         "stabilizing" if named["control_loop_abscissa"].ok else "not stabilizing",
     ]
     network = check.network
-    lost = max(check.flight.worst, 0.0 if network is None else network.lost)
+    lost = _lost(check)
     where = "" if network is None or network.lost or not network.found else " near the origin"
     said.append(f"{'no cost lost' if lost < _NO_COST else f'cost lost {lost:.2g} percent'}{where}")
     if "l2_gain" in named and math.isfinite(named["l2_gain"].value):

@@ -240,7 +240,9 @@ def search(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray
                 bounds=[(-1.0, 1.0)] * len(b),
                 options={"maxiter": 50},
             )
-            if -end.fun > largest:
+            if not math.isfinite(end.fun):
+                largest = math.inf
+            elif -end.fun > largest:
                 largest, at = float(-end.fun), end.x
         if target.name not in found or largest > found[target.name].error:
             found[target.name] = Found(target.name, largest, b * at)

@@ -188,7 +188,9 @@ def _onnx_network(content: bytes, states: int) -> Network:
 
     def constant(name: str, tensor: Any) -> np.ndarray:
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            raise BadInputError(f"tensor {shortened(name)!r} is in another file; export with the weights inside")
+            raise BadInputError(
+                f"tensor {shortened(name)!r} is in another file; export the weights inside (torch: external_data=False)"
+            )
         kind = onnx.TensorProto.DataType.Name(tensor.data_type).lower()
         if kind not in ("float", "double", "int32", "int64"):
             raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
@@ -217,7 +219,10 @@ def _onnx_network(content: bytes, states: int) -> Network:
                 for key, value in given.items()
             }
         given = {key: value.decode() if isinstance(value, bytes) else value for key, value in given.items()}
-        known[node.output[0]] = OPERATORS[name](*(known[each] if each else None for each in node.input), **given)
+        result = OPERATORS[name](*(known[each] if each else None for each in node.input), **given)
+        if sum(each.size for each in known.values()) + result.size > LARGEST_NETWORK:
+            raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+        known[node.output[0]] = result
     return Network(_function(x, known[graph.output[0].name]), "float32" if "float32" in precisions else "float64", [])
 
 

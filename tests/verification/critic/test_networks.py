@@ -249,6 +249,22 @@ def test_the_published_weights_of_gops() -> None:
     )
 
 
+def test_several_critics_stand_in_one_table(game: Game) -> None:
+    linear(-gain(game), "right.pt")
+    safetensors_file("bent.safetensors", {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)})
+    twice = stored("P.npz", P=2 * value(game))
+    words = ("verify", *AT_15, "--activation", "tanh", "--weights", "right.pt", "bent.safetensors", twice)
+    found = answer(*words, code=FAILED)["critics"]
+    ends = {name: each["ok"] for name, each in found.items()}
+    assert ends == {"right.pt": True, "bent.safetensors": False, "P.npz": False}
+    said = hfa(*words).out
+    assert said.startswith("1 of 3 critics on the aircraft at dihedral 15 deg")
+    assert "\nP.npz: the value is twice the exact one" in said
+    assert hfa(*words[:-1], "--limit-cost", "1").code == DONE
+    assert hfa(*words[:-1], "--limit-cost", "0.1").code == FAILED
+    assert "--picture draws one critic" in hfa(*words, "--picture", "a.png").err
+
+
 # Refused in one line.
 
 
@@ -316,7 +332,7 @@ def test_wrong_graphs_are_refused() -> None:
     model = onnx.load(onnx_file("good.onnx", QUADRATIC, constants))
     network_in("good.onnx", 6)
     onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
-    assert "is in another file; export with the weights inside" in refused("outside.onnx")
+    assert "is in another file; export the weights inside" in refused("outside.onnx")
     assert "belong to a state dict" in refused("good.onnx", activation="tanh")
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
     refused("damaged.onnx")
