@@ -10,52 +10,57 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.analysis.cost import FlightCost
-from controller.game.learning_result import LearningResult
+from controller.game.basis import basis
+from controller.game.critic_file import History
+from controller.game.learning_result import LearningResult, settled_at
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.certificate import relative_residual
 from controller.riccati.frequency_response import DiskMargin
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows, numbered
 from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
-from verification.critic.candidate import Candidate
-from verification.critic.critic_errors import Box, relative_error
+from verification.critic.candidate import Candidate, from_stored
+from verification.critic.critic_errors import Box, critic_errors, relative_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from verification.critic.network_check import NetworkSearch
-from controller.game.basis import basis
-from controller.game.critic_file import History
-from controller.game.learning_result import settled_at
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units
-from controller.riccati.certificate import relative_residual
-from hfa_support.progress import Progress, told
-from hfa_support.reporting.checks import at_most
-from verification.critic.candidate import from_stored
-from verification.critic.critic_errors import critic_errors
 
+#: What is computed at each time of a history, and the head of its column.
+_HISTORY = {
+    "P_rel_error": "error of P",
+    "K_rel_error": "error of K",
+    "riccati_residual": "Riccati residual",
+    "largest_error": "largest error",
+}
 #: Rows of the table in a report; files have all.
 _SHOWN = 9
 
 
 @dataclass(frozen=True, eq=False)
 class HistoryErrors:
-    """times: (N,), s. P_errors, K_errors: (N,), relative, Frobenius norms in the units of the game. residuals: (N,), of
-    the Riccati equation. largest: (N,), of all errors that the verdict on a critic has. P_errors and residuals are nan
-    where only a gain is known. limit: of the errors. predefined_time: T_w, s, None when none is promised."""
+    """times: (N,), s. errors: (N,) each: P_rel_error and K_rel_error, Frobenius norms in the units of the game; the
+    riccati_residual; the largest_error of all that the verdict on a critic has. Those of P are nan where only a gain is
+    known. limit: of the errors. predefined_time: T_w, s, None when none is promised."""
 
     times: np.ndarray
-    P_errors: np.ndarray
-    K_errors: np.ndarray
-    residuals: np.ndarray
-    largest: np.ndarray
+    errors: dict[str, np.ndarray]
     limit: float
     predefined_time: float | None = None
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The largest error at each time, (N,)."""
+        return self.errors["largest_error"]
 
     @property
     def settling_time(self) -> float:
@@ -79,32 +84,27 @@ class HistoryErrors:
 
     def block(self) -> Part:
         """The errors at some of the times, evenly spread over the rows, and when they settle."""
-        rows = np.unique(np.linspace(0, len(self.times) - 1, _SHOWN).round().astype(int))
-        cells = [[f"{self.times[row]:.4g}", *(_shown(each[row]) for each in self._columns())] for row in rows]
-        header = ("time, s", "error of P", "error of K", "Riccati residual", "largest error")
-        return (Table(header, [tuple(row) for row in cells]), self.said)
+        rows = np.unique(np.linspace(0, len(self.times) - 1, _SHOWN).round().astype(int)).tolist()
+        shown = [(f"{self.times[row]:.4g}", *(_shown(each[row]) for each in self.errors.values())) for row in rows]
+        return (Table(("time, s", *_HISTORY.values()), shown), self.said)
 
     def records(self) -> Table:
         """One row a time, all digits."""
-        names = ("time [s]", "P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
-        return Table(names, np.column_stack([self.times, *self._columns()]))  # type: ignore[arg-type]
+        rows = np.column_stack([self.times, *self.errors.values()])
+        return Table(("time [s]", *self.errors), rows)  # type: ignore[arg-type]
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        names = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
-        kept = None if self.predefined_time is None else self.settling_time <= self.predefined_time
+        promised = self.predefined_time
         return {
             "time": self.times,
-            **dict(zip(names, self._columns(), strict=True)),
+            **self.errors,
             "limit": self.limit,
             "settling_time": finite_or_none(self.settling_time),
             "left_again": np.array(self.left_again),
-            "predefined_time": self.predefined_time,
-            "predefined_time_kept": kept,
+            "predefined_time": promised,
+            "predefined_time_kept": None if promised is None else self.settling_time <= promised,
         }
-
-    def _columns(self) -> tuple[np.ndarray, ...]:
-        return self.P_errors, self.K_errors, self.residuals, self.largest
 
     @property
     def said(self) -> str:
@@ -139,8 +139,8 @@ def history_errors(
         errors = {check.name: check.value for check in critic_errors(game, candidate, exact, limit, box)}
         residual = math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
         rows.append((errors.get("P_rel_error", math.nan), errors["K_rel_error"], residual, max(errors.values())))
-    P_errors, K_errors, residuals, largest = np.array(rows).T
-    return HistoryErrors(history.times, P_errors, K_errors, residuals, largest, limit, predefined_time)
+    columns = dict(zip(_HISTORY, np.array(rows).T, strict=True))
+    return HistoryErrors(history.times, columns, limit, predefined_time)
 
 
 def _shown(value: float) -> str:
@@ -419,7 +419,7 @@ def _with_limit(check: CriticCheck, limit_cost: float) -> dict[str, Any]:
 _LINEAR_SHARE = 1e-4
 #: Errors below this are drawn here: a logarithmic axis has no 0. The axis begins here where an error is rounding, below
 #: the other number, whose size differs from machine to machine.
-_FLOOR, _ROUNDING = 1e-17, 1e-12
+_FLOOR, _ROUNDED = 1e-17, 1e-12
 
 
 def check_figure(
@@ -465,9 +465,9 @@ def check_figure(
         _over_time(figure.add_subplot(grid[1, :]), run.times, curves, predefined_time)
     elif history is not None:
         curves = {
-            "Riccati residual": history.residuals,
-            "error |P - P exact| / |P exact|": history.P_errors,
-            "error |K - K exact| / |K exact|": history.K_errors,
+            "Riccati residual": history.errors["riccati_residual"],
+            "error |P - P exact| / |P exact|": history.errors["P_rel_error"],
+            "error |K - K exact| / |K exact|": history.errors["K_rel_error"],
             "largest error": history.largest,
         }
         axes = figure.add_subplot(grid[1, :])
@@ -482,7 +482,7 @@ def _over_time(axes: Axes, times: np.ndarray, curves: dict[str, np.ndarray], pre
         axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
     if predefined_time is not None:
         axes.axvline(predefined_time, color="black", linestyle=":", label=f"T_w = {predefined_time:g} s")
-    if any(np.nanmin(values, initial=np.inf) < _ROUNDING for values in known.values()):
+    if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in known.values()):
         axes.set_ylim(bottom=_FLOOR)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")

@@ -43,8 +43,8 @@ def test_a_history_that_settles_in_time_passes_and_late_fails(game: Game, of: st
         assert check.ok == ok
         assert [row.name for row in check.checks if not row.ok] == ([] if ok else ["settling_time"])
         assert check.history.to_dict()["predefined_time_kept"] == ok
-    assert check.history.K_errors == pytest.approx(np.where(TIMES < 4.1, 0.1, 1e-9), rel=1e-4)
-    assert np.isnan(check.history.P_errors).all() == (of == "K")
+    assert check.history.errors["K_rel_error"] == pytest.approx(np.where(TIMES < 4.1, 0.1, 1e-9), rel=1e-4)
+    assert np.isnan(check.history.errors["P_rel_error"]).all() == (of == "K")
     assert "stays within 1e-06 from 4.25 s on; T_w is 4 s" in check.report().text()
 
 
@@ -78,7 +78,7 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
     weights[TIMES < 5.0, -1] = 1e6
     check = check_history(game, History(TIMES, W=weights, basis=functions.name))
     assert check.history is not None
-    assert check.history.P_errors.max() < 1e-12
+    assert check.history.errors["P_rel_error"].max() < 1e-12
     assert check.history.settling_time == 5.0
     assert check.ok
 
