@@ -150,14 +150,16 @@ class Store:
 
     def _flags(self) -> list[int]:
         """One flag a chunk; 0 where it cannot be read."""
+        try:
+            return list(np.asarray(self._done[:]).tolist())
+        except ValueError:  # as in `read`
+            return [self._flag(number) for number in range(self.chunks)]
 
-        def flags(first: int, last: int) -> list[int]:
-            try:
-                return list(np.asarray(self._done[first:last]).tolist())
-            except ValueError:  # as in `read`
-                return [0] if last - first == 1 else [flag for n in range(first, last) for flag in flags(n, n + 1)]
-
-        return flags(0, self.chunks)
+    def _flag(self, number: int) -> int:
+        try:
+            return int(self._done[number])
+        except ValueError:
+            return 0
 
 
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:

@@ -149,6 +149,8 @@ def load_tuning(path: str) -> Tuning:
     try:
         data = read_toml(path)
         _refuse_numbers(data, "")
+        if not isinstance(data["angles"], list):
+            raise ValueError(f"angles is {data['angles']}; give a list of degrees")
         design = data.pop("design")
         start = design_entries(design, Path(path).parent)
         made = design_of(design, start)

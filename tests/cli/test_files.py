@@ -15,7 +15,7 @@ from cli import hfa
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
-from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from hfa_model import INPUT_UNITS, STATE_UNITS, STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
@@ -108,26 +108,6 @@ def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     assert list(loaded) == list(data)
     np.testing.assert_array_equal(flat(loaded), flat(data))
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
-
-
-def test_linear_model_files_carry_names_units_and_offsets(tmp_path: Path) -> None:
-    path, data = written(tmp_path / "mat", "linearize", "mat")
-    loaded = loadmat(path, simplify_cells=True)
-    with np.load(written(tmp_path / "npz", "linearize", "npz")[0]) as archive:
-        for source in (loaded, archive):
-            assert tuple(str(name).strip() for name in source["states"]) == LINEAR_STATES
-            assert tuple(str(name).strip() for name in source["inputs"]) == INPUTS
-            units = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
-            assert tuple(str(unit).strip() for unit in source["state_units"]) == units
-            assert tuple(str(unit).strip() for unit in source["input_units"]) == INPUT_UNITS
-            np.testing.assert_array_equal(source["A"], data["A"])
-            np.testing.assert_array_equal(source["B"], data["B"])
-            np.testing.assert_array_equal(source["A_band"], data["A_band"])
-            np.testing.assert_array_equal(source["state_offsets"], data["state_offsets"])
-            np.testing.assert_array_equal(source["input_offsets"], data["input_offsets"])
-    point = data["operating_point"]
-    assert data["state_offsets"] == [point["states"][name] for name in LINEAR_STATES]
-    assert data["input_offsets"] == [point["inputs"][name] for name in INPUTS]
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -173,15 +173,3 @@ def test_weights_and_gusts_that_are_typed_are_those_of_the_units() -> None:
     si = Q.replace("1000", repr(1000 / FOOT**2), 1)
     before, after = answer(*words, "--Q", Q), answer(*words, "--Q", si, "--units", "si")
     np.testing.assert_allclose(after["closed_loop_eigenvalues"], before["closed_loop_eigenvalues"], rtol=1e-9)
-
-
-def test_what_it_does_not_go_with(tmp_path: Path) -> None:
-    plant = str(tmp_path / "plant.json")
-    assert hfa("linearize", "--dihedral", "12", "-o", plant).code == 0
-    assert_refused(hfa("solve", "--model", plant, "--units", "si"), 2, "--units belongs to the aircraft")
-    store = str(tmp_path / "a.zarr")
-    assert_refused(
-        hfa("sweep", "--dihedral", "5,10", "--units", "si", "-o", store), 2, "--units does not go with a store"
-    )
-    assert_refused(hfa("trim", "--dihedral", "12", "--units", "metric"), 2, "use one of english, si")
-    assert answer("trim", "--dihedral", "12")["units"] == "english"

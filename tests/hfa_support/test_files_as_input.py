@@ -24,28 +24,18 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
     "words",
     [
         ("trim", "--dihedral", "15", "--parameters"),
-        ("trim", "--dihedral", "15", "--condition"),
-        ("trim", "--dihedral", "15", "--start"),
         ("solve", "--model"),
         ("verify", "--dihedral", "15", "--weights"),
-        ("monte-carlo", "--dihedral", "15", "--weights"),
         ("solve", "--dihedral", "15", "--design"),
-        ("design", "--dihedral", "11", "-o", "a.npz", "--design"),
         ("prove", "--check"),
-        ("prove", "critic", "--dihedral", "15"),
-        ("prove", "schedule", "--dihedral", "14:15", "--weights"),
-        ("prove", "schedule", "--dihedral", "14:15", "--resume", "-o"),
         ("fly", "--dihedral", "11", "--actuators", "0.5:60", "--controller"),
-        ("export", "--dihedral", "11", "-o", "folder", "--controller"),
-        ("lpv", "--dihedral", "14:14.1", "--parameters"),
         ("report", "--dihedral", "5", "--claims"),
     ],
     ids=lambda words: f"{words[0]} {words[-1]}",
 )
-@pytest.mark.parametrize("suffix", [".json", ".mat"])
-def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...], suffix: str) -> None:
-    os.mkfifo(tmp_path / f"fifo{suffix}")
-    assert_refused(hfa(*words, str(tmp_path / f"fifo{suffix}")), 2, "fifo")
+def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...]) -> None:
+    os.mkfifo(tmp_path / "fifo.json")
+    assert_refused(hfa(*words, str(tmp_path / "fifo.json")), 2, "fifo")
 
 
 @pytest.mark.parametrize(

@@ -98,14 +98,6 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 # .npz, .npy, names -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", "<>")
-def test_letters_that_are_none_are_refused(order: str) -> None:
-    codes = np.array([[115, 112], [0x110000, 100]], dtype=f"{order}u4")
-    np.savez("names.npz", states=codes.view(f"{order}U2"))
-    with pytest.raises(BadInputError, match=r"names.npz: cannot be read as .npz"):
-        read_arrays("names.npz")
-
-
 @pytest.mark.parametrize("name", ["speed\x1b[31m", "a\nb", "\u202ealpha"])
 @pytest.mark.parametrize("key", ["states", "input_labels", "state_units"])
 def test_names_that_a_terminal_would_obey_are_refused(name: str, key: str) -> None:
@@ -157,12 +149,6 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
     np.testing.assert_array_equal(found.pop("A"), A)
     np.testing.assert_array_equal(found.pop("B"), B)
     assert {key: value for key, value in found.items() if value} == names
-
-
-def test_a_critic_alone() -> None:
-    found = of(K="speed,alpha\n1,2\n", A=BARE[0])
-    assert list(found) == ["K"]
-    np.testing.assert_array_equal(found["K"], [[1.0, 2.0]])
 
 
 @pytest.mark.parametrize(

@@ -93,12 +93,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         ),
         (lines(K, "time,W1,W2\n"), "h.csv: W is 3 x 2; basis 'quadratic' on 2 states has 3"),
         (lines(W, "W1,W2,W3,W4\n"), "h.csv: .*the first column is 'W1'; it must be the time"),
-        (
-            ",x1,x2\nx1,1,2\n",
-            "h.csv: .*the first column is ''; .* a matrix without times goes into a file called A.csv",
-        ),
         (lines(W).replace(",", ";"), "h.csv: .*the first column is '0.0;0.0;1.0;2.0'; it must be the time"),
-        ("time,W1,W2,W3\n", "h.csv: .*the table has no numbers"),
         ("", "h.csv: .*the table has no numbers"),
     ],
 )
@@ -118,8 +113,6 @@ def test_columns_that_fit_two_kinds_are_to_be_named() -> None:
     ("content", "said"),
     [
         ({"t": [[0.0], 1.0], "W": W.tolist()}, "time does not consist of rows of real numbers"),
-        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": []}, "basis must be one name, such as 'quadratic'"),
-        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": [["quadratic"], "a"]}, "basis must be one name"),
         ({"t": TIMES.tolist(), "W": W.tolist(), "basis": 5}, "basis must be one name"),
     ],
 )
@@ -147,15 +140,11 @@ def changed(place: tuple[int, int], value: float) -> np.ndarray:
     [
         ({"times": [0.0, 1.0, 0.5], "W": ROWS}, "time goes from 1 to 0.5 s at row 3; it must increase"),
         ({"times": [-1.0, 0.0, 1.0], "W": ROWS}, "time is negative, and a predefined time counts from 0, at row 1"),
-        ({"times": [0.0, 0.0, 0.5], "W": ROWS}, "from 0 to 0 s at row 2"),
         ({"times": [0.0, np.nan, 0.5], "W": ROWS}, "time is not finite at row 2"),
         ({"times": EVEN, "W": changed((1, 2), np.nan)}, r"W is not finite at row 2 \(t = 0.5 s\)"),
-        ({"times": EVEN, "W": changed((2, 0), np.inf)}, "W is not finite at row 3"),
         ({"times": EVEN, "W": changed((2, 0), 1e60)}, r"W has an entry beyond 1e\+50 at row 3"),
         ({"times": EVEN[:2], "W": ROWS}, "W has 3 rows and there are 2 times"),
         ({"times": ROWS, "W": ROWS}, "time has shape"),
-        ({"times": [], "W": ROWS}, "time has shape"),
-        ({"times": EVEN, "W": [[1.0], [1.0, 2.0]]}, "W does not consist of rows of real numbers"),
         ({"times": EVEN, "W": ROWS * 1j}, "W does not consist of rows of real numbers"),
         ({"times": EVEN, "K": np.eye(3)}, "a history needs W"),
     ],

@@ -137,18 +137,11 @@ def test_a_time_step_is_said_as_the_number_that_it_is(tmp_path: Path, suffix: st
         ({}, r"there is no A; .*\(the file is empty\)"),
         ([1, 2], "cannot be read as .json .*must be an object"),
         ({"A": "fast", "B": B2}, "A does not consist of rows of real numbers"),
-        ({"A": [["a", "b"], ["c", "d"]], "B": B2, "Q": Q2, "R": R1}, "A does not consist of rows of real numbers"),
-        ({"A": [[1.0], [2.0, 3.0]], "B": B2}, "A does not consist of rows of real numbers"),
         ({"A": [[1.0, None], [0.0, 1.0]], "B": B2, "Q": Q2, "R": R1}, "A does not consist of rows of real numbers"),
         ({"A": [[1.0, math.nan], [0.0, 1.0]], "B": B2, "Q": Q2, "R": R1}, r"A\[0\]\[1\] is nan"),
-        ({"A": A2, "B": [0.0, 1.0]}, "B has 1 dimension"),
-        ({"A": [[1.0, 2.0]], "B": B2, "Q": Q2, "R": R1}, "A is 1 x 2; it must be square|Q is"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": "big"}, "delta must be one number"),
-        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [1.0, 2.0]}, "delta must be one number"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [[1.0], 2.0]}, "delta must be one number"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": [[0.1], 2.0]}, "a model in discrete time"),
-        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": -1.0}, "delta is -1.0; it must be a positive number"),
-        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "E": [[1.0]]}, "E is 1 x 1"),
     ],
 )
 def test_bad_models_are_refused_in_one_line(tmp_path: Path, content: Any, message: str) -> None:
@@ -199,11 +192,8 @@ def test_critics_are_read_by_what_they_hold(tmp_path: Path) -> None:
     [
         ({"A": A2}, r"there is no W, P or K; .* \(found: A\)"),
         ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one column"),
-        ({"W": ["a"]}, "W does not consist of rows of real numbers"),
-        ({"W": []}, r"W has shape \(0,\)"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         ({"P": [1.0, 2.0]}, "P has 1 dimension"),
-        ({"K": [[1.0], [2.0, 3.0]]}, "K does not consist of rows of real numbers"),
     ],
 )
 def test_bad_critics_are_refused_in_one_line(tmp_path: Path, content: Any, message: str) -> None:

@@ -47,8 +47,6 @@ def test_the_caption_has_its_own_strip(tmp_path: Path) -> None:
         ("linear", 2.0, -1.0, 0.05),
         ("asinh", 20.0, -1.0, 1.0),
         ("asinh", 20.0, 1.0, 0.05),
-        pytest.param("linear", 2.0, -1.0, 1.0, marks=pytest.mark.slow),
-        pytest.param("asinh", 20.0, 1.0, 1.0, marks=pytest.mark.slow),
     ],
 )
 def test_the_inset_shows_the_first_second_where_no_later_curve_runs(

@@ -119,6 +119,7 @@ def test_a_search_goes_on_where_it_ended_and_computes_anew_what_is_damaged(
         ("dihedral = 100.0", "dihedral = nan", "objective.dihedral is nan"),
         ("low = 5.0", "low = 5000.0", "variables.effort: give entries, and low below high"),
         (f"{A_Z} = [-1.0, 0.5]", f"{A_Z} = [-1.0]", "inhomogeneous"),
+        ("angles = [11]", "angles = 5", "angles is 5; give a list of degrees"),
         ("angles = [11]", "angels = [11]", "'angles' is missing"),
         ("angles = [11]", 'angles = [11]\ndynamics = ["euler"]', "'euler' is missing or unknown"),
         ("rate = 1.0", "rate = 0.0", "rate is 0.0; give a positive number"),
