@@ -12,9 +12,9 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_toml, write_text
+from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.unit_system import in_force, unit_in_force

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.by_value import ByValue
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.fields import ByValue, Shown
 
 
 @dataclass(frozen=True, eq=False, repr=False)

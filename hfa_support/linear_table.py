@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import ByValue
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,12 +21,12 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.outputs import OUTPUTS
 from hfa_model.provenance import parameter_hash
 from hfa_model.vectors import INPUTS, STATES
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, in_degrees
 from hfa_support.schema import checked

@@ -10,9 +10,8 @@ import numpy as np
 
 from controller.game.array_file import checked_matrix
 from hfa_model.printed_matrices import published_data
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.fields import ByValue, Shown
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel

@@ -1,4 +1,4 @@
-"""What a value says that has no report of its own: its equation, and its fields with small matrices entry by entry."""
+"""Dataclasses of arrays: compared as values; shown at the prompt with their fields, small matrices entry by entry."""
 
 from __future__ import annotations
 
@@ -16,6 +16,18 @@ from hfa_support.reporting.text import matrix_table, numbered
 _MOST = 12
 #: A field that is said in more characters breaks off.
 _LONGEST = 110
+
+
+class ByValue:
+    """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and nan like nan.
+
+    The comparison that `dataclass` writes asks an array for its truth and raises.
+    """
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(_same(getattr(self, one.name), getattr(other, one.name)) for one in fields(self) if one.compare)  # type: ignore[arg-type]
 
 
 class Shown(Reported):
@@ -65,3 +77,9 @@ def _parts(value: Any) -> Iterator[str]:
     elif value is not None:
         text = str(value)
         yield type(value).__name__ if "array(" in text else text
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc")
+    return bool(one == other)

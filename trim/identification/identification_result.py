@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
 from hfa_model.vectors import Input
-from hfa_support.by_value import ByValue
+from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table
 from trim.linear.compare import EntryRow, entries_records, entries_table

@@ -9,9 +9,9 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.model import Model
+from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import entries_in_force, unit_in_force

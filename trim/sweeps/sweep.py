@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_support.by_value import ByValue
 from hfa_support.errors import BadInputError
 from hfa_support.model import Model
 from hfa_support.progress import Progress
+from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
