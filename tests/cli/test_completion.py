@@ -12,7 +12,6 @@ import pytest
 from hfa_cli.main import COMMANDS
 
 PARSER = "hfa_cli.main.whole_parser"
-README = Path(__file__).parents[2] / "README.md"
 #: What bash calls, with the words typed so far.
 ASK = """
 source completions
@@ -40,7 +39,3 @@ def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
     assert completed("hfa", "sweep", "--cond") == ["--condition"]
     assert "--dihedral" in completed("hfa", "trim", "--")
     assert completed("hfa", "trim", "--nothing") == []
-
-
-def test_the_readme_has_the_line() -> None:
-    assert f"shtab --prog hfa --shell bash {PARSER} > " in README.read_text(encoding="utf-8")

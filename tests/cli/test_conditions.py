@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -44,23 +43,6 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
     assert "unknown trim variable 'speeed'" in wrong.err
 
 
-def test_a_named_condition_can_be_changed() -> None:
-    peer = answer("linearize", "--dihedral", "10", "--condition", "simvfa-64")["operating_point"]["states"]
-    faster = answer("linearize", "--dihedral", "10", "--condition", "simvfa-64", "--speed", "66")["operating_point"][
-        "states"
-    ]
-    assert (peer["speed"], faster["speed"]) == (64.0, 66.0)
-    assert peer["alpha"] == faster["alpha"] == pytest.approx(0.05157, abs=1e-5)
-
-
-def test_the_paper_s_condition_changes_nothing() -> None:
-    plain, named = (
-        answer("linearize", "--dihedral", "12"),
-        answer("linearize", "--dihedral", "12", "--condition", "paper"),
-    )
-    assert plain["A"] == named["A"]
-
-
 def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
     refused = hfa("solve", "--dihedral", "10", "--speed", "50")
     assert refused.code == 1
@@ -70,12 +52,3 @@ def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
     assert hfa("trim", "--dihedral", "10", "--speed", "50", "--free", "alpha").code == 0
     hopeless = hfa("trim", "--dihedral", "10", "--speed", "5", "--altitude", "60000")
     assert "alpha is held" not in hopeless.err
-
-
-def test_options_of_the_aircraft_do_not_go_with_a_plant(tmp_path: Path) -> None:
-    plant = tmp_path / "plant.json"
-    plant.write_text(json.dumps({"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}), encoding="utf-8")
-    for words in (("--free", "alpha"), ("--hold", "alpha=2"), ("--condition", "paper")):
-        refused = hfa("solve", "--model", str(plant), *words)
-        assert refused.code == 2
-        assert f"{words[0]} belongs to the aircraft; leave it out with --model" in refused.err

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import Result, assert_refused, hfa
+from cli import Result, hfa
 from hostile import damaged, said_wrongly
 
 #: Warnings are what the command makes of them, as they are for its users.
@@ -50,20 +50,3 @@ def test_a_damaged_store_is_repaired_or_refused(tmp_path: Path, cases: range) ->
         outcomes["refused" if result.code == 2 else "repaired" if result.err else "as before"] += 1
         shutil.rmtree(broken)
     assert min(outcomes["repaired"], outcomes["refused"]) > 0
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (f'free = "{"long" * 2000}"', "free is 'longlong"),
-        (f"x = {'9' * 5000}", "is not a TOML file"),
-        (f"x = {'[' * 100_000}", "condition.toml: "),
-        ('"\\u001b[31mred" = 1', "unknown entry"),
-    ],
-)
-def test_values_of_files_are_repeated_shortly_and_spelled(text: str, said: str) -> None:
-    Path("condition.toml").write_text(text, encoding="utf-8")
-    result = hfa("trim", "--dihedral", "15", "--condition", "condition.toml")
-    assert_refused(result, 2, said)
-    assert len(result.err) < 400
-    assert "\x1b" not in result.err

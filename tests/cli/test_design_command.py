@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
-from controllers import small_controller
+from cli import answer, hfa
 from scipy.io import loadmat
 
-from controller import load_controller, save_controller
+from controller import load_controller
 from hfa_model import Aircraft
 
 
@@ -34,21 +31,3 @@ def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(publish
     assert found.code == 1
     assert "FAIL largest_abscissa: unstable at" in found.out
     assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (2, 11)
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "named"),
-    [
-        ("small.npz --dihedral 3", 2, "--dihedral belongs to --design; leave it out with a file"),
-        ("none.npz", 2, "none.npz: there is no such file"),
-        ("plant.npz", 2, "plant.npz: this is no controller file"),
-        ("small.npz --corners --dynamics newton", 2, "was designed for published dynamics, the aircraft has newton"),
-        ("--design simvfa-1 -o servo.toml", 2, "unknown suffix '.toml'; use one of .npz, .mat"),
-        ("--design simvfa-1 --dihedral 0:5", 2, "--dihedral is LOW:HIGH"),
-    ],
-)
-def test_what_is_wrong_is_one_line(published_aircraft: Aircraft, words: str, code: int, named: str) -> None:
-    save_controller("small.npz", small_controller(published_aircraft))
-    np.savez("plant.npz", A=np.eye(2))
-    assert_refused(hfa("design", *words.split()), code, named)
-    assert not Path("servo.npz").exists()

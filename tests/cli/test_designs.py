@@ -37,16 +37,6 @@ def test_the_paper_s_design_is_the_default_game() -> None:
     assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
 
 
-def test_a_file_and_the_options_that_count_before_it() -> None:
-    packaged = Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]
-    Path("own.toml").write_text(packaged.read_text(encoding="utf-8"), encoding="utf-8")
-    data = answer("solve", "--design", "own.toml", *AT_11)
-    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11)["K"]
-    changed = answer("solve", "--design", "own.toml", *AT_11, "--R", "5,5", "--delta", "400", "--Q", ",".join("1" * 10))
-    assert changed["delta"] == 400.0
-    assert changed["K"] != data["K"]
-
-
 def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
     learned = answer("learn", "--design", "simvfa-1", *AT_11, *QUICK, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)

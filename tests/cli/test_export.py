@@ -40,26 +40,6 @@ def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
     assert text.count("2026-09-21") == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ((), ("the following arguments are required: --output")),
-        (("-o", "aircraft.zip"), ("aircraft.zip: unknown suffix '.zip'; use one of .fmu",)),
-        (("-o", "models.mat"), ("models.mat: unknown suffix '.mat'; use one of .fmu, .m",)),
-        (("-o", "2-models.m"), ("2-models.m: a function is called by its file's name", "as in hfa_models.m")),
-        (("-o", "missing/folder"), ("missing/folder: cannot make the folder",)),
-        (("-o", "out", "--law", "magic"), ("unknown law 'magic'", "exact")),
-        (("-o", "out", "--set", "seed=1"), ("--set belongs to a learning law",)),
-        (("-o", "out", "--actuators", "0.5:60"), ("--actuators belongs to --controller; leave it out",)),
-    ],
-)
-def test_refusals(
-    words: tuple[str, ...], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert_refused(hfa("export", *words), 2, *said)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
     path = tmp_path / "aircraft.fmu"

@@ -15,7 +15,7 @@ from cli import hfa
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
-from hfa_model import INPUT_UNITS, STATE_UNITS, STATES
+from hfa_model import STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
@@ -118,15 +118,6 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return [{name.partition(" [")[0]: cell for name, cell in row.items()} for row in rows]
 
 
-def test_trim_csv(tmp_path: Path) -> None:
-    path, data = written(tmp_path, "trim", "csv")
-    point, rows = data["operating_point"], rows_of(path)
-    for kind, plural in (("state", "states"), ("input", "inputs"), ("residual", "residuals")):
-        assert {row["name"]: float(row["value"]) for row in rows if row["kind"] == kind} == point[plural]
-    units = STATE_UNITS._asdict() | INPUT_UNITS._asdict()
-    assert all(row["unit"] == units[row["name"]] for row in rows if row["kind"] != "residual")
-
-
 def test_linearize_csv(tmp_path: Path) -> None:
     path, data = written(tmp_path, "linearize", "csv")
     rows = rows_of(path)
@@ -156,14 +147,6 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
         np.testing.assert_array_equal(B, np.array(data["B"][index], dtype=float))
         point = [float(row[f"state {state}"]) for state in STATES]
         np.testing.assert_array_equal(point, np.array(data["operating_states"][index], dtype=float))
-
-
-def test_regenerate_csv(tmp_path: Path) -> None:
-    path, data = written(tmp_path, "regenerate", "csv")
-    entries = [(case["dihedral_deg"], entry) for case in data["cases"] for entry in case["entries"]]
-    for row, (angle, entry) in zip(rows_of(path), entries, strict=True):
-        assert (float(row["dihedral_deg"]), row["entry"]) == (angle, entry["name"])
-        assert (float(row["printed"]), float(row["computed"])) == (entry["printed"], entry["computed"])
 
 
 @pytest.mark.parametrize(

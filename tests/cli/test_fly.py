@@ -11,7 +11,6 @@ from cli import assert_refused, hfa
 from game_files import stored
 
 from controller import Game, basis
-from controller.flight.nonlinear_flight import UNDISTURBED
 from verification import solve_game
 
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
@@ -53,26 +52,6 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
 def test_a_flight_that_learns_says_when_it_has_learnt() -> None:
     words = ("fly", "--dihedral", "15", "--online", "--duration", "0.1", "--initial", "pitch=0.1")
     assert "at 2 s, the end of the learning" in hfa(*words, "--set", "predefined_time=2").out
-
-
-def test_a_flight_that_nothing_disturbs_is_noted() -> None:
-    words = (*FLY, "--duration", "0.1")
-    for calm in (
-        words,
-        (*words, "--actuators", "0.02:60"),
-        ("fly", "--dihedral", "15", "--duration", "0.1", "--online"),
-    ):
-        assert UNDISTURBED in hfa(*calm).out, calm
-    for disturbed in (
-        (*words, "--initial", "pitch=1"),
-        (*words, "--gust", "50:2:0.05"),
-        (*words, "--turbulence", "1:500"),
-        (*words, "--disturbance", "pitch_rate=0.1"),
-        (*words, "--noise", "alpha=0.1"),
-        (*words, "--reference", "pitch=1"),
-        (*words, "--error", "lift_slope=0.99"),
-    ):
-        assert UNDISTURBED not in hfa(*disturbed).out, disturbed
 
 
 def test_the_command_says_what_left_first_and_exits_with_1() -> None:
@@ -141,32 +120,3 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
         ("--weights none.npz", "there is no such file"),
     ):
         assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--law published", "unknown law 'published'"),
-        ("--law exact --online", "--online belongs to a learning law"),
-        ("--law exact --set eta=0.5", "--set belongs to a learning law"),
-        ("--duration 0", "duration is 0"),
-        ("--duration 1e8", "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s"),
-        ("--step 0.003", "whole number"),
-        ("--initial roll=1", "--initial roll is not among the states speed"),
-        ("--initial paper --initial speed=1", "--initial paper goes alone"),
-        ("--noise alpha=1:2", "--noise alpha is '1:2'"),
-        ("--error span=0.9", "unknown parameter 'span'"),
-        ("--error lift_slope=-1", "the factor on lift_slope is -1"),
-        ("--gust 400", "--gust is '400'"),
-        ("--gust 400:5:1:5:-2", "--gust begins at -1 s; the flight lasts"),
-        ("--gust 400:10 --turbulence 5:1750", "do not go together"),
-        ("--turbulence 5", "--turbulence is '5'"),
-        ("--actuators 0.05", "--actuators is '0.05'"),
-        ("--actuators 1e-9:60", "lag of throttle is 1e-09 s"),
-        ("--envelope roll=0:1", "no state 'roll'"),
-        ("--envelope angle_of_attack=10:20", "the trim has alpha"),
-        ("--envelope dihedral=0:10", "outside the envelope"),
-    ],
-)
-def test_the_command_refuses_in_one_line(words: str, named: str) -> None:
-    assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)

@@ -63,18 +63,6 @@ def test_controllers_that_do_not_fit_are_refused(words: tuple[str, ...], named: 
     assert_refused(hfa(*FLOWN, *words), 2, named)
 
 
-def test_options_of_a_controller_need_one() -> None:
-    assert_refused(hfa(*FLY, "--command", "dihedral=1:1"), 2, "--command belongs to --controller")
-    assert_refused(hfa(*FLY, "--fault", "0.2:0.5"), 2, "--fault belongs to --actuators")
-    assert_refused(hfa(*FLY, "--controller", "servo.npz"), 2, "add --actuators LAG:RATE")
-    assert_refused(hfa(*FLY, "--controller", "none.npz", "--actuators", "0.5:60"), 2, "none.npz")
-
-
-def test_angles_beyond_the_table_are_refused() -> None:
-    words = ("fly", "--dihedral", "13.5", *FLOWN[3:])
-    assert_refused(hfa(*words), 2, "covers dihedral 9 to 14 deg; 13.5 to 14.5 deg is asked for")
-
-
 def test_members_follow_commands_behind_failing_actuators() -> None:
     words = (
         "monte-carlo",

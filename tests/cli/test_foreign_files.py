@@ -111,12 +111,3 @@ def is_number(cell: str) -> bool:
 def has_unit(name: str, header: list[str]) -> bool:
     beside = name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
     return beside or name.endswith("]") or name.endswith("_deg")
-
-
-def test_a_column_of_units_is_found(tmp_path: Path) -> None:
-    pandas, path = pytest.importorskip("pandas"), tmp_path / "table.csv"
-    data = json.loads(hfa("linearize", "--dihedral", "10", "--units", "si", "-o", str(path), "--json").out)
-    table = pandas.read_csv(path).set_index(["matrix", "row", "column"])
-    assert table.unit["A", "speed", "pitch"] == "(m/s^2)/(rad)"
-    found = table.value["A"].unstack().loc[data["states"], data["states"]]
-    np.testing.assert_allclose(found.to_numpy(), data["A"], rtol=1e-15)

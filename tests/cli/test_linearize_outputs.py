@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import answer, hfa
 from game_files import AT_15
 
 from hfa_model import INPUTS, LINEAR_STATES, STATES
@@ -76,18 +76,3 @@ def test_winds_are_columns_with_names() -> None:
 def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game(suffix: str) -> None:
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", f"model.{suffix}").code == 0
     assert answer("solve", "--model", f"model.{suffix}")["P"] == answer("solve", *AT_15)["P"]
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--outputs lift", "--outputs names 'lift'; choose from speed, alpha"),
-        ("--outputs=", "--outputs names ''; choose from"),
-        ("--outputs gamma,gamma", "--outputs names gamma twice; name it once"),
-        ("--inputs flaps", "--inputs names 'flaps'; choose from throttle"),
-        ("--disturbances headwind_left", "--disturbances names 'headwind_left'; choose from updraft, updraft_center"),
-        ("--states yaw", "--states names 'yaw'; choose from speed"),
-    ],
-)
-def test_an_unknown_name_is_one_line(words: str, named: str) -> None:
-    assert_refused(hfa("linearize", *AT_15, *words.split()), 2, named)

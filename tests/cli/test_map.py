@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import hfa
 from game_files import stored
 
 from verification.flights import recoverable_map as recoverable
@@ -41,17 +41,3 @@ def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndar
     said = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
     assert (said["schema"], said["warnings"]) == ("hfa.recoverable-map/1", [])
     assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--gust 400:10", "--gust"),
-        ("--dynamics newton", "--dynamics"),
-        ("--picture map.xyz", "'.xyz'"),
-        ("--initial speed=1:0:1", "runs backwards"),
-        ("--law exact --seed 1", "here nothing is random"),
-    ],
-)
-def test_the_command_refuses_in_one_line(words: str, named: str) -> None:
-    assert_refused(hfa("map", "--dihedral", "15", *words.split()), 2, named)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import hfa
 
 from hfa_model import LINEAR_STATES
 from hfa_support.jobs.store import open_store
@@ -45,22 +45,3 @@ def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) 
     assert away.code == 1
     assert "stayed within limits: 0 of 2" in away.out
     assert "left the envelope, by the state that left first: " in away.out
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("--error", "wings=0.1"), ("unknown parameter 'wings'",)),
-        (("--error", "panel_mass=-0.1"), ("panel_mass", "-0.1")),
-        (("--turbulence", "3"), ("SIGMA:SCALE",)),
-        (("--step", "0.03"), ("tick", "whole number")),
-        (("--initial", "speed=-60"), ("begins with speed",)),
-        (("--resume",), ("-o FILE.zarr",)),
-        (("--set", "predefined_time=2"), ("--set", "exact")),
-        (("--weights", "missing.npz"), ("--weights",)),
-        (("--scheduler", "nowhere"), ("nowhere",)),
-    ],
-    ids=lambda value: " ".join(value),
-)
-def test_bad_input_is_one_line(words: tuple[str, ...], named: tuple[str, ...]) -> None:
-    assert_refused(hfa(*NAMED, *words), 2, *named)

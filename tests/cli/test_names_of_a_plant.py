@@ -47,12 +47,3 @@ def test_a_structure_of_a_mat_file_is_read(tmp_path: Path) -> None:
     assert f"{path}: A and B are read from its structure plant" in found["warnings"]
     savemat(path, {**plain, "tree": {"leaf": 1.0}})
     assert "tree not used" in hfa("solve", "--model", str(path)).err
-
-
-def test_a_note_is_one_line_whatever_an_entry_is_called(tmp_path: Path) -> None:
-    plant = tmp_path / "plant.json"
-    data = {"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "a\nb": 1.0}
-    plant.write_text(json.dumps(data), encoding="utf-8")
-    lines = hfa("solve", "--model", str(plant)).err.splitlines()
-    assert all(line.startswith("hfa: note: ") for line in lines)
-    assert "a b not used" in lines[0]

@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
-from proof_cases import exact_table, unstable_between
-
-from hfa_model import LINEAR_STATES
-from hfa_model.vectors import UNITS
+from proof_cases import unstable_between
 
 
 @pytest.fixture(scope="module")
@@ -163,12 +160,3 @@ def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) 
     assert result.code == 1
     assert result.out.startswith("Refuted")
     assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
-
-
-def test_a_table_in_metres_is_refused(tmp_path: Path) -> None:
-    table = exact_table(14.0, 14.0625)
-    content = {"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}
-    path = tmp_path / "table.json"
-    path.write_text(json.dumps(content | {"state_units": ["m/s", *(UNITS[name] for name in LINEAR_STATES[1:])]}))
-    words = ("prove", "schedule", "--dihedral", "14:14.0625", "--weights", str(path))
-    assert_refused(hfa(*words), 2, "its states are in m/s", "give them in ft/s")

@@ -75,14 +75,6 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, f"copy report/{name} to docs/pictures after `make report`"
 
 
-def test_what_is_not_regenerated_is_said_and_fails(tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    assert hfa("report", "-o", str(page), *QUICK, "--dynamics", "newton").code == FAILED
-    html = page.read_text(encoding="utf-8")
-    assert '<strong class="bad">NOT regenerated</strong>' in html
-    assert '<th scope="row">printed pair at 15 deg regenerated</th><td class="words bad">FAIL</td>' in html
-
-
 def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
@@ -125,11 +117,3 @@ def test_every_angle_is_trimmed_as_asked() -> None:
     condition = data["provenance"]["condition"]
     assert condition.get("free", []) == swept["provenance"]["condition"].get("free", [])
     assert data["sweep"]["condition"] == condition
-
-
-def test_the_angles_are_those_of_the_page(tmp_path: Path) -> None:
-    for words in (("--free", "dihedral"), ("--hold", "dihedral=3")):
-        refused = hfa("report", "-o", str(tmp_path / "a.html"), *words)
-        assert_refused(refused, 2, "the angles of a report are given by --dihedral and --sweep")
-    refused = hfa("report", "-o", str(tmp_path / "a.html"), "--condition", "simvfa-64", "--sweep", "0:30:10")
-    assert_refused(refused, 2, "30 deg lies outside")

@@ -81,29 +81,3 @@ def test_the_provenance_says_the_condition() -> None:
     found = answer("sweep", "--dihedral", "5,10", *ALPHA_FREE, "--limit", "throttle=0:60")
     condition = {"imposed": {"aileron_outer": 0.0}, "free": ["alpha"], "limits": {"throttle": [0.0, 60.0]}}
     assert found["condition"] == found["provenance"]["condition"] == condition
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--alpha 2:4:1 --free alpha", "alpha is both set free and held"),
-        ("--dihedral 5 --free dihedral", "dihedral is given by --dihedral and set free by --free"),
-        ("--hold aileron_outer=2", "nothing to sweep; give --dihedral RANGE or --hold"),
-        ("--hold flaps=1:2:1", "cannot sweep 'flaps'"),
-        ("--dihedral 5 --hold flaps=1", "unknown trim variable 'flaps'"),
-        ("--dihedral 5 --hold throttle=0:40:20 --free throttle", "throttle is both set free and held"),
-        ("--dihedral 5 --free throttle --vary throttle=1,2 -o a.zarr", "throttle is both set free and held"),
-        ("--dihedral 10,30 --condition simvfa-64", "30 deg lies outside"),
-        ("--gamma 0:5", "gamma is LOW:HIGH without a step; give start:stop:step"),
-    ],
-)
-def test_what_does_not_go_together_is_refused(words: str, named: str) -> None:
-    assert_refused(hfa("sweep", *words.split()), 2, named)
-
-
-def test_a_sweep_says_where_a_held_angle_of_attack_is_why_there_is_no_trim() -> None:
-    advice = "alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha"
-    words = ("--dihedral", "10", "--speed", "50,68")
-    assert hfa("sweep", *words).err == f"hfa: note: at the first point without a trim {advice}\n"
-    assert hfa("sweep", *words, "--free", "alpha").err == ""
-    assert advice in hfa("trim", "--dihedral", "10", "--speed", "50").err

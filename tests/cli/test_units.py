@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from scipy.io import loadmat
 
 from hfa_support.reporting import unit_system as units
 
@@ -24,7 +21,6 @@ COMMANDS = {
     "validate": ("validate",),
 }
 ENGLISH = ("ft", "lbf", "slug")
-ENGLISH_UNIT = re.compile(rf"\b({'|'.join(ENGLISH)})\b")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
@@ -94,49 +90,6 @@ def test_the_solution_is_that_of_the_game_in_si() -> None:
         assert after[name] == before[name]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_unit_is_si_in_text_and_files(name: str, tmp_path: Path) -> None:
-    words = (*COMMANDS[name], "--units", "si")
-    targets = {suffix: tmp_path / f"out.{suffix}" for suffix in ("json", "npz", "mat", "csv")}
-    for target in targets.values():
-        result = hfa(*words, "-o", str(target))
-        assert result.code == 0
-    body = result.out.split("\nhfa 0.")[0]
-    if name != "validate":  # which names its sources by their speed in ft/s
-        assert not ENGLISH_UNIT.search(body)
-    data = json.loads(targets["json"].read_text("utf-8"))
-    assert data["units"] == "si"
-    stated = json.dumps([value for key, value in data.items() if key.endswith(("unit", "units"))])
-    assert not ENGLISH_UNIT.search(stated)
-    with np.load(targets["npz"]) as arrays:
-        assert str(arrays["units"]) == "si"
-        if "A" in data:
-            np.testing.assert_array_equal(arrays["A"], data["A"])
-    loaded = loadmat(targets["mat"], simplify_cells=True)
-    assert loaded["units"] == "si"
-    with targets["csv"].open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    named = " ".join([*(name for name in rows[0] if "[" in name), *(row.get("unit") or "" for row in rows)])
-    assert not ENGLISH_UNIT.search(named)
-    if name in ("linearize", "solve"):
-        first = next(row for row in rows if row["matrix"] in ("A", "P"))
-        matrix = data[first["matrix"]]
-        assert float(first["value"]) == pytest.approx(matrix[0][0], rel=1e-14)
-        assert first["unit"] in ("(m/s^2)/(m/s)", "1/((m/s) (m/s))")
-
-
-def test_a_sweep_is_its_points(tmp_path: Path) -> None:
-    data = answer(*COMMANDS["sweep"], "--units", "si")
-    single = answer("linearize", "--dihedral", "10", "--speed", "18.288", "--units", "si")
-    np.testing.assert_allclose(data["A"][0], single["A"], rtol=1e-9, atol=1e-9)
-    assert data["values"][0] == pytest.approx([np.radians(10.0), 18.288])
-    assert data["grid"]["speed"]["values"] == pytest.approx([18.288, 20.7264])
-    assert data["grid"]["speed"]["unit"] == "m/s"
-    assert data["operating_states"][0][2] == pytest.approx(40_000 * FOOT)
-    gain = answer("solve", "--dihedral", "10", "--speed", "18.288", "--units", "si")["K"]
-    np.testing.assert_allclose(data["game"]["K"][0], gain, rtol=1e-6, atol=1e-9)
-
-
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
     for suffix in ("json", "npz", "mat"):
         plant = str(tmp_path / f"plant.{suffix}")
@@ -165,11 +118,3 @@ def test_the_trim_that_was_printed_can_be_typed() -> None:
     assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
     beyond = hfa(*words, "--altitude", "30000")
     assert beyond.code != 0  # m; feet would be within the limits
-
-
-def test_weights_and_gusts_that_are_typed_are_those_of_the_units() -> None:
-    words = ("solve", "--dihedral", "10", "--json")
-    Q = "1000,1000,0.01,0.01,1000,0.01"
-    si = Q.replace("1000", repr(1000 / FOOT**2), 1)
-    before, after = answer(*words, "--Q", Q), answer(*words, "--Q", si, "--units", "si")
-    np.testing.assert_allclose(after["closed_loop_eigenvalues"], before["closed_loop_eigenvalues"], rtol=1e-9)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import answer, hfa
 
 from hfa_cli.main import COMMANDS
 from hfa_cli.options.shared_options import IN_FEET
@@ -141,22 +141,6 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
     assert any(re.search(r"\bm(/s)?\b", each) for each in drawn)
     said = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
     assert not [each for each in said if re.search(r"\b(ft|slug|lbf)\b", each)]
-
-
-@pytest.mark.parametrize(
-    ("words", "because"),
-    [
-        (("monte-carlo", *AT, "-o", "a.zarr"), "a store is in ft"),
-        (("design", "--design", "servo", "-o", "a.npz"), "a controller is in ft, slug, lbf"),
-        (("identify", "-o", "a.toml"), "a parameters file is in ft, slug, lbf"),
-    ],
-    ids=lambda value: " ".join(value[::3]) if isinstance(value, tuple) else "",
-)
-def test_a_file_that_stays_in_feet_is_refused(
-    words: tuple[str, ...], because: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert_refused(hfa(*words, "--units", "si"), 2, because)
-    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
