@@ -138,8 +138,9 @@ def _two_digits(rate: float) -> float:
     return float(f"{math.floor(rate / 10.0**unit)}e{unit}")
 
 
-def _angles(parts: list[DihedralBox], step: float = _STEP) -> list[float]:
-    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in parts]
+def _angles(parts: list[DihedralBox]) -> list[float]:
+    """The ends of the parts, and between them angles at most `_STEP` apart."""
+    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / _STEP) + 1)[:-1] for s in parts]
     return [*np.concatenate(cuts).tolist(), parts[-1].high]
 
 

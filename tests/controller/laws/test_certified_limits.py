@@ -168,24 +168,16 @@ def test_policy_iteration_from_afar_goes_on_while_its_steps_halve_the_weights_al
     np.testing.assert_allclose(end.weights, right, rtol=0.0, atol=1e-8 * np.abs(right).max())
 
 
-def test_a_singular_stack_ends_the_iteration_without_convergence() -> None:
+def test_a_singular_stack_ends_the_iteration_and_the_ramps() -> None:
     game = stable_game()
     stack = record(game, np.array([[1.0, 0.0]] * 5))
-    equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
+    equations, n = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2)), np.ones(5)
     here = Point(np.zeros(3), LQ, 0)
-    end, converged = certified.iterate(equations, here, np.ones(5), to_the_floor=False)
-    assert not converged
-    assert end == here
-
-
-def test_a_singular_stack_stops_the_ramp() -> None:
-    game = stable_game()
-    stack = record(game, np.array([[1.0, 0.0]] * 5))
-    equations = StackEquations.build(game, basis("quadratic", 2), stack, np.ones(2))
+    assert certified.iterate(equations, here, n, to_the_floor=False) == (here, False)
     with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.[5-9]"):
-        certified.lower_discount(equations, Point(np.zeros(3), PartialGame(1.0, 0.0), 0), 0.5, np.ones(5))
+        certified.lower_discount(equations, here._replace(problem=PartialGame(1.0, 0.0)), 0.5, n)
     with pytest.raises(NoSolutionError, match="lost at delta = inf"):
-        certified.raise_disturbance(equations, Point(np.zeros(3), LQ, 0), 0.5, np.ones(5), delta=3.0)
+        certified.raise_disturbance(equations, here, 0.5, n, delta=3.0)
 
 
 def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:

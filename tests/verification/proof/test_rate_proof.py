@@ -9,8 +9,6 @@ from proof_cases import exact_table, family, unstable_between
 
 from hfa_support import BadInputError
 from verification import prove_rate
-from verification.enclosures.dihedral_box import DihedralBox
-from verification.proof.rate_proof import _angles
 from verification.proof.scheduled_loop import segments
 
 
@@ -38,10 +36,6 @@ def test_a_rate_that_the_search_is_wrong_about_is_not_proved(monkeypatch: pytest
     """Half as fast again as the same function allows."""
     monkeypatch.setattr("verification.proof.rate_proof._SHARES", (1.5,))
     assert prove_rate(family(), exact_table(14.0, 14.5), 14.0, 14.5).rate == 0.0
-
-
-def test_pieces_end_where_the_table_s_do_and_are_as_short_as_asked() -> None:
-    assert _angles([DihedralBox(0.0, 1.0), DihedralBox(1.0, 1.25)], 0.5) == [0.0, 0.5, 1.0, 1.25]
 
 
 def test_an_unstable_loop_has_no_rate() -> None:
