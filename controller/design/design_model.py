@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint
 
 #: Rows whose smallest singular value is below this, in units in which rows and columns have size 1, are dependent.
 RANK = 1e-10
@@ -104,7 +106,7 @@ def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> Desi
     n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
     watched = (*design.integrals, *design.sensors)
     columns = [model.inputs.index(name) for name in design.inputs]
-    of_x, of_a, of_w, wind = _watched(aircraft, model, watched)
+    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched)
     A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
     C, D = np.zeros((len(watched), len(names))), np.zeros((len(watched), len(columns)))
     A[:n, :n], C[:, :n] = model.A, of_x
@@ -147,14 +149,16 @@ def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], 
     B[rate, number] = w**2 * actuator.effectiveness
 
 
-def _watched(aircraft: Aircraft, model: LinearModel, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """C, D, F of the named outputs, rows of zeros for other names, and E of the updraft, (6, 1).
+def watched_outputs(
+    aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...], **winds: Any
+) -> tuple[np.ndarray, ...]:
+    """C, D, F of the named outputs, rows of zeros for names that are no output, and E of the updraft, (6, 1).
 
-    Of a short-period output alpha, the inputs and the air count only.
+    Of a short-period output alpha, the inputs and the air count only. winds: of `linearize`.
     """
     plain = [name.removesuffix(SHORT_PERIOD) for name in names]
     known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
-    found = linearize(aircraft, model.point, outputs=tuple(known))
+    found = linearize(aircraft, point, outputs=tuple(known), **winds)
     C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
     for row, (name, output) in enumerate(zip(names, plain, strict=True)):
         if output in found.outputs:

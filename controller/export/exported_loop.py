@@ -21,7 +21,7 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
-from controller.policy.signals import COMMAND_FILTER, CommandSteps, zero
+from controller.policy.signals import COMMAND_FILTER, CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import (
     INPUT_SCALES,
@@ -195,8 +195,7 @@ def aircraft_loop(aircraft: Aircraft, point: OperatingPoint) -> ExportedLoop:
 def gain_loop(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray) -> ExportedLoop:
     """U = U0 - K (x - X0 - reference): v = [w; reference (6,)]."""
     reference, w = ca.SX.sym("reference", len(LINEAR_STATES)), ca.SX.sym("w")
-    policy = GainPolicy(zero(len(INPUTS)))
-    X, rate, U = _closed(aircraft, point, policy, w, constants=gain_constants(gain), reference=reference)
+    X, rate, U = _closed(aircraft, point, GainPolicy(), w, constants=gain_constants(gain), reference=reference)
     told = tuple(Channel(f"reference_{name}", getattr(STATE_UNITS, name)) for name in LINEAR_STATES)
     function = ca.Function("loop", [X, ca.vertcat(w, reference)], [rate, U])
     return ExportedLoop(function, _states(point), _inputs(point), (_UPDRAFT, *told))
@@ -258,12 +257,9 @@ def _closed(
     actuators: Actuators | None = None,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Y = [X; actuators; memory], its rate, and U."""
-    none = zero(len(LINEAR_STATES))
-    follow = none if reference is None else Given(reference)
+    told: dict[str, Any] = {} if reference is None else {"reference": Given(reference)}
     trim = np.array(point.inputs)
-    loop = ClosedLoop(
-        NonlinearPlant(aircraft, point), policy, follow, none, none, Given(w), actuators=actuators, trim=trim
-    )
+    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, gust=Given(w), actuators=actuators, trim=trim, **told)
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
     offsets[: len(STATES)] = point.states

@@ -19,12 +19,13 @@ from controller.flight.gusts import Gust
 from controller.flight.integrator import Constants
 from controller.flight.plants import Plant
 from controller.policy.policies import Policy, Seen
-from controller.policy.signals import TimeVector
+from controller.policy.signals import TimeVector, zero
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError
 
 _NOTHING = np.zeros(0)
 _Z = len(LINEAR_STATES)
+_NO_SIGNAL = zero(_Z)
 
 
 class Expressions(NamedTuple):
@@ -41,16 +42,16 @@ class Expressions(NamedTuple):
 class ClosedLoop:
     """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u without actuators.
 
-    reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model. gust: w, none by default.
-    samples: (ticks, 6), noise besides n that is held in each tick, none by default. actuators: about the inputs U0
-    (5,) of the trim. tick: s, at which the actuators' faults are looked up.
+    reference x_d, disturbance d, noise n: (6,) signals of the states of the linear model, 0 by default. gust: w, none
+    by default. samples: (ticks, 6), noise besides n that is held in each tick, none by default. actuators: about the
+    inputs U0 (5,) of the trim. tick: s, at which the actuators' faults are looked up.
     """
 
     plant: Plant
     policy: Policy
-    reference: TimeVector
-    disturbance: TimeVector
-    noise: TimeVector
+    reference: TimeVector = _NO_SIGNAL
+    disturbance: TimeVector = _NO_SIGNAL
+    noise: TimeVector = _NO_SIGNAL
     gust: Gust | None = None
     samples: np.ndarray | None = None
     actuators: Actuators | None = None

@@ -349,10 +349,11 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
 
 def _records(result: NonlinearFlight) -> Table:
     """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
-    every = slice(None, None, result.scenario.steps_per_tick)
-    parts = [result.flight.times[every, None], result.states[every], result.inputs[every]]
-    updrafts = result.flight.updrafts[every].reshape(len(parts[0]), -1)
-    rows: Any = np.hstack([*parts, updrafts, result.angles_of_attack[every, None]])
+    flown = result.history()["history"]
+    updrafts = flown["updrafts"].reshape(len(flown["times"]), -1)
+    rows: Any = np.column_stack(
+        [*(flown[k] for k in ("times", "states", "inputs")), updrafts, flown["angles_of_attack"]]
+    )
     names = ("updraft",) if updrafts.shape[1] == 1 else ("updraft_center", "updraft_outer")
     air = dict.fromkeys(names, "ft/s") | {ANGLE_OF_ATTACK: STATE_UNITS.alpha}
     units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from controller.game.learning_result import LearningResult
-from controller.policy.signals import Signal, zero
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
@@ -80,17 +79,14 @@ class Unvaried:
         return np.zeros(0)
 
 
-@dataclass(frozen=True, eq=False)
 class GainPolicy(Memoryless):
-    """u = -K z + v(t), K from p, column by column (`gain_constants`); v: feedforward, (5,)."""
+    """u = -K z, K from p, column by column (`gain_constants`)."""
 
     constants_size = _M * _N
 
-    feedforward: Signal
-
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
-        """-K z + v(t)."""
-        return -ca.mtimes(ca.reshape(p, _M, _N), seen.error) + self.feedforward.at(t)
+        """-K z."""
+        return -ca.mtimes(ca.reshape(p, _M, _N), seen.error)
 
 
 def gain_constants(K: np.ndarray) -> np.ndarray:
@@ -142,5 +138,4 @@ def gain_law(
     if K.ndim not in (2, 3) or K.shape[-2:] != (_M, _N) or not np.all(np.isfinite(K)):
         raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_M} x {_N} finite numbers")
     table = np.array([gain_constants(each) for each in K.reshape(-1, _M, _N)])
-    policy = GainPolicy(zero(len(INPUTS)))
-    return FlownLaw(name, policy, table, identity={"K": K}, certified_from=certified_from, learned=learned)
+    return FlownLaw(name, GainPolicy(), table, identity={"K": K}, certified_from=certified_from, learned=learned)

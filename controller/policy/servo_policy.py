@@ -10,7 +10,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD
+from controller.design.design_model import watched_outputs
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.policy.policies import FlownLaw, Seen, Unvaried
 from controller.policy.signals import CommandSteps
@@ -18,7 +18,6 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable
-from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
@@ -72,22 +71,17 @@ class MeasuredOutputs:
 
     w: updraft at the center and at the outer panels, ft/s: an accelerometer feels alpha through the air. Behind a name
     `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
-    those of the actuators. BadInputError when a name is not among them.
+    those of the actuators.
     """
 
     def __init__(self, aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> None:
         self.names = names
-        self.C, self.F = np.zeros((len(names), _N)), np.zeros((len(names), len(_AIR)))
-        self.D, self.rates = np.zeros((len(names), _M)), np.zeros((len(names), _M))
+        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=_AIR)
+        self.rates = np.zeros_like(self.D)
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
-            if of in INPUTS and what in ("position", "rate"):
+            if of in INPUTS:
                 (self.D if what == "position" else self.rates)[row, INPUTS.index(of)] = 1.0
-                continue
-            model = linearize(aircraft, point, outputs=(name.removesuffix(SHORT_PERIOD),), disturbances=_AIR)
-            self.C[row], self.D[row], self.F[row] = model.C[0], model.D[0], model.F[0]
-            if name.endswith(SHORT_PERIOD):
-                self.C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
 
     def at(self, seen: Seen) -> ca.SX:
         """y - Y0, (k,)."""

@@ -11,9 +11,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant, Plant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import FlownLaw, gain_law
-from controller.policy.signals import zero
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import LINEAR_STATES, STATE_SCALES, STATES
+from hfa_model.vectors import STATE_SCALES, STATES
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_least, at_most
 from trim.point.operating_point import OperatingPoint
@@ -38,10 +37,10 @@ def deviations(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw) -> np.n
 
     x_nl - x_lin = O(size²) because the two loops agree to first order (Taylor).
     """
-    nothing, step, tick = zero(len(LINEAR_STATES)), 0.001, 50
+    step, tick = 0.001, 50
     times: dict[str, Any] = {"step": step, "steps_per_tick": tick, "ticks": round(DURATION / step / tick)}
     plants: tuple[Plant, ...] = NonlinearPlant(aircraft, point), LinearizedAircraft.at(aircraft, point)
-    loops = [CompiledLoop(ClosedLoop(plant, law.policy, nothing, nothing, nothing)) for plant in plants]
+    loops = [CompiledLoop(ClosedLoop(plant, law.policy)) for plant in plants]
     errors = []
     for size in SIZES:
         nonlinear, linear = (loop.fly(size * DIRECTION, law.constants, **times).states for loop in loops)

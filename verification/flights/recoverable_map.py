@@ -15,7 +15,6 @@ from controller.flight.envelope import Envelope, control_excesses
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.simulation import SummedLoop
 from controller.policy.policies import Memoryless, Seen, gain_constants
-from controller.policy.signals import zero
 from controller.riccati.balancing import spectrum
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_SCALES, STATE_UNITS, STATES
@@ -111,8 +110,7 @@ class ManyFlights:
     """A plant under u = -K (x - c), flown from many starts to many commands, wherever it goes."""
 
     def __init__(self, plant: NonlinearPlant | LinearizedAircraft, point: OperatingPoint, envelope: Envelope) -> None:
-        nothing = zero(_N)
-        loop = ClosedLoop(plant, _CommandedGain(), nothing, nothing, nothing)
+        loop = ClosedLoop(plant, _CommandedGain())
         each = round(TICK / STEP)
         self._loop = SummedLoop(loop, point, envelope, step=STEP, steps_per_tick=each, stops=False, compile_code=True)
         offsets = np.array(point.states)

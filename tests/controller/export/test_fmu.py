@@ -21,7 +21,7 @@ from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.signals import zero
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
 from trim import OperatingPoint
 
@@ -81,7 +81,7 @@ def made(
 def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
     scenario = scenario_of(point, reference=follow)
     loop = CompiledLoop(
-        loop_of(NonlinearPlant(aircraft, point), GainPolicy(zero(len(INPUTS))), scenario, point),
+        loop_of(NonlinearPlant(aircraft, point), GainPolicy(), scenario, point),
     )
     constants = gain_constants(gain)
     return absolute(loop, point, scenario, lambda _: constants)

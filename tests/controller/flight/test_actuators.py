@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from controller import ActuatorFault, Actuators, Scenario, Signal
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import GainPolicy, gain_constants
+from controller.policy.policies import GainPolicy, Seen, gain_constants
 from controller.policy.signals import zero
 from hfa_model import INPUTS, Input, published_models
 from hfa_support import BadInputError
@@ -21,6 +22,16 @@ N, M = 6, len(INPUTS)
 NO_GAIN = np.zeros((M, N))
 FREE = Actuators(Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M))
 LIMITED = Actuators(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
+
+
+@dataclass(frozen=True)
+class Commanded(GainPolicy):
+    """u = -K z + command."""
+
+    command: Signal
+
+    def control(self, t: Any, seen: Seen, memory: Any, p: Any) -> Any:
+        return super().control(t, seen, memory, p) + self.command.at(t)
 
 
 def flown(
@@ -34,10 +45,8 @@ def flown(
     """Two seconds of the printed model at 15 degrees under u = -K z + command."""
     model = published_models()[0]
     at = np.zeros(M) if trim is None else trim
-    plant, nothing = LinearPlant(model.A, model.B), zero(N)
-    loop = CompiledLoop(
-        ClosedLoop(plant, GainPolicy(command), nothing, nothing, nothing, actuators=actuators, trim=at, tick=0.1)
-    )
+    plant = LinearPlant(model.A, model.B)
+    loop = CompiledLoop(ClosedLoop(plant, Commanded(command), actuators=actuators, trim=at, tick=0.1))
     initial = np.zeros(N) if start is None else start
     return loop.fly(initial, lambda _: gain_constants(gain), step=0.001, steps_per_tick=100, ticks=20)
 

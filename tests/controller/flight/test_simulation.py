@@ -13,8 +13,7 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import SevenStates
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import GainPolicy
-from controller.policy.signals import zero
-from hfa_model import INPUTS, LINEAR_STATES, STATES, State
+from hfa_model import STATES, State
 from trim import OperatingPoint
 
 SPEED, ALPHA = STATES.index("speed"), STATES.index("alpha")
@@ -32,8 +31,7 @@ class Falling(SevenStates):
 def flown(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Summary:
     """0.05 s in steps of 1 ms and ticks of 10."""
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
-    nothing = zero(len(LINEAR_STATES))
-    loop = ClosedLoop(Falling(), GainPolicy(zero(len(INPUTS))), nothing, nothing, nothing)
+    loop = ClosedLoop(Falling(), GainPolicy())
     summed = SummedLoop(
         loop,
         point,
