@@ -4,7 +4,7 @@ Equations, tables and conditions: B. L. Stevens, F. L. Lewis, E. N. Johnson, Air
 2016, Appendix A. Feet, slugs, pounds, radians; control surfaces in degrees and the throttle from 0 to 1, as in the
 book.
 
-    hfa --aircraft examples/f16.py:F16 trim --hold speed=502
+    hfa trim --aircraft examples/f16.py:F16 --hold speed=502
 """
 
 import casadi as ca
@@ -14,7 +14,8 @@ from hfa_support import Model, Signal
 
 WING_AREA, SPAN, CHORD, REFERENCE_XCG = 300.0, 30.0, 11.32, 0.35
 GRAVITY, MASS, ENGINE_MOMENTUM = 32.17, 1 / 1.57e-3, 160.0
-I_XX, I_YY, I_ZZ, I_XZ = 9496.0, 55814.0, 63100.0, 982.0
+#: Of I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2, rounded as the printed results take them (Section 1.7).
+C1, C2, C3, C4, C5, C6, C7, C8, C9 = -0.770, 0.02755, 1.055e-4, 1.642e-6, 0.9604, 0.01759, 1.792e-5, -0.7336, 1.587e-5
 
 #: Where the tables are given: degrees, feet, Mach numbers.
 ALPHAS, ELEVATORS = np.arange(-10.0, 46.0, 5.0), np.arange(-24.0, 25.0, 12.0)
@@ -118,9 +119,7 @@ def equations(x, u, p, w):
     in_plane = forward**2 + down**2
     turning = x.pitch_rate * sin_roll + x.yaw_rate * cos_roll
     roll_moment, pitch_moment, yaw_moment = force * SPAN * c_roll, force * CHORD * c_pitch, force * SPAN * c_yaw
-    yaw_moment += x.pitch_rate * ENGINE_MOMENTUM
-    determinant, cross = I_XX * I_ZZ - I_XZ**2, I_XZ * (I_XX - I_YY + I_ZZ)
-    pq, qr = x.roll_rate * x.pitch_rate, x.pitch_rate * x.yaw_rate
+    p_rate, q_rate, r_rate = x.roll_rate, x.pitch_rate, x.yaw_rate
     climb_rate = forward * sin_pitch - aside * sin_roll * cos_pitch - down * cos_roll * cos_pitch
     rates = {
         "speed": speed_rate,
@@ -129,14 +128,9 @@ def equations(x, u, p, w):
         "roll": x.roll_rate + sin_pitch / cos_pitch * turning,
         "pitch": x.pitch_rate * cos_roll - x.yaw_rate * sin_roll,
         "yaw": turning / cos_pitch,
-        "roll_rate": (cross * pq - (I_ZZ * (I_ZZ - I_YY) + I_XZ**2) * qr + I_ZZ * roll_moment + I_XZ * yaw_moment)
-        / determinant,
-        "pitch_rate": (
-            (I_ZZ - I_XX) * x.roll_rate * x.yaw_rate - I_XZ * (x.roll_rate**2 - x.yaw_rate**2)
-            + pitch_moment - x.yaw_rate * ENGINE_MOMENTUM
-        ) / I_YY,
-        "yaw_rate": (((I_XX - I_YY) * I_XX + I_XZ**2) * pq - cross * qr + I_XZ * roll_moment + I_XX * yaw_moment)
-        / determinant,
+        "roll_rate": (C2 * p_rate + C1 * r_rate + C4 * ENGINE_MOMENTUM) * q_rate + C3 * roll_moment + C4 * yaw_moment,
+        "pitch_rate": (C5 * p_rate - C7 * ENGINE_MOMENTUM) * r_rate + C6 * (r_rate**2 - p_rate**2) + C7 * pitch_moment,
+        "yaw_rate": (C8 * p_rate - C2 * r_rate + C9 * ENGINE_MOMENTUM) * q_rate + C4 * roll_moment + C9 * yaw_moment,
         "north": forward * cos_pitch * cos_yaw + aside * (sin_roll * cos_yaw * sin_pitch - cos_roll * sin_yaw)
         + down * (cos_roll * sin_pitch * cos_yaw + sin_roll * sin_yaw),
         "east": forward * cos_pitch * sin_yaw + aside * (cos_roll * cos_yaw + sin_roll * sin_pitch * sin_yaw)

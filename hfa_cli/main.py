@@ -11,7 +11,7 @@ import os
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from hfa_cli.entry import INTERRUPTED
@@ -75,6 +75,9 @@ GROUPS = {
 }
 COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
 
+#: Commands that take a user's own aircraft.
+WITH_AIRCRAFT = ("trim", "linearize", "sweep", "solve", "learn", "verify")
+
 #: Former commands, for one release -> the study that took their place.
 MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}
 
@@ -129,7 +132,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 def _run(words: list[str]) -> int:
     """Parse the words and run the command that they name."""
-    with _units_of(words):
+    with _units_of(words), _aircraft_of(words):
         try:
             module, arguments = _parsed(words)
         except SystemExit:
@@ -140,13 +143,33 @@ def _run(words: list[str]) -> int:
 
 def _units_of(words: list[str]) -> contextlib.AbstractContextManager[None]:
     """The units that --units names, in which the other options are read; wrong ones are refused when it is parsed."""
-    named = [value for word, value in itertools.pairwise(words) if word == "--units"]
-    named += [word.removeprefix("--units=") for word in words if word.startswith("--units=")]
-    if named[-1:] != ["si"]:
+    if _values_of("--units", words)[-1:] != ["si"]:
         return contextlib.nullcontext()
     from hfa_support.reporting.unit_system import shown_in
 
     return shown_in("si")
+
+
+@contextlib.contextmanager
+def _aircraft_of(words: list[str]) -> Iterator[None]:
+    """The user's own aircraft that --aircraft names, whose names and units the other options have; its file is run."""
+    named = _values_of("--aircraft", words) if words[:1] and words[0] in WITH_AIRCRAFT else []
+    if not named:
+        yield
+        return
+    from hfa_cli.options.argument_types import OWN
+    from hfa_support.model import load_model
+
+    token = OWN.set(load_model(named[-1]))
+    try:
+        yield
+    finally:
+        OWN.reset(token)
+
+
+def _values_of(option: str, words: list[str]) -> list[str]:
+    named = [value for word, value in itertools.pairwise(words) if word == option]
+    return named + [word.removeprefix(f"{option}=") for word in words if word.startswith(f"{option}=")]
 
 
 def _run_parsed(module: Any, arguments: argparse.Namespace, words: list[str]) -> int:

@@ -35,6 +35,8 @@ def provenance() -> Provenance:
     if run is None:
         raise LookupError("nothing is run: provenance() belongs inside run_of()")
     command, arguments = run
+    if (own := getattr(arguments, "aircraft", None)) is not None:
+        return Provenance(command, model=f"{own.source[0]} (SHA-256 {own.source[1][:12]})", condition=_own(arguments))
     if getattr(arguments, "model", None) is not None:
         return Provenance(command, model=str(arguments.model))
     if not hasattr(arguments, "parameters"):
@@ -51,6 +53,15 @@ def provenance() -> Provenance:
         condition=_condition(arguments, flight),
         flight="" if flight is None else flight.in_words(),
     )
+
+
+def _own(arguments: argparse.Namespace) -> dict[str, object]:
+    """What the trims of a user's own aircraft impose beside its declaration, and its parameters that --hold changes."""
+    from hfa_cli.options.shared_options import flight_of, swept_condition_of
+
+    flight = swept_condition_of(arguments) if hasattr(arguments, "samples") else flight_of(arguments)
+    own, held = arguments.aircraft, arguments.hold or {}
+    return {**flight.to_dict(), "parameters": {name: held[name] for name in own.parameters if name in held}}
 
 
 def origin_lines() -> str:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_model.aircraft import Aircraft
+    from hfa_support.model import Model
     from trim.point.operating_point import OperatingPoint
     from verification.regeneration.regeneration import Regeneration
     from verification.validation.comparison import Validation
@@ -82,7 +83,7 @@ def tell(
 
 
 @contextmanager
-def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft) -> Iterator[None]:
+def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> Iterator[None]:
     """With --json a trim that fails is printed as data too: the nearest point within the limits, which limits bind,
     and the reason."""
     from trim.point.solve import TrimError

@@ -6,15 +6,16 @@ import argparse
 from dataclasses import replace
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import some_of
+from hfa_cli.options.argument_types import OWN, some_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.output import failure_as_data, show
-from hfa_model.aircraft import Aircraft
-from hfa_model.outputs import OUTPUTS
+from hfa_model.aircraft import HFA, Aircraft
+from hfa_model.parameters import ParameterSet
 from hfa_model.variants import VARIANTS
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES
-from hfa_model.winds import DISTURBANCES
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.model import Model
+from hfa_support.reporting.report import Report
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands
 from trim.linear.linear_model import LinearModel, linear_model_report, linearize, truncation_note, trust_in
@@ -26,26 +27,29 @@ from trim.point.solve import find_operating_point
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa linearize`."""
     options.add_condition(parser)
+    of = OWN.get() or HFA
     for name, known, default in (
-        ("states", STATES, "the six without altitude"),
-        ("inputs", INPUTS, "all five"),
-        ("outputs", (*STATES, *OUTPUTS), "the states, C = I"),
+        ("states", of.states, "the six without altitude" if of is HFA else "those declared as linear"),
+        ("inputs", of.inputs, "all"),
+        ("outputs", (*of.states, *of.outputs), "the states, C = I"),
     ):
         add_value(parser, f"--{name}", some_of(*known), "a,b,...", f"{name} of the model, in order; default: {default}")
     winds = "winds w of E and F, in order; default: updraft, in files and --json alone"
-    add_value(parser, "--disturbances", some_of(*DISTURBANCES), "a,b,...", winds)
+    add_value(parser, "--disturbances", some_of(*of.disturbances), "a,b,...", winds)
+    options.add_own(parser)
     options.add_aircraft(parser)
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim, linearize and report."""
-    parameters = options.parameters_of(arguments)
-    aircraft = Aircraft(parameters.values, arguments.dynamics)
+    own, parameters = options.own_of(arguments), options.parameters_of(arguments)
+    aircraft = own or Aircraft(parameters.values, arguments.dynamics)
     condition = options.condition_of(arguments)
     with failure_as_data(arguments, aircraft):
         point = options.operating_point_of(arguments, aircraft)
-    states = arguments.states or LINEAR_STATES
+    usual = aircraft.model.linear
+    states = arguments.states or usual
     model = linearize(
         aircraft,
         point,
@@ -53,8 +57,27 @@ def run(arguments: argparse.Namespace) -> int:
         outputs=arguments.outputs or states,
         disturbances=arguments.disturbances,
     )
-    six = model.select(LINEAR_STATES)
+    whole_model = model.select(usual)
     model = model.select(states, arguments.inputs)
+    if isinstance(aircraft, Model):
+        report = linear_model_report(model, windy=arguments.disturbances is not None)
+    else:
+        report = _of_the_hfa(arguments, aircraft, parameters, condition, model)
+    notes = [note for note in (*report.notes, truncation_note(model, whole_model)) if note]
+    report = replace(report, notes=notes).with_data(warnings=notes)
+    show(report, arguments, target=arguments.output)
+    return 0
+
+
+def _of_the_hfa(
+    arguments: argparse.Namespace,
+    aircraft: Aircraft,
+    parameters: ParameterSet,
+    condition: TrimCondition,
+    model: LinearModel,
+) -> Report:
+    """The report with the bands of the entries, the other dynamics and the printed pair, where they exist."""
+    point = model.point
     # The bands and the print are of the six states and all inputs.
     whole = (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
     bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
@@ -63,12 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
     printed = printed_at(point) if whole and arguments.units != "si" else None
     trust, windy = trust_in(bands, model, other), arguments.disturbances is not None
     report = linear_model_report(model, bands, trust, other=other, windy=windy)
-    notes = [note for note in (*report.notes, truncation_note(model, six)) if note]
-    report = replace(report, notes=notes).with_data(warnings=notes)
-    if printed is not None:
-        report = beside_the_print(report, model, printed)
-    show(report, arguments, target=arguments.output)
-    return 0
+    return report if printed is None else beside_the_print(report, model, printed)
 
 
 def _other_dynamics(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint) -> LinearModel | None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import whole
+from hfa_cli.options.argument_types import OWN, whole
 from hfa_cli.options.games import add_weights, weights_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
@@ -27,7 +27,6 @@ from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from trim.point.condition import VARIABLES
 from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
@@ -45,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "hold a variable, or a parameter of the aircraft, at a value or a range of them; repeatable"
     options.add_changes(parser, value_range, "RANGE", about)
     options.add_picture(parser, "the root locus")
+    options.add_own(parser)
     options.add_aircraft(parser)
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
@@ -93,8 +93,11 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool)
             raise BadInputError(
                 f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
             )
-    condition, parameters = options.swept_condition_of(arguments), options.parameters_of(arguments).values
+    condition, own = options.swept_condition_of(arguments), options.own_of(arguments)
     random = arguments.samples or 0, arguments.seed or 0
+    if own is not None:
+        return SweepPlan(axes, None, own, *random, condition, arguments.start)
+    parameters = options.parameters_of(arguments).values
     return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, arguments.start)
 
 
@@ -102,7 +105,7 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     """The report, with the picture drawn and the games solved, and whether any point has a trim."""
     result = run_plan(plan, progress=ProgressLine("sweep"))
     notes, failed = [], np.flatnonzero(~result.trimmed)
-    if failed.size and set(plan.variables) <= set(VARIABLES):
+    if failed.size and set(plan.variables) <= set(plan.condition.model.holdable):
         at = condition_at(plan.condition, plan.variables, result.values[failed[0]])
         if advice := options.freed_alpha(arguments, plan.aircraft, at):
             notes.append(f"at the first point without a trim {advice}")
@@ -131,11 +134,13 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
 
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     """Variable or parameter -> its range, of --dihedral and of --hold."""
+    if OWN.get() is not None:
+        options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
     ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
     held = arguments.hold or {}
     ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
     if not ranges:
         raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
-    if "dihedral" not in (*ranges, *held, *(arguments.free or ())):
+    if OWN.get() is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
         warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
     return ranges

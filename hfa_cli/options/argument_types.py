@@ -9,16 +9,20 @@ from __future__ import annotations
 import math
 from argparse import ArgumentTypeError
 from collections.abc import Callable
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TypeVar
 
 from hfa_model.parameters import FIELDS
 from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, shortened
+from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.unit_system import typed
 
 Parsed = TypeVar("Parsed")
+#: The user's own aircraft that --aircraft names; None is the HFA.
+OWN: ContextVar[Model | None] = ContextVar("own", default=None)
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
 
@@ -66,6 +70,8 @@ def in_unit(unit: str, text: str) -> float:
 
 def _unit(name: str) -> str:
     """Internal unit of a name; those of parameters are not shown in degrees."""
+    if (own := OWN.get()) is not None:
+        return own.unit(name) if name in own.signals else "1"
     if name in UNITS:
         return UNITS[name]
     return str(getattr(FIELDS, name).unit) if name in FIELDS._fields else "1"

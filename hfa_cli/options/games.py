@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from controller.design.design import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.game.array_file import MATRIX_FILES, PlantNames
@@ -59,6 +61,7 @@ class NamedGame:
 def add_game(parser: argparse.ArgumentParser) -> None:
     """--dihedral, with a design or without, or --model, and the weights."""
     options.add_condition(parser, dihedral_required=False)
+    options.add_own(parser)
     options.add_aircraft(parser)
     about = f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})"
     design = f"actuators, integrals, weights: {', '.join(DESIGNS)} (default: paper), or a .toml file"
@@ -86,6 +89,8 @@ def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = LIN
 
 def game_of(arguments: argparse.Namespace) -> NamedGame:
     """The game that the options name."""
+    if getattr(arguments, "aircraft", None) is not None:
+        return _game_of_own(arguments)
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     if arguments.model is not None:
@@ -108,6 +113,25 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     game = published_game(model.A, model.B, **weights_of(arguments))
     units = model.state_units, model.input_units
     return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings))
+
+
+def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
+    """The game on the linear model of the user's own aircraft, its weights by nominal values unless given."""
+    options.refuse(arguments, ("model", "design"), "does not go with --aircraft; leave one out")
+    own = options.own_of(arguments)
+    assert own is not None
+    model = linearize(own, options.operating_point_of(arguments, own))
+    weights = {
+        name: np.diag([own.signals[each].nominal ** -2.0 for each in names])
+        for name, names in (("Q", model.states), ("R", model.inputs))
+    }
+    usual: dict[str, Any] = {**weights, "delta": math.inf}
+    asked = weights_of(arguments, model.state_units)
+    missing = [name for name in usual if name not in asked]
+    note = f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)"
+    game = Game(model.A, model.B, np.eye(len(model.A)), **(usual | asked))
+    notes = (*model.point.warnings, *model.kinks, *[note] * bool(missing))
+    return NamedGame(game, model.states, model.inputs, model.state_units, model.input_units, own.name, notes)
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:

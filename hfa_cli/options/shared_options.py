@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_cli.options.argument_types import (
+    OWN,
     PICTURES,
     number,
     one_angle,
@@ -22,14 +23,14 @@ from hfa_cli.options.argument_types import (
     whole,
 )
 from hfa_cli.options.parser import add_named, add_value
-from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import NAMED, Parameters, ParameterSet, default_parameters, load_parameters, named_parameters
-from hfa_support.errors import BadInputError, NoSolutionError, shortened
+from hfa_model.aircraft import HFA, Aircraft
+from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.unit_system import SYSTEMS
-from trim.point.condition import LEVEL_FLIGHT, TrimCondition, describe, release
+from trim.point.condition import LEVEL_FLIGHT, TrimCondition, release, usual_condition
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
 from trim.point.operating_point import OperatingPoint, load_operating_point
 from trim.point.solve import TrimError, find_operating_point
@@ -51,6 +52,24 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 IN_FEET = ("regenerate", "prove", "lpv", "export")
 
 
+def add_own(parser: argparse.ArgumentParser) -> None:
+    """--aircraft: a model of the user's own, which `main` has loaded."""
+    about = "an aircraft of your own, or package.module:NAME; the file is executed; default: the HFA"
+    add_value(parser, "--aircraft", lambda _: OWN.get(), "FILE.py:NAME", about)
+
+
+def own_of(arguments: argparse.Namespace) -> Model | None:
+    """The user's own aircraft, with the parameters that --hold names; None is the HFA."""
+    own: Model | None = getattr(arguments, "aircraft", None)
+    if own is None:
+        return None
+    refuse(arguments, ("dihedral", "parameters"), "belongs to the HFA; hold variables and parameters with --hold")
+    if arguments.dynamics != DEFAULT_DYNAMICS:
+        raise BadInputError("--dynamics belongs to the HFA; leave it out with --aircraft")
+    held = {name: value for name, value in (arguments.hold or {}).items() if name in own.parameters}
+    return own.with_parameters(**{name: value for name, value in held.items() if isinstance(value, float)})
+
+
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
     equations = "published (regenerates the printed matrices; default) or newton (exact mechanics, the same air loads)"
@@ -66,7 +85,14 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
     """What every trim can be told: --dihedral, --condition, --free, --hold, --limit, --start."""
-    add_value(parser, "--dihedral", one_angle, "DEG", "dihedral angle, degrees", required=dihedral_required)
+    add_value(
+        parser,
+        "--dihedral",
+        one_angle,
+        "DEG",
+        "dihedral angle, degrees",
+        required=dihedral_required and OWN.get() is None,
+    )
     add_flight(parser)
 
 
@@ -78,11 +104,11 @@ def add_flight(parser: argparse.ArgumentParser) -> None:
 def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any], form: str, about: str) -> None:
     """--condition, --free, --hold, --limit, --start; kind, form, about: the value of --hold, and what it does."""
     named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
-    add_value(parser, "--condition", parsed(load_condition), "FILE", named)
+    add_value(parser, "--condition", parsed(lambda text: load_condition(text, _usual())), "FILE", named)
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
     add_named(parser, "--hold", kind, f"NAME={form}", about)
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
-    saved = parsed(lambda text: load_operating_point(Path(text)))
+    saved = parsed(lambda text: load_operating_point(Path(text), OWN.get() or HFA))
     add_value(parser, "--start", saved, "FILE", "begin from a saved operating point (.json)")
 
 
@@ -135,7 +161,7 @@ def parameters_of(arguments: argparse.Namespace) -> ParameterSet:
 
 
 def aircraft_of(arguments: argparse.Namespace) -> Aircraft:
-    """The aircraft that the options name."""
+    """The HFA that the options name."""
     return Aircraft(parameters_of(arguments).values, arguments.dynamics)
 
 
@@ -153,7 +179,7 @@ def _workers(text: str) -> int | str:
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """The flight that the options name: a named condition, changed by --hold, --free and --limit."""
-    return flight_of(arguments).at(arguments.dihedral)
+    return flight_of(arguments).at(None if OWN.get() else arguments.dihedral)
 
 
 def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> TrimCondition:
@@ -177,7 +203,17 @@ def changed_condition(
             raise BadInputError("dihedral is given twice, by --dihedral and by --hold; give it once")
         if "dihedral" in free and not dihedral_is_free:
             raise BadInputError("dihedral is given by --dihedral and set free by --free; leave one of them out")
-    return release(arguments.condition or LEVEL_FLIGHT, free=free, hold=hold, limits=arguments.limit)
+    usual = arguments.condition or _usual()
+    if (own := OWN.get()) is not None:
+        for name in hold:
+            refuse_unknown(f"--hold names nothing of {own.name}:", name, (*own.holdable, *own.parameters))
+    hold = {name: value for name, value in hold.items() if name not in usual.model.parameters or OWN.get() is None}
+    return release(usual, free=free, hold=hold, limits=arguments.limit)
+
+
+def _usual() -> TrimCondition:
+    own = OWN.get()
+    return LEVEL_FLIGHT if own is None else usual_condition(own)
 
 
 def swept_condition_of(arguments: argparse.Namespace) -> TrimCondition:
@@ -188,16 +224,16 @@ def swept_condition_of(arguments: argparse.Namespace) -> TrimCondition:
 
 def is_constant(name: str, values: Any) -> bool:
     """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one of its axes."""
-    return isinstance(values, tuple) and len(values) == 1 and name not in Parameters._fields
+    return isinstance(values, tuple) and len(values) == 1 and name not in (OWN.get() or HFA).parameters
 
 
-def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> OperatingPoint:
+def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> OperatingPoint:
     """The trim at the condition that the options name, begun where --start says.
 
     Raises TrimError that also says so where a held angle of attack is why there is no trim.
     """
     condition = condition_of(arguments)
-    if "dihedral" in condition.free:
+    if "dihedral" in condition.free and OWN.get() is None:
         typed = f"--dihedral {math.degrees(arguments.dihedral):g}"
         begins = f"the search begins at {typed}" if arguments.start is None else "the search begins at --start"
         warnings.warn(f"dihedral is free: {begins}", stacklevel=2)
@@ -211,13 +247,15 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft) -> Ope
 
 def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condition: TrimCondition) -> str:
     """What to type where a held angle of attack is why a condition has no trim; "" where it is not why."""
-    if "alpha" in condition.free:
+    if "alpha" not in condition.imposed:
         return ""
     try:
         point = find_operating_point(aircraft, release(condition, free=("alpha",)), arguments.start)
     except NoSolutionError:
         return ""
-    held, found = (describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha))
+    held, found = (
+        condition.model.describe("alpha", value) for value in (condition.imposed["alpha"], point.states.alpha)
+    )
     how = f"{'leave --hold alpha out and ' if 'alpha' in (arguments.hold or {}) else ''}add --free alpha"
     return f"alpha is held at {held}, free it trims at {found}: {how}"
 

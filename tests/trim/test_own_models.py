@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from cli import assert_refused, hfa
 
 from hfa_support import BadInputError, Model, Signal
 from trim import find_operating_point, linearize, release
@@ -24,7 +27,7 @@ TRIMS = [
     (0.35, {}, {}, (0.03691, 0.0, 0.1385, -0.7588, 0.0, 0.0)),
     (0.30, {}, {}, (0.03936, 0.0, 0.1485, -1.931, 0.0, 0.0)),
     (0.38, {}, {}, (0.03544, 0.0, 0.1325, -0.0559, 0.0, 0.0)),
-    (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.0989, -0.4218)),
+    (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.09889, -0.4218)),
     (0.30, {}, {"pitch": 0.3}, (0.3006, 4.1e-5, 1.023, -7.082, -6.2e-4, 0.01655)),
 ]
 #: The same, example 3.7-1 and section 4: modes at 502 ft/s with xcg .3.
@@ -63,16 +66,16 @@ def test_modes_of_the_book() -> None:
     model = F16.with_parameters(xcg=0.3)
     found = {mode.name: mode.eigenvalue for mode in linear(model, trimmed(model)).modes}
     for name, printed in MODES.items():
-        assert found[name] == pytest.approx(printed, abs=1e-3), name
+        assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), name
 
 
 def test_rates_of_the_book() -> None:
-    """Table 3.5-2; the roll acceleration differs from the printed one by 2e-4, pitch and yaw by 1e-4."""
+    """Table 3.5-2."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [-75.23724, -0.8813491, -0.4759990, 2.505734, 0.3250820, 2.145926, 12.62679, 0.9649671, 0.5809759]
     printed += [342.4439, -266.7707, 248.1241, -58.68999]
     found = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
-    np.testing.assert_allclose(found, printed, rtol=3e-4)
+    np.testing.assert_allclose(found, printed, rtol=8e-6)
 
 
 def test_python_control_agrees() -> None:
@@ -121,3 +124,55 @@ def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> 
         trimmed(simple(equations))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+FAULTS = {
+    "x = (1": "SyntaxError in line 1: '(' was never closed; correct the file",
+    "A = 3": "holds 3, not a Model, under A; define a Model",
+    "B = 3": "has no name A; define a Model",
+    "1 / 0": "ZeroDivisionError: division by zero; correct the file",
+    "from hfa_support import Model, Signal; A = Model('a', {'x': Signal(nominal=0)}, {}, None)": "must be positive",
+    "import hfa_support as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": "x is declared twice",
+}
+
+
+@pytest.mark.parametrize(("text", "words"), FAULTS.items())
+def test_what_is_wrong_with_a_file_is_said_in_one_line(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(text)
+    assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
+
+
+OWN = ("--aircraft", "examples/f16.py:F16")
+WRONG = [
+    (("trim", *OWN, "--hold", "spd=3"), 2, "--hold names nothing of F-16: 'spd'; choose from speed, "),
+    (("trim", *OWN, "--hold", "elevator=0"), 1, "12 equations for 11 unknowns, set more free"),
+    (("trim", *OWN, "--dihedral", "5"), 2, "--dihedral belongs to the HFA"),
+    (("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA"),
+    (("sweep", *OWN), 2, "nothing to sweep"),
+    (("fly", *OWN, "--dihedral", "5"), 2, "unknown option --aircraft"),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "said"), WRONG)
+def test_the_command_line_says_what_does_not_go_with_an_own_model(words: tuple[str, ...], code: int, said: str) -> None:
+    assert_refused(hfa(*words), code, said)
+
+
+def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
+    saved = tmp_path / "point.json"
+    done = hfa("trim", *OWN, "--hold", "xcg=0.3", "--hold", "turn_rate=17.188734", "-o", str(saved))
+    assert done.code == 0
+    assert re.search(r"^elevator +-6\.25588 +deg +free", done.out, re.M)
+    again = json.loads(hfa("linearize", *OWN, "--hold", "xcg=0.3", "--start", str(saved), "--json").out)
+    assert {mode["name"] for mode in again["modes"]} == {*MODES, "engine"}
+    assert again["state_units"][1:3] == ["rad", "rad"]
+    assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")
+    store = str(tmp_path / "sweep.zarr")
+    swept = hfa(
+        "sweep", *OWN, "--hold", "speed=400:600:50", "--hold", "xcg=.3,.35", "-o", store, "--workers", "2", "--json"
+    )
+    assert json.loads(swept.out)["counts"]["trimmed"] == 10
+    solved = hfa("solve", *OWN, "--hold", "xcg=0.3")
+    assert "Q and R and delta not given" in solved.err
+    assert "FAIL" not in solved.out

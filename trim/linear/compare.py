@@ -99,7 +99,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """The report of a model with the printed pair of its condition."""
     printed = {"A": published.A.tolist(), "B": published.B.tolist()}
-    beside = replace(report, title="", parts=(report, comparison_table(model, published)), notes=())
+    beside = replace(report, title="", parts=(report, comparison_table(model, published)), notes=report.notes)
     return beside.with_data(printed=printed)
 
 

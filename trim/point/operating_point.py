@@ -192,13 +192,12 @@ def at_scheduled(point: OperatingPoint) -> str:
     return f"at {name} {point.model.describe(name, point.values[name])}" if name in point.values else ""
 
 
-def scheduled_data(point: OperatingPoint) -> dict[str, float]:
-    """The same as data: dihedral_deg of an angle."""
+def scheduled_data(point: OperatingPoint) -> dict[str, Any]:
+    """The same as data: the dihedral angle of the HFA, degrees; of other models the scheduling variable."""
     name = point.model.schedule
-    if name not in point.values:
-        return {}
-    is_angle = point.model.unit(name) == "rad"
-    return {f"{name}_deg": in_degrees(point.values[name])} if is_angle else {name: point.values[name]}
+    if name == "dihedral":
+        return {"dihedral_deg": in_degrees(point.states.dihedral)}
+    return {"dihedral_deg": None, "scheduled": {name: point.values[name]} if name in point.values else {}}
 
 
 def save_operating_point(point: OperatingPoint, path: Path) -> None:
