@@ -15,6 +15,7 @@ import numpy as np
 from controller.game.critic_file import LARGEST_CRITIC_ENTRY
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, is_hurwitz, spectrum
+from controller.riccati.exact_product import add, exact, product
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -50,11 +51,13 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     return (X + X.T) / 2.0
 
 
-def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray) -> float:
-    """J = ∫ z'Qz + u'Ru - δ² d'd dt of u = -K z, d = L z from z(0) = initial, (n,), until the state has died out.
+def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray, P: np.ndarray | None = None) -> float:
+    """J = ∫ z'Qz + u'Ru - δ² d'd dt of u = -K z, d = L z from z(0) = initial, (n,), less z(0)'P z(0), P: (n, n) or 0.
 
-    Integrated over time with transition matrices, which are exact: z(t) = Φ(t) z(0) and J(t) = z(0)'X(t) z(0) go on
-    by Φ(2t) = Φ(t)², X(2t) = X(t) + Φ(t)'X(t) Φ(t), from a step in which no mode moves far.
+    That is ∫ z'Qz + u'Ru - δ² d'd + 2 z'P z' dt, whose integrand is small where P is about the cost: small changes of
+    it keep their digits however stiff the plant. Integrated over time with transition matrices, which are exact:
+    z(t) = Φ(t) z(0) and J(t) = z(0)'X(t) z(0) go on by Φ(2t) = Φ(t)², X(2t) = X(t) + Φ(t)'X(t) Φ(t), from a step in
+    which no mode moves far, until the state has died out.
     Raises NoSolutionError when A - B K + E L is not Hurwitz.
     Source: Van Loan, IEEE Trans. Automatic Control 23 (1978), for the first step.
     """
@@ -63,7 +66,13 @@ def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray
     F, abscissa = _stable_loop(game, K, L)
     n, price = len(F), 0.0 if math.isinf(game.delta) else game.delta**2  # no disturbance, no pay-off: inf * 0 is 0
     policies = np.vstack([np.eye(n), -K, L])
-    running = policies.T @ block_diag(game.Q, game.R, -price * np.eye(len(L))) @ policies
+    prices = exact(block_diag(game.Q, game.R, -price * np.eye(len(L))))
+    if P is not None:
+        high, low = product(exact((P + P.T) / 2.0), exact(np.hstack([game.A, game.B, game.E])))
+        zeros = np.zeros((len(policies) - n, len(policies)))
+        high, low = np.vstack([high, zeros]), np.vstack([low, zeros])
+        prices = add(prices, add((high, low), (high.T, low.T)))
+    running = product(product(exact(policies.T), prices), exact(policies))[0]
     end, time = TIME_CONSTANTS / -abscissa, 1.0 / float(np.linalg.norm(F, 1))
     step = expm(np.block([[-F.T, running], [np.zeros_like(F), F]]) * time)
     transition = step[n:, n:]
@@ -172,6 +181,7 @@ def _changes(
     direction; nan where rounding changes it more. Directions are alike: the search begins at the ε of the last one.
     """
     K, L = game.gain(P), game.disturbance_gain(P)
+    excess = simulated_cost(game, K, L, initial, P)
 
     def is_small(size: float, step: tuple[np.ndarray, np.ndarray]) -> bool:
         try:
@@ -192,7 +202,7 @@ def _changes(
             continue
         try:
             first, second = (
-                simulated_cost(game, K + part * step[0], L + part * step[1], initial) / base - 1.0
+                (simulated_cost(game, K + part * step[0], L + part * step[1], initial, P) - excess) / base
                 for part in (size, size / RATIO)
             )
         except NoSolutionError:  # Hurwitz at one step and not at a smaller one

@@ -197,19 +197,11 @@ def relative_residual(game: Game, P: np.ndarray) -> float:
 
     |S| stands for |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players does not count as smallness.
     """
-    return float(relative_residuals(game.A, game.S_control, game.S_disturbance / game.delta**2, game.Q, P))
-
-
-def relative_residuals(
-    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> np.ndarray:
-    """`relative_residual` of one or of many plants: (..., n, n) each, the result (...,)."""
-    size, transposed = np.abs(P), np.swapaxes(A, -1, -2)
-    residual = transposed @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
-    quadratic = size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
-    terms = np.abs(transposed) @ size + size @ np.abs(A) + np.abs(Q) + quadratic
-    largest = np.abs(terms).max(axis=(-1, -2))
-    return np.asarray(np.abs(residual).max(axis=(-1, -2)) / np.where(largest == 0.0, 1.0, largest))
+    size, S_disturbance = np.abs(P), game.S_disturbance / game.delta**2
+    residual = game.A.T @ P + P @ game.A + game.Q - P @ (game.S_control - S_disturbance) @ P
+    terms = np.abs(game.A.T) @ size + size @ np.abs(game.A) + np.abs(game.Q)
+    terms += size @ (np.abs(game.S_control) + np.abs(S_disturbance)) @ size
+    return float(np.abs(residual).max()) / _size(terms)
 
 
 def first_derivation(game: Game) -> np.ndarray:

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import NormalForm, normal_form
+from controller.riccati.balancing import NormalForm, normal_form, stable_basis
 from hfa_support.errors import NoSolutionError
 
 #: Each step gains about 16 digits less those that the condition takes; two are enough for all but marginal games. Where
@@ -31,16 +31,16 @@ def schur_solution(game: Game) -> np.ndarray:
 
 
 def quick_solution(game: Game) -> np.ndarray:
-    """The same from the eigenvectors of the Hamiltonian, to about ten digits and a hundred times faster.
+    """The same without refinement, from a Schur form of the Hamiltonian: to about ten digits and much faster.
 
     For a search, whose result is certified afterwards.
     """
     form = normal_form(game)
-    n = len(form.A)
-    values, vectors = np.linalg.eig(form.hamiltonian)
-    stable = vectors[:, values.real < 0.0]
-    try:  # that is singular, or not square where there are not n of them
-        return form.value(np.linalg.solve(stable[:n].T, stable[n:].T).T.real)
+    basis = stable_basis(form.hamiltonian)
+    try:
+        if basis is None:
+            raise np.linalg.LinAlgError
+        return form.value(np.linalg.solve(basis[: len(form.A)].T, basis[len(form.A) :].T))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(_NO_GRAPH) from error
 

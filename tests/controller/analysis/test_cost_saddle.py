@@ -10,8 +10,9 @@ from game_samples import INITIAL, failed_names, game_models
 
 from controller import Game
 from controller.analysis.cost import CHANGE, RATIO, _judge, saddle_checks
+from controller.riccati.balancing import balanced_units, in_units
 from hfa_support import BadInputError
-from verification import solve_game
+from verification import check_critic, from_value, solve_game
 
 
 def test_each_player_loses_to_second_order(game: Game) -> None:
@@ -48,6 +49,23 @@ def test_a_player_who_does_not_matter_cannot_lose() -> None:
     """The disturbance does not reach the state: its own price is all that a deviation brings."""
     game = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 3.0)
     assert not failed_names(saddle_checks(game, solve_game(game).P, np.array([2.0])))
+
+
+@pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
+def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
+    """Poles at -3e4 and 0.09, in random coordinates; errors planted in P are seen as in any other plant."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    modes, poles = rng.standard_normal((n, n)), -np.geomspace(1.0, 100.0, n)
+    poles[0], poles[-1] = 0.09, -3e4
+    A, B = modes @ np.diag(poles) @ np.linalg.inv(modes), rng.standard_normal((n, 1))
+    game = Game(A, B, rng.standard_normal((n, 1)), np.eye(n), np.eye(1), math.inf)
+    found = check_critic(game, from_value(game, solve_game(game).P))
+    assert found.ok, failed_names(found.checks)
+    units = balanced_units(game)
+    alike, P = in_units(game, units), solve_game(game).P * np.outer(units, units)
+    assert max(check.value for check in saddle_checks(alike, P, np.ones(n)) if "slope" in check.name) < 1e-3
+    assert "saddle_control_slope_error" in failed_names(saddle_checks(alike, 1.01 * P, np.ones(n)))
 
 
 @pytest.mark.parametrize(("orders", "farthest"), [((2.3, 1.9), 0.3), ((1.9, 2.3), 0.3), ((1.6, 2.1), 0.4)])
