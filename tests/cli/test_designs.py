@@ -1,4 +1,4 @@
-"""`--design` of `hfa solve`, `learn` and `verify`: the game of the design model, its names, and what is refused."""
+"""`hfa design`, and `--design` of `hfa solve`, `learn` and `verify`: the game of the design model."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15, QUICK
 from known_models import model_at
+from scipy.io import loadmat
 
-from controller import design_model, load_design
+from controller import design_model, load_controller, load_design
 from controller.design.design import NAMED
 from hfa_model import Aircraft
 
@@ -105,3 +106,25 @@ def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
 )
 def test_what_no_controller_can_do_is_one_line(sensors: str, changed: dict[str, str], code: int, named: str) -> None:
     assert_refused(hfa("solve", "--design", own("own.toml", sensors, **changed), *AT_11), code, named)
+
+
+def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
+    made = hfa("design", "--design", "simvfa-1", "--dihedral", "9:11:2", "-o", "servo.npz")
+    assert made.code == 0
+    again = hfa("design", "servo.npz")
+    table = made.out.split("\n\n")[:-1]  # the last paragraph is the provenance
+    assert again.out.split("\n\n")[:-1] == table
+    assert "simvfa-1: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
+    assert "smallest disk margin at sensors" in table[3]
+    controller = load_controller("servo.npz")
+    assert controller.about["provenance"]["command"].startswith("hfa design --design simvfa-1")
+    data = answer("design", "servo.npz")
+    np.testing.assert_array_equal(data["C"], controller.C)
+    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.dihedrals)
+
+
+def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(published_aircraft: Aircraft) -> None:
+    found = hfa("design", "--design", "simvfa-1", "--dihedral", "11", "--corners", "-o", "servo.mat")
+    assert found.code == 1
+    assert "FAIL largest_abscissa: unstable at" in found.out
+    assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (2, 11)

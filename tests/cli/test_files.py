@@ -1,4 +1,4 @@
-"""Files that `hfa` writes: full precision, names, units, offsets and schema; the same bytes every time."""
+"""Files that `hfa` writes: full precision, names, units, offsets and schema; the same bytes every time; pictures."""
 
 from __future__ import annotations
 
@@ -173,3 +173,32 @@ def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
+
+
+TRIM = ("trim", "--dihedral", "15")
+
+
+def report_in(name: str, *words: str) -> str:
+    result = hfa(*words, "-o", name)
+    assert result.code == DONE
+    assert [path.name for path in Path().iterdir()] == [name]
+    return Path(name).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
+@pytest.mark.parametrize("words", ["linearize --dihedral 15", "solve --dihedral 15", "sweep --dihedral 5,15"])
+def test_other_commands_write_it_too(words: str, name: str, opening: str) -> None:
+    text = report_in(name, *words.split())
+    assert opening in text
+    assert "![" not in text  # no picture lies beside it
+
+
+@pytest.mark.parametrize(
+    ("suffix", "begin"),
+    [(".png", b"\x89PNG"), pytest.param(".svg", b"<?xml", marks=pytest.mark.slow), (".pdf", b"%PDF")],
+)
+def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> None:
+    path = tmp_path / f"front{suffix}"
+    assert hfa(*TRIM, "--picture", str(path)).code == DONE
+    assert path.read_bytes().startswith(begin)
+    assert b"hfa trim" in path.read_bytes() or b"published dynamics" in path.read_bytes()
