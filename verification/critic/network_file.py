@@ -10,6 +10,7 @@ import io
 import json
 import math
 import pickle
+import re
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -66,59 +67,35 @@ def network_in(
         except BadInputError:
             raise
         except Exception as error:  # a damaged file makes the readers raise nearly anything
-            raise BadInputError(
-                f"it is damaged or no network ({shortened(str(error).partition(chr(10))[0])})"
-            ) from error
+            said = shortened(str(error).partition("\n")[0])
+            raise BadInputError(f"it is damaged or no network ({said})") from error
 
 
-def _each(function: Callable[[Any], Any]) -> Callable[..., np.ndarray]:
+def _each(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
+    """The function on every entry of an array, the same attributes of the operator for all."""
     return np.vectorize(function, otypes=[object])
 
 
-def _positive(x: np.ndarray) -> np.ndarray:
-    return _each(lambda each: ca.fmax(each, 0.0))(x)
-
-
-def _negative(x: np.ndarray) -> np.ndarray:
-    return _each(lambda each: ca.fmin(each, 0.0))(x)
-
-
-def _tanh(x: np.ndarray) -> np.ndarray:
-    return _each(ca.tanh)(x)
-
-
-def _sigmoid(x: np.ndarray) -> np.ndarray:
-    return 0.5 + 0.5 * _tanh(0.5 * x)  # exp(-x) overflows, and its derivative is then nan
-
-
-def _softplus(x: np.ndarray) -> np.ndarray:
+def _softplus(x: Any) -> Any:
     """log(1 + exp(x)), smooth at 0; beyond 40, x to the last digit."""
-    return _each(lambda each: ca.if_else(each > 40.0, each, ca.log1p(ca.exp(ca.fmin(each, 40.0)))))(x)
+    return ca.if_else(x > 40.0, x, ca.log1p(ca.exp(ca.fmin(x, 40.0))))
 
 
-def _elu(x: np.ndarray, alpha: float = 1.0) -> np.ndarray:
-    return _positive(x) + alpha * _each(ca.expm1)(_negative(x))
-
-
-def _leaky(x: np.ndarray, alpha: float = 0.01) -> np.ndarray:
-    return _positive(x) + alpha * _negative(x)
-
-
-def _gelu(x: np.ndarray, approximate: str = "none") -> np.ndarray:
+def _gelu(x: Any, approximate: str = "none") -> Any:
     if approximate == "tanh":
-        return 0.5 * x * (1.0 + _tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x * x * x)))
-    return 0.5 * x * (1.0 + _each(ca.erf)(x / math.sqrt(2.0)))
+        return 0.5 * x * (1.0 + ca.tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x**3)))
+    return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
 #: What may stand between the layers of a state dict, by the names of --activation.
 ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
-    "tanh": _tanh,
-    "relu": _positive,
-    "leaky_relu": _leaky,
-    "sigmoid": _sigmoid,
-    "softplus": _softplus,
-    "elu": _elu,
-    "gelu": _gelu,
+    "tanh": _each(ca.tanh),
+    "relu": _each(lambda x: ca.fmax(x, 0.0)),
+    "leaky_relu": _each(lambda x, alpha=0.01: ca.fmax(x, 0.0) + alpha * ca.fmin(x, 0.0)),
+    "sigmoid": _each(lambda x: 0.5 + 0.5 * ca.tanh(0.5 * x)),  # exp(-x) overflows, and its derivative is then nan
+    "softplus": _each(_softplus),
+    "elu": _each(lambda x, alpha=1.0: ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0))),
+    "gelu": _each(_gelu),
 }
 
 
@@ -126,25 +103,22 @@ def _gemm(a: Any, b: Any, c: Any = 0.0, alpha: float = 1.0, beta: float = 1.0, t
     return alpha * ((a.T if transA else a) @ (b.T if transB else b)) + beta * c
 
 
-def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:
-    sizes = [x.shape[place] if size == 0 and not allowzero else int(size) for place, size in enumerate(shape)]
-    return x.reshape(sizes)
+def _reshape(x: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    return x.reshape([x.shape[place] if size == 0 else int(size) for place, size in enumerate(shape)])
 
 
 def _slice(x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> np.ndarray:
     where = [slice(None)] * x.ndim
-    axes = range(len(starts)) if axes is None else axes
-    for axis, start, end, step in zip(axes, starts, ends, [1] * len(starts) if steps is None else steps, strict=True):
-        # ONNX clips, and an end far below 0 with a negative step means "to the first"
-        stop = None if step < 0 and end < -x.shape[axis] else int(end)
-        where[int(axis)] = slice(int(start), stop, int(step))
+    steps = np.ones_like(starts) if steps is None else steps
+    for axis, *ends_and_step in zip(range(len(starts)) if axes is None else axes, starts, ends, steps, strict=True):
+        if ends_and_step[2] < 1:
+            raise BadInputError("a Slice goes backwards; export the network without it")
+        where[int(axis)] = slice(*map(int, ends_and_step))
     return x[tuple(where)]
 
 
-def _reduce_sum(x: np.ndarray, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int = 0) -> np.ndarray:
-    if axes is None and noop_with_empty_axes:
-        return x
-    return np.sum(x, axis=None if axes is None else tuple(map(int, axes)), keepdims=bool(keepdims))
+def _reduce_sum(x: np.ndarray, axes: Any, keepdims: int = 1) -> np.ndarray:
+    return np.sum(x, axis=tuple(map(int, axes)), keepdims=bool(keepdims))
 
 
 #: ONNX operators: inputs, then attributes by name.
@@ -156,13 +130,7 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Neg": lambda a: -a,
     "MatMul": lambda a, b: a @ b,
     "Gemm": _gemm,
-    "Tanh": _tanh,
-    "Relu": _positive,
-    "LeakyRelu": _leaky,
-    "Sigmoid": _sigmoid,
-    "Softplus": _softplus,
-    "Elu": _elu,
-    "Gelu": _gelu,
+    **{name.title().replace("_", ""): function for name, function in ACTIVATIONS.items()},
     "Reshape": _reshape,
     "Pow": lambda a, b: a**b,
     "Transpose": lambda a, perm=None: a.transpose(perm),
@@ -184,19 +152,16 @@ def _onnx_network(content: bytes, states: int) -> Network:
     opset = max((each.version for each in model.opset_import if each.domain in ("", "ai.onnx")), default=0)
     if opset < OLDEST_OPSET:
         raise BadInputError(f"it has the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later")
-    graph, precisions = model.graph, set[str]()
+    graph, single = model.graph, list[bool]()
 
     def constant(name: str, tensor: Any) -> np.ndarray:
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            raise BadInputError(
-                f"tensor {shortened(name)!r} is in another file; export the weights inside (torch: external_data=False)"
-            )
+            what = f"tensor {shortened(name)!r} is in another file"
+            raise BadInputError(f"{what}; export the weights inside (torch: external_data=False)")
         kind = onnx.TensorProto.DataType.Name(tensor.data_type).lower()
-        if kind not in ("float", "double", "int32", "int64"):
-            raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
-        if kind in ("float", "double"):
-            precisions.add({"float": "float32", "double": "float64"}[kind])
-        return _finite(name, onnx.numpy_helper.to_array(tensor))
+        values = _finite(name, onnx.numpy_helper.to_array(tensor), kind in ("float", "double", "int32", "int64"), kind)
+        single.append(values.dtype == np.float32)
+        return values.astype(float) if values.dtype.kind == "f" else values
 
     known: dict[str, Any] = {each.name: constant(each.name, each) for each in graph.initializer}
     inputs = [each for each in graph.input if each.name not in known]
@@ -205,39 +170,35 @@ def _onnx_network(content: bytes, states: int) -> Network:
     sizes = [each.dim_value for each in inputs[0].type.tensor_type.shape.dim]  # 0 where it is left open
     if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
         raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
-    if sizes[-1] not in (0, states):
-        raise _wrong_width(sizes[-1], states)
+    _check_width(sizes[-1] or states, states)
     x, known[inputs[0].name] = _symbols(states, (states,) if len(sizes) == 1 else (1, states))
     for node in graph.node:
         name = node.op_type if node.domain in ("", "ai.onnx") else f"{node.domain}.{node.op_type}"
         if name not in OPERATORS:
             raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(OPERATORS)}")
         given = {each.name: onnx.helper.get_attribute_value(each) for each in node.attribute}
+        if "approximate" in given:
+            given["approximate"] = given["approximate"].decode()
         if name == "Constant":
-            given = {
-                key: constant(node.output[0], value) if key == "value" else np.array(value)
-                for key, value in given.items()
-            }
-        given = {key: value.decode() if isinstance(value, bytes) else value for key, value in given.items()}
+            given = {key: constant(key, value) if key == "value" else np.array(value) for key, value in given.items()}
         result = OPERATORS[name](*(known[each] if each else None for each in node.input), **given)
         if sum(each.size for each in known.values()) + result.size > LARGEST_NETWORK:
             raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
         known[node.output[0]] = result
-    return Network(_function(x, known[graph.output[0].name]), "float32" if "float32" in precisions else "float64", [])
+    return Network(_function(x, known[graph.output[0].name]), "float32" if any(single) else "float64", [])
 
 
-def _wrong_width(found: int, states: int) -> BadInputError:
-    return BadInputError(f"the network has {found} inputs and the plant {states} states")
+def _check_width(found: int, states: int) -> None:
+    if found != states:
+        raise BadInputError(f"the network has {found} inputs and the plant {states} states")
 
 
-def _finite(name: str, values: np.ndarray) -> np.ndarray:
-    if values.size > LARGEST_NETWORK:
-        raise BadInputError(
-            f"tensor {shortened(name)!r} has {values.size} numbers; networks may have {LARGEST_NETWORK}"
-        )
+def _finite(name: str, values: np.ndarray, known: bool, kind: str) -> np.ndarray:
+    if not known:
+        raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
     if not np.all(np.isfinite(values)):
         raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
-    return values.astype(float) if values.dtype.kind == "f" else values
+    return values
 
 
 def _symbols(states: int, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
@@ -279,12 +240,10 @@ def _layered(
     width = layers[0][0].shape[1]
     if len(layers) == 1 and width == features:
         return Network(None, precision, layers)
-    if width != states:
-        raise _wrong_width(width, states)
+    _check_width(width, states)
     if len(layers) > 1 and activation is None:
-        raise BadInputError(
-            f"a state dict does not say what is between its layers; give --activation {'|'.join(ACTIVATIONS)}"
-        )
+        choices = "|".join(ACTIVATIONS)
+        raise BadInputError(f"a state dict does not say what is between its layers; give --activation {choices}")
     if activation is not None:
         refuse_unknown("unknown activation", activation, ACTIVATIONS)
     x, h = _symbols(states, (states,))
@@ -294,83 +253,77 @@ def _layered(
 
 
 def _tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Name -> array of a state dict, float32 or float64, finite."""
-    read = _safetensors if suffix == ".safetensors" else _torch_zip if content[:2] == b"PK" else _torch_legacy
-    found = {name: _checked(name, value) for name, value in read(content).items()}
+    """Name -> array of a state dict, finite, in the order of its layers: that of the file, or where the format sorts
+    its names, that of the numbers in them."""
+    if suffix == ".safetensors":
+        found = _safetensors(content)
+        found = {name: found[name] for name in sorted(found, key=_numbers_in_order)}
+    elif content[:2] == b"PK":
+        found = _torch_zip(content)
+    else:
+        raise BadInputError("it is not what torch.save writes since torch 1.6; save state_dict() with it again")
     if sum(value.size for value in found.values()) > LARGEST_NETWORK:
         raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
-    return found
+    return {name: _finite(name, value, True, "") for name, value in found.items()}
 
 
-def _checked(name: str, value: np.ndarray) -> np.ndarray:
-    _finite(name, value)
-    return value
+def _numbers_in_order(name: str) -> list[tuple[int, str]]:
+    return [(int(part or 0), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
     begin = 8 + int.from_bytes(content[:8], "little")
-    header = json.loads(content[8:begin])
     found = {}
-    for name, about in header.items():
+    for name, about in json.loads(content[8:begin]).items():
         if name != "__metadata__":
             start, stop = about["data_offsets"]
-            values = np.frombuffer(content[begin + start : begin + stop], _dtype(name, about["dtype"], _SAFETENSORS))
+            values = np.frombuffer(content[begin + start : begin + stop], _dtype(about["dtype"]))
             found[name] = values.reshape(about["shape"])
     return found
 
 
-_SAFETENSORS = {"F32": "<f4", "F64": "<f8"}
-#: Storages of torch; integers (counters of batches) are read, and refused where they would be weights.
-_STORAGES = {"FloatStorage": "<f4", "DoubleStorage": "<f8", "LongStorage": "<i8", "IntStorage": "<i4"}
+#: Of safetensors and of torch; integers (counters of batches) are read, and refused where they would be weights.
+_DTYPES = {"F32": "<f4", "F64": "<f8", "FloatStorage": "<f4", "DoubleStorage": "<f8", "LongStorage": "<i8"}
 
 
-def _dtype(name: str, kind: str, known: Mapping[str, str]) -> str:
-    if kind not in known:
-        raise BadInputError(f"tensor {shortened(name)!r} is {shortened(kind)}; save weights as float32 or float64")
-    return known[kind]
+def _dtype(kind: str) -> str:
+    if kind not in _DTYPES:
+        raise BadInputError(f"a tensor is {shortened(kind)}; save weights as float32 or float64")
+    return _DTYPES[kind]
 
 
-class _Tensor(NamedTuple):
-    """A view of a storage that is not read yet."""
+def _view(storage: np.ndarray, offset: int, size: tuple[int, ...], stride: tuple[int, ...], *_: Any) -> np.ndarray:
+    """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride; IndexError beyond it."""
+    if math.prod(size) > storage.size:
+        raise BadInputError(f"a tensor of shape {size} is larger than its storage")
+    return storage[offset + sum(np.indices(size)[axis] * step for axis, step in enumerate(stride))]
 
-    storage: tuple[str, str]
-    offset: int
-    size: tuple[int, ...]
-    stride: tuple[int, ...]
 
-    def values(self, storages: Mapping[str, bytes]) -> np.ndarray:
-        kind, key = self.storage
-        flat = np.frombuffer(storages[key], kind)
-        if math.prod(self.size) > flat.size:
-            raise BadInputError(f"a tensor of shape {self.size} is larger than its storage")
-        places = np.full(self.size, self.offset)
-        for axis, (count, step) in enumerate(zip(self.size, self.stride, strict=True)):
-            places += (np.arange(count) * step).reshape([-1 if each == axis else 1 for each in range(len(self.size))])
-        return flat[places]
+#: All that a pickle may call.
+_ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
+    ("collections", "OrderedDict"): OrderedDict,
+    ("torch._utils", "_rebuild_tensor_v2"): _view,
+    ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
+}
 
 
 class _Restricted(pickle.Unpickler):
-    """Builds dictionaries and `_Tensor`s; every other class or function is refused by its name before it is made."""
+    """Builds dictionaries and arrays; every other class or function is refused by its name before it is made."""
+
+    def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
+        super().__init__(io.BytesIO(content))
+        self.storages = storages
 
     def find_class(self, module: str, name: str) -> Any:
-        allowed: dict[tuple[str, str], Any] = {
-            ("collections", "OrderedDict"): OrderedDict,
-            ("torch._utils", "_rebuild_tensor_v2"): lambda storage, offset, size, stride, *_: _Tensor(
-                storage, offset, tuple(size), tuple(stride)
-            ),
-            ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
-        }
         if module == "torch" and name.endswith("Storage"):
-            return _dtype("of the file", name, _STORAGES)
-        if (module, name) not in allowed:
-            raise BadInputError(
-                f"it wants to make {shortened(f'{module}.{name}')}, which is not done: save state_dict() alone"
-            )
-        return allowed[module, name]
+            return _dtype(name)
+        if (module, name) not in _ALLOWED:
+            what = shortened(f"{module}.{name}")
+            raise BadInputError(f"it wants to make {what}, which is not done: save state_dict() alone")
+        return _ALLOWED[module, name]
 
-    def persistent_load(self, pid: Any) -> Any:
-        _, kind, key, *_ = pid
-        return kind, str(key)
+    def persistent_load(self, pid: Any) -> np.ndarray:
+        return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
@@ -380,32 +333,15 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
         inside = {each.partition("/")[2]: archive.read(each) for each in archive.namelist()}
     if inside.get("byteorder", b"little") != b"little":
         raise BadInputError("its numbers are big-endian; save it on another machine")
-    storages = {name.removeprefix("data/"): value for name, value in inside.items() if name.startswith("data/")}
-    return _flat(_Restricted(io.BytesIO(inside["data.pkl"])).load(), storages)
+    return _named("", _Restricted(inside["data.pkl"], inside).load())
 
 
-def _torch_legacy(content: bytes) -> dict[str, np.ndarray]:
-    """Before torch 1.6: a magic number, the protocol, the machine, the dictionary, the keys, then each storage."""
-    stream = io.BytesIO(content)
-    *_, stored, keys = (_Restricted(stream).load() for _ in range(5))
-    kinds = {tensor.storage[1]: tensor.storage[0] for tensor in _named("", stored).values()}
-    storages = {}
-    for key in keys:
-        count = int.from_bytes(stream.read(8), "little")
-        storages[key] = stream.read(count * np.dtype(kinds[key]).itemsize)
-    return _flat(stored, storages)
-
-
-def _named(prefix: str, stored: Any, depth: int = 0) -> dict[str, _Tensor]:
-    """Tensors of dictionaries in dictionaries, as "model.0.weight"."""
-    if isinstance(stored, _Tensor):
+def _named(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
+    """Arrays of dictionaries in dictionaries, as "model.0.weight"."""
+    if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}
-    found: dict[str, _Tensor] = {}
+    found: dict[str, np.ndarray] = {}
     if isinstance(stored, dict) and depth < 4:
         for name, value in stored.items():
             found |= _named(f"{prefix}{name}.", value, depth + 1)
     return found
-
-
-def _flat(stored: Any, storages: Mapping[str, bytes]) -> dict[str, np.ndarray]:
-    return {name: tensor.values(storages) for name, tensor in _named("", stored).items()}
