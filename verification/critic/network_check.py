@@ -1,6 +1,6 @@
 """A neural network as a critic: exact at the origin, where it is linearized, and searched over a box of states.
 
-V(x): P = ½ ∂²V/∂x², u = -½ R⁻¹B' ∂V/∂x. dV/dx: P = ½ ∂(dV/dx)/∂x, the same u. u(x): K = -∂u/∂x. All derivatives are
+V(z): P = ½ ∂²V/∂z², u = -½ R⁻¹B' ∂V/∂z. dV/dz: P = ½ ∂(dV/dz)/∂z, the same u. u(z): K = -∂u/∂z. All derivatives are
 CasADi's. Over the box, errors are looked for: what a search finds is a lower bound of the largest error.
 """
 
@@ -21,11 +21,11 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.checks import at_most
 from verification.critic.candidate import Candidate, from_weights
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_check import LIMIT, check_critic
-from verification.critic.critic_errors import SMALL, Box, entry_error
+from verification.critic.critic_errors import SMALL, Box
 from verification.critic.network_file import Network
 
 #: What a network may compute.
@@ -43,16 +43,21 @@ _SAID = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 class NetworkCritic:
     """candidate: the linearization at the origin, or all of a polynomial. output: one of `OUTPUTS`.
 
-    evaluate: z (n, N) -> V (1, N) or nothing, and F (k, N), which is ∂V/∂z or u. pull: z (n, N), w (k, N) -> (∂F/∂z)'w;
-    both None of a polynomial. constant: V(0), 0 where V is not known.
+    z: (n,) symbols, V: of them, F: ∂V/∂z (n,) or u (m,); all None of a polynomial, V where it is not known. constant:
+    V(0), 0 where V is not known. precision: of the weights.
     """
 
     candidate: Candidate
     output: str
     precision: str
-    constant: float
-    evaluate: Callable[..., Any] | None = None
-    pull: Callable[..., Any] | None = None
+    constant: float = 0.0
+    z: Any = None
+    V: Any = None
+    F: Any = None
+
+    def policy(self, game: Game) -> Any:
+        """u, (m,), of the symbols z."""
+        return self.F if self.output == "policy" else ca.DM(-0.5 * game.R_inverse_B_transposed) @ self.F
 
 
 class Found(NamedTuple):
@@ -66,31 +71,29 @@ class Found(NamedTuple):
 class NetworkSearch(NamedTuple):
     """What is known of a network beside its linearization. found: () of a polynomial, whose errors are bounded.
 
-    lost: percent, the largest of `flown_loss`, 0 where it was not flown.
+    lost: percent, the largest of `flown_loss`, 0 where it was not flown. The others as in `NetworkCritic`.
     """
 
-    critic: NetworkCritic
-    found: tuple[Found, ...]
+    output: str
+    precision: str
+    constant: float
+    found: tuple[Found, ...] = ()
     lost: float = 0.0
 
     @property
     def said(self) -> tuple[str, ...]:
         """For a report."""
-        critic = self.critic
-        if critic.evaluate is None:
-            return (f"Polynomial with {critic.precision} weights and the constant V(0) = {critic.constant:.4g}",)
-        constant = f", V(0) = {critic.constant:.4g}" if critic.output == "V" else ""
-        lines = [
+        constant = f", V(0) = {self.constant:.4g}" if self.output == "V" else ""
+        if not self.found:
+            return (f"Polynomial, {self.precision} weights{constant}",)
+        errors = [
             f"{_SAID[each.name]} {each.error:.3g} at ({', '.join(f'{z:.3g}' for z in each.at)})" for each in self.found
         ]
-        about = f"Network of {critic.output}, {critic.precision} weights, linearized exactly at the origin{constant}"
-        flown = [f"Cost lost in the box, flown from {FLIGHTS} starts (not a bound): {self.lost:.3g} percent"] * (
-            self.lost > 0.0
-        )
+        flown = f"Cost lost in the box, flown from {FLIGHTS} starts (not a bound): {self.lost:.3g} percent"
         return (
-            about,
-            f"Largest errors in the box (searched, {STARTS} starts; not a bound): {'; '.join(lines)}",
-            *flown,
+            f"Network of {self.output}, {self.precision} weights, linearized exactly at the origin{constant}",
+            f"Largest errors in the box (searched, {STARTS} starts; not a bound): {'; '.join(errors)}",
+            *[flown] * (self.lost > 0.0),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,11 +101,10 @@ class NetworkSearch(NamedTuple):
         found = [
             {"name": each.name, "error": finite_or_none(each.error), "at": each.at.tolist()} for each in self.found
         ]
-        critic = self.critic
         return {
-            "output": critic.output,
-            "precision": critic.precision,
-            "value_at_origin": finite_or_none(critic.constant),
+            "output": self.output,
+            "precision": self.precision,
+            "value_at_origin": finite_or_none(self.constant),
             "starts": STARTS if self.found else 0,
             "searched": found,
             "cost_lost_flown_percent": finite_or_none(self.lost),
@@ -123,23 +125,21 @@ def network_critic(
     if network.function is None:
         (weight, bias), *_ = network.layers
         if len(weight) != 1 or output not in (None, "V"):
-            raise BadInputError(
-                f"a layer on the basis has {len(weight)} outputs; V has 1, and nothing else is read of it"
-            )
+            raise BadInputError(f"a layer on the basis has {len(weight)} outputs; V has 1, and only V is read of it")
         candidate = from_weights(game, weight[0] * functions.scaling(scale), functions)
         return NetworkCritic(candidate, "V", network.precision, float(bias[0]))
     output = _output(network.function.size1_out(0), n, m, output)
     z = ca.SX.sym("z", n)
     y = network.function(ca.DM(scale) * z)
-    F = ca.gradient(y, z) if output == "V" else y
+    V, F = (y, ca.gradient(y, z)) if output == "V" else (None, y)
+    constant = 0.0 if V is None else float(ca.Function("V", [z], [V])(np.zeros(n)))
     w = ca.SX.sym("w", F.size1())
-    evaluate = ca.Function("evaluate", [z], [y if output == "V" else ca.SX(0, 1), F])
-    pull = ca.Function("pull", [z, w], [ca.jtimes(F, z, w, True)])
-    slopes = np.array(pull(np.zeros((n, F.size1())), np.eye(F.size1()))).T
-    constant = float(evaluate(np.zeros(n))[0]) if output == "V" else 0.0
-    P = None if output == "policy" else slopes / 2.0
-    K = -slopes if P is None else game.gain(P)
-    return NetworkCritic(Candidate(K, P, functions), output, network.precision, constant, evaluate, pull)
+    slopes = ca.Function("slopes", [z, w], [ca.jtimes(F, z, w, True)])
+    slope = np.array(slopes(np.zeros((n, F.size1())), np.eye(F.size1()))).T
+    candidate = Candidate(-slope, None, functions)
+    if output != "policy":
+        candidate = Candidate(game.gain(slope / 2.0), slope / 2.0, functions)
+    return NetworkCritic(candidate, output, network.precision, constant, z, V, F)
 
 
 def _output(count: int, n: int, m: int, asked: str | None) -> str:
@@ -164,89 +164,87 @@ def check_network(
     fly: bool = False,
     at_dihedral: Callable[[float], Game] | None = None,
 ) -> CriticCheck:
-    """`check_critic` of the linearization; F at the origin, and the largest errors of V, dV/dx and u that are found.
+    """`check_critic` of the linearization; the errors at the origin, and the largest that `search` finds in the box.
 
-    Each error over the box relative to the largest of the exact V, dV/dx_i or u_i there. A polynomial is checked as a
-    critic is whose weights are given. V is compared but for its constant, on which no policy depends.
+    A polynomial is checked as a critic is whose weights are given. fly: also `flown_loss`.
     """
     check = check_critic(game, critic.candidate, limit=limit, box=box, at_dihedral=at_dihedral)
-    if critic.evaluate is None:
-        return replace(check, network=NetworkSearch(critic, ()))
-    found = search(game, critic, check.exact, box.half_widths)
-    F = np.array(critic.evaluate(np.zeros(len(game.A)))[1]).ravel()
-    u_scale, b = np.sqrt(np.diag(game.R)), box.half_widths
-    if critic.output == "policy":
-        origin = entry_error(u_scale * F, u_scale * (np.abs(check.exact.K) @ b))
-    else:
-        origin = entry_error(F, 2.0 * np.abs(check.exact.P) @ b)
-    what = "u" if critic.output == "policy" else "dV/dx"
-    checks: list[Check] = [
-        at_most(
-            "origin_error", origin, limit, f"{what} is not 0 at the origin, but {origin:.2g} of its largest in the box"
-        ),
-        *(
-            at_most(
-                f"searched_{each.name}_error",
-                each.error,
-                limit,
-                f"{_SAID[each.name]} is off by {each.error:.2g} in the box",
-            )
-            for each in found
-        ),
-    ]
-    lost = flown_loss(game, critic, check.exact, b) if fly and math.isfinite(check.flight.worst) else 0.0
+    facts = NetworkSearch(critic.output, critic.precision, critic.constant)
+    if critic.z is None:
+        return replace(check, network=facts)
+    origin, found = search(game, critic, check.exact, box.half_widths)
+    off = "u is" if critic.output == "policy" else "the slopes of V are"
+    checks = [at_most("origin_error", origin, limit, f"{off} off by {origin:.2g} at the origin, where 0 is right")]
+    for name, error, _ in found:
+        checks.append(
+            at_most(f"searched_{name}_error", error, limit, f"{_SAID[name]} is off by {error:.2g} in the box")
+        )
+    flown = fly and math.isfinite(check.flight.worst)
+    lost = flown_loss(game, critic, check.exact, box.half_widths) if flown else 0.0
     kept = [each for each in check.checks if each.name not in _OF_POLYNOMIALS]
-    return replace(check, checks=(*kept, *checks), network=NetworkSearch(critic, found, lost))
+    return replace(check, checks=(*kept, *checks), network=facts._replace(found=found, lost=lost))
 
 
-class _Target(NamedTuple):
-    """(weights'F(z) - exact'z) / size, exact: (n,); without weights (V - z'exact z) / size, exact: (n, n)."""
+def search(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
+    """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any dV/dz_i, of any input.
 
-    name: str
-    weights: np.ndarray | None
-    exact: np.ndarray
-    size: float
-
-    def errors(self, z: np.ndarray, V: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(N,), at the columns of z (n, N)."""
-        with np.errstate(all="ignore"):  # what is not finite fails
-            if self.weights is None:
-                return np.asarray((V - np.sum(z * (self.exact @ z), axis=0)) / self.size)
-            return np.asarray((self.weights @ F - self.exact @ z) / self.size)
-
-
-def search(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> tuple[Found, ...]:
-    """The largest errors that are found over the box |z_i| <= b_i: of V, of any dV/dx_i, of any input.
-
-    Of `STARTS` states the `CLIMBS` worst of each error are where L-BFGS-B starts to climb within the box.
+    Each relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its constant, on which no policy
+    depends. Of `STARTS` states the `CLIMBS` worst of each error are where L-BFGS-B starts to climb.
     """
-    from scipy.optimize import minimize
-
+    names, errors = _errors(game, critic, exact, b)
+    w = ca.SX.sym("w", len(names))
+    values, slopes = (
+        ca.Function("values", [critic.z], [errors]),
+        ca.Function("slopes", [critic.z, w], [ca.jtimes(errors, critic.z, w, True)]),
+    )
     starts = np.random.default_rng(0).uniform(-1.0, 1.0, (len(b), STARTS))
     starts[:, ::2] = np.sign(starts[:, ::2])
-    values, found = _values(critic, b[:, None] * starts), dict[str, Found]()
-    for target in _targets(game, critic, exact, b):
-        errors = target.errors(b[:, None] * starts, *values)
-        sizes = np.where(np.isfinite(errors), np.abs(errors), math.inf)
+    found: dict[str, Found] = {}
+    for name, sampled, unit in zip(names, np.array(values(b[:, None] * starts)), np.eye(len(names)), strict=True):
+        sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
         order = np.argsort(-sizes, kind="stable")[:CLIMBS]
-        largest, at = float(sizes[order[0]]), starts[:, order[0]]
-        for place in order if math.isfinite(largest) else ():
-            end = minimize(
-                _descent,
-                starts[:, place],
-                (critic, target, b, math.copysign(1.0, errors[place])),
-                method="L-BFGS-B",
-                jac=True,
-                bounds=[(-1.0, 1.0)] * len(b),
-                options={"maxiter": 50},
-            )
-            if not math.isfinite(end.fun):
-                largest = math.inf
-            elif -end.fun > largest:
-                largest, at = float(-end.fun), end.x
-        if target.name not in found or largest > found[target.name].error:
-            found[target.name] = Found(target.name, largest, b * at)
-    return tuple(found.values())
+        ends = [(float(sizes[order[0]]), starts[:, order[0]])]
+        if math.isfinite(ends[0][0]):
+            ends += [
+                _climbed(values, slopes, b, np.copysign(unit, sampled[place]), starts[:, place]) for place in order
+            ]
+        error, at = max(ends, key=lambda end: end[0])
+        if name not in found or error > found[name].error:
+            found[name] = Found(name, error, b * at)
+    at_origin = np.abs(np.array(values(np.zeros(len(b)))))
+    return float(np.where(np.isfinite(at_origin), at_origin, math.inf).max()), tuple(found.values())
+
+
+def _climbed(
+    values: Any, slopes: Any, b: np.ndarray, weights: np.ndarray, start: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """The largest weights'values(b y) on the way up from y = start, |y_i| <= 1, and y; inf where it is no number."""
+    from scipy.optimize import minimize
+
+    def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
+        return -float(weights @ np.array(values(b * y)).ravel()), -np.array(slopes(b * y, weights)).ravel() * b
+
+    end = minimize(descent, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * len(b), options={"maxiter": 50})
+    return (-float(end.fun) if math.isfinite(end.fun) else math.inf), end.x
+
+
+def _errors(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> tuple[list[str], Any]:
+    """Names of the relative errors, and the errors themselves, of the symbols z."""
+    z, P = critic.z, ca.DM(exact.P)
+    scale, parts = np.sqrt(np.diag(game.R)), []
+    if critic.V is not None:
+        parts.append(("value", critic.V - critic.constant - z.T @ P @ z, b[None] @ np.abs(exact.P) @ b))
+    if critic.output != "policy":
+        parts.append(("gradient", critic.F - 2.0 * P @ z, _floored(2.0 * np.abs(exact.P) @ b)))
+    sizes = _floored(scale * (np.abs(exact.K) @ b)) / scale
+    parts.append(("policy", critic.policy(game) + ca.DM(exact.K) @ z, sizes))
+    names = [name for name, _, sizes in parts for _ in sizes]
+    return names, ca.vertcat(*(error / ca.DM(sizes) for _, error, sizes in parts))
+
+
+def _floored(sizes: np.ndarray) -> np.ndarray:
+    """As in `entry_error`: what is small beside the others is compared with a part of the largest."""
+    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
 def flown_loss(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> float:
@@ -257,68 +255,22 @@ def flown_loss(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.nda
     """
     from scipy.integrate import odeint
 
-    A, P, n = game.A + game.E @ exact.disturbance_gain, exact.P, len(b)
-    policy = np.eye(len(exact.K)) if critic.output == "policy" else -0.5 * game.R_inverse_B_transposed
+    A, P, n, u = game.A + game.E @ exact.disturbance_gain, exact.P, len(b), critic.policy(game)
+    away = u + ca.DM(exact.K) @ critic.z
+    slopes = ca.vertcat(ca.DM(A) @ critic.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
+    function = ca.Function("slopes", [critic.z], [slopes])
     time = DECAY / abs(spectrum(A - game.B @ exact.K).abscissa)
-
-    def slope(_: float, y: np.ndarray) -> np.ndarray:
-        z = y[:n]
-        u = policy @ _values(critic, z[:, None])[1].ravel()
-        away = u + exact.K @ z
-        return np.append(A @ z + game.B @ u, away @ game.R @ away)
-
     starts = np.random.default_rng(1).uniform(-1.0, 1.0, (FLIGHTS, n))
     starts[::2] = np.sign(starts[::2])
-    worst = 0.0
+    worst, steps = 0.0, {"rtol": 1e-7, "mxstep": STEPS, "full_output": True}
     for start in starts * b:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of LSODA, where it gives up: that is no return
             (_, end), about = odeint(
-                slope, np.append(start, 0.0), [0.0, time], tfirst=True, rtol=1e-7, mxstep=STEPS, full_output=True
+                lambda y, _: np.array(function(y[:n])).ravel(), [*start, 0.0], [0.0, time], **steps
             )
             lost = 100.0 * float((end[n] + end[:n] @ P @ end[:n]) / (start @ P @ start))
         if about["message"] != "Integration successful." or not math.isfinite(lost):
             return math.inf
         worst = max(worst, lost)
     return worst
-
-
-def _values(critic: NetworkCritic, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """V - V(0), (N,), empty where it is not known, and F (k, N) at the columns of z (n, N)."""
-    assert critic.evaluate is not None
-    V, F = (np.array(each) for each in critic.evaluate(z))
-    return V.ravel() - critic.constant, F
-
-
-def _descent(
-    y: np.ndarray, critic: NetworkCritic, target: _Target, b: np.ndarray, sign: float
-) -> tuple[float, np.ndarray]:
-    """-sign error and its slope, at z = b y."""
-    assert critic.pull is not None
-    z = (b * y)[:, None]
-    V, F = _values(critic, z)
-    if target.weights is None:
-        slope = F - 2.0 * target.exact @ z
-    else:
-        slope = np.array(critic.pull(z, target.weights)) - target.exact[:, None]
-    return -sign * float(target.errors(z, V, F)[0]), -sign * slope.ravel() * b / target.size
-
-
-def _targets(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> list[_Target]:
-    found = []
-    if critic.output == "policy":
-        policy = np.eye(len(exact.K))
-    else:
-        policy = -0.5 * game.R_inverse_B_transposed
-        if critic.output == "V":
-            found.append(_Target("value", None, exact.P, float(b @ np.abs(exact.P) @ b)))
-        sizes = _floored(2.0 * np.abs(exact.P) @ b)
-        found += [_Target("gradient", *each) for each in zip(np.eye(len(b)), 2.0 * exact.P, sizes, strict=True)]
-    scale = np.sqrt(np.diag(game.R))
-    sizes = _floored(scale * (np.abs(exact.K) @ b)) / scale
-    return found + [_Target("policy", *each) for each in zip(policy, -exact.K, sizes, strict=True)]
-
-
-def _floored(sizes: np.ndarray) -> np.ndarray:
-    """As in `entry_error`: what is small beside the others is compared with a part of the largest."""
-    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
