@@ -271,7 +271,7 @@ def check_report(
         data={
             "state_units": list(state_units),
             "input_units": list(input_units),
-            **(check.to_dict() if limit_cost is None else _with_limit(check, limit_cost)),
+            **_data(check, limit_cost),
         },
         records=records if check.history is None else check.history.records(),
     )
@@ -279,16 +279,8 @@ def check_report(
 
 def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: float | None = None) -> Report:
     """Several critics of one game side by side, by the names of their files; limit_cost: as in `check_report`."""
-    header = (
-        "critic",
-        "verdict",
-        "error of P",
-        "error of K",
-        "largest error",
-        "stabilizing",
-        "cost lost, percent",
-        "L2 gain",
-    )
+    errors = ("error of P", "error of K", "largest error")
+    header = ("critic", "verdict", *errors, "stabilizing", "cost lost, percent", "L2 gain")
     rows = [
         (
             name,
@@ -314,10 +306,7 @@ def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: fl
         data={
             "schema": "hfa.critic-checks/1",
             "ok": passed == len(checks),
-            "critics": {
-                name: check.to_dict() if limit_cost is None else _with_limit(check, limit_cost)
-                for name, check in checks.items()
-            },
+            "critics": {name: _data(check, limit_cost) for name, check in checks.items()},
         },
         records=Table(header, rows),
     )
@@ -340,7 +329,8 @@ def _verdict(check: CriticCheck, limit_cost: float | None) -> str:
     network = check.network
     lost = _lost(check)
     where = "" if network is None or network.lost or not network.found else " near the origin"
-    said.append(f"{'no cost lost' if lost < _NO_COST else f'cost lost {lost:.2g} percent'}{where}")
+    cost = "no cost lost" if lost < _NO_COST else f"cost lost {lost:.2g} percent"
+    said.append(f"{cost}{where}" if math.isfinite(lost) else "cost without bound")
     if "l2_gain" in named and math.isfinite(named["l2_gain"].value):
         said.append(f"L2 gain {named['l2_gain'].value:.4g} (delta {named['l2_gain'].limit:g})")
     if limit_cost is not None:
@@ -409,8 +399,10 @@ def _cost(check: CriticCheck) -> Table:
     return Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
 
 
-def _with_limit(check: CriticCheck, limit_cost: float) -> dict[str, Any]:
+def _data(check: CriticCheck, limit_cost: float | None) -> dict[str, Any]:
     data = check.to_dict()
+    if limit_cost is None:
+        return data
     limited = {"limit_cost_percent": limit_cost, "ok": check.holds(limit_cost)}
     return data | {"graded": data["graded"] | limited}
 

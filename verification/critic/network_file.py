@@ -159,7 +159,9 @@ def _onnx_network(content: bytes, states: int) -> Network:
             what = f"tensor {shortened(name)!r} is in another file"
             raise BadInputError(f"{what}; export the weights inside (torch: external_data=False)")
         kind = onnx.TensorProto.DataType.Name(tensor.data_type).lower()
-        values = _finite(name, onnx.numpy_helper.to_array(tensor), kind in ("float", "double", "int32", "int64"), kind)
+        if kind not in ("float", "double", "int32", "int64"):
+            raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
+        values = _finite(name, onnx.numpy_helper.to_array(tensor))
         single.append(values.dtype == np.float32)
         return values.astype(float) if values.dtype.kind == "f" else values
 
@@ -193,9 +195,7 @@ def _check_width(found: int, states: int) -> None:
         raise BadInputError(f"the network has {found} inputs and the plant {states} states")
 
 
-def _finite(name: str, values: np.ndarray, known: bool, kind: str) -> np.ndarray:
-    if not known:
-        raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
+def _finite(name: str, values: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(values)):
         raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
     return values
@@ -264,7 +264,7 @@ def _tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         raise BadInputError("it is not what torch.save writes since torch 1.6; save state_dict() with it again")
     if sum(value.size for value in found.values()) > LARGEST_NETWORK:
         raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
-    return {name: _finite(name, value, True, "") for name, value in found.items()}
+    return {name: _finite(name, value) for name, value in found.items()}
 
 
 def _numbers_in_order(name: str) -> list[tuple[int, str]]:

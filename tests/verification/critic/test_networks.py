@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pickle
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -345,6 +346,13 @@ def test_wrong_graphs_are_refused() -> None:
     assert "belong to a state dict" in refused("good.onnx", activation="tanh")
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
     refused("damaged.onnx")
+
+
+def test_without_the_package_onnx_its_files_alone_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    Path("a.onnx").write_bytes(b"")
+    assert "install hfa with the extra [networks]" in refused("a.onnx")
+    network_in(linear(np.zeros((5, 6))), 6)
 
 
 def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
