@@ -173,7 +173,8 @@ def _onnx_network(content: bytes, states: int) -> Network:
     if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
         raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
     _check_width(sizes[-1] or states, states)
-    x, known[inputs[0].name] = _symbols(states, (states,) if len(sizes) == 1 else (1, states))
+    x = ca.SX.sym("x", states)
+    known[inputs[0].name] = np.fromiter(ca.vertsplit(x), object).reshape((1, states)[-len(sizes) :])
     for node in graph.node:
         name = node.op_type if node.domain in ("", "ai.onnx") else f"{node.domain}.{node.op_type}"
         if name not in OPERATORS:
@@ -199,14 +200,6 @@ def _finite(name: str, values: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(values)):
         raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
     return values
-
-
-def _symbols(states: int, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
-    """The vector of CasADi symbols, and an array of them."""
-    x, entries = ca.SX.sym("x", states), np.empty(states, dtype=object)
-    for place in range(states):
-        entries[place] = x[place]
-    return x, entries.reshape(shape)
 
 
 def _function(x: Any, outputs: np.ndarray) -> Any:
@@ -246,7 +239,8 @@ def _layered(
         raise BadInputError(f"a state dict does not say what is between its layers; give --activation {choices}")
     if activation is not None:
         refuse_unknown("unknown activation", activation, ACTIVATIONS)
-    x, h = _symbols(states, (states,))
+    x = ca.SX.sym("x", states)
+    h = np.fromiter(ca.vertsplit(x), object)
     for place, (weight, bias) in enumerate(layers):
         h = weight @ (ACTIVATIONS[activation](h) if place and activation else h) + bias
     return Network(_function(x, h), precision, layers)
@@ -331,8 +325,6 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
         if sum(each.file_size for each in archive.infolist()) > LARGEST_FILE:
             raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
         inside = {each.partition("/")[2]: archive.read(each) for each in archive.namelist()}
-    if inside.get("byteorder", b"little") != b"little":
-        raise BadInputError("its numbers are big-endian; save it on another machine")
     return _named("", _Restricted(inside["data.pkl"], inside).load())
 
 
