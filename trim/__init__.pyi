@@ -16,6 +16,7 @@ from .point.condition import (
     TrimCondition as TrimCondition,
     level_flight as level_flight,
     release as release,
+    usual_condition as usual_condition,
 )
 from .point.named_condition import load_condition as load_condition
 from .point.operating_point import (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ class OperatingPoint(Reported):
         """Flight-path angle, rad: that output of the model."""
         return self.model.outputs_at(self.states, self.inputs, ["gamma"])["gamma"]
 
-    @property
+    @cached_property
     def values(self) -> dict[str, float]:
         """State, input, or output that replaces a state, -> its value."""
         replacing = self.model.outputs_at(self.states, self.inputs, list(self.model.replaced.values()))

@@ -80,7 +80,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
         or math.isfinite(signal.min)
     ]
     if missing := [name for name in outputs if name not in found]:
-        found |= model.outputs_at(point.states, point.inputs, missing)
+        found = found | model.outputs_at(point.states, point.inputs, missing)
     return {
         name: Margin(
             name,
