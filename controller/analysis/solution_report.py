@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.analysis.cost import cost_checks, saddle_checks
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced, in_units, normal_form
+from controller.riccati.balancing import balanced, in_units, normal_form, reached
 from controller.riccati.frequency_response import (
     DISK_AT_INFINITY,
     DiskMargin,
@@ -185,18 +185,19 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
 
 def _analysed(game: Game, told: Progress) -> AnalysedGame:
-    solution, form = solve_game(game, told), normal_form(game)
+    solution, (inside, _) = solve_game(game, told), reached(game)
     told(_SOLVED, 100)
     share = _SEARCHED - _SOLVED
     smallest = minimum_delta(game, lambda done, total, *_: told(_SOLVED * total + share * done, 100 * total))
-    alike = replace(in_units(game, form.units), B=form.B, R=np.eye(form.B.shape[1]))
-    meaning = meaning_checks(alike, solution.P * np.outer(form.units, form.units), np.ones(len(form.units)))
+    found, form = solution if inside is game else solve_game(inside), normal_form(inside)
+    alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
+    meaning = meaning_checks(alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units)))
     for check in meaning:
         if not check.ok:
             raise NoSolutionError(
                 f"certified, but not confirmed in flight: {check.name}: {check.reason}; {smallest.advice(game.delta)}"
             )
-    return AnalysedGame(solution, smallest, meaning, loop_margins(game, solution.K), disk_margin(game, solution.K))
+    return AnalysedGame(solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K))
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:

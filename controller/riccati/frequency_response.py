@@ -234,8 +234,7 @@ def balanced_sensitivity(game: Game, K: np.ndarray, frequencies: np.ndarray) -> 
     if np.linalg.cond(modes) < WELL_CONDITIONED:
         decays = 1.0 / (1j * frequencies[:, None] - poles)
         return half - ((K @ modes) * decays[:, None, :]) @ np.linalg.solve(modes, game.B)
-    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
-    return half - K @ np.linalg.solve(resolvent, np.broadcast_to(game.B, (len(frequencies), *game.B.shape)))
+    return half - K @ _responses(loop, game.B, frequencies)
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
@@ -279,9 +278,16 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def _gains(loop: np.ndarray, E: np.ndarray, C: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(C @ _responses(loop, E, frequencies), ord=2, axis=(1, 2))
+
+
+def _responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """(jω I - loop)⁻¹ B, (N, n, m); NoSolutionError where rounding leaves a pole of the loop on the axis."""
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
-    response = C @ np.linalg.solve(resolvent, np.broadcast_to(E, (len(frequencies), *E.shape)))
-    return np.linalg.norm(response, ord=2, axis=(1, 2))
+    try:
+        return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError("rounding leaves a pole of A - B K on the imaginary axis; check the scaling") from error
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections import Counter
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from game_collection import BARELY_REACHED, STRUCTURES, Sample, collection
 from reference_riccati import reference_solution
+from scipy.linalg import solve_continuous_are
 
 from controller import Game
 from controller.riccati.smallest_delta import lqr_obstacle
@@ -102,6 +104,22 @@ def test_two_thousand_games(seed: int) -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 0.15 * count
     assert not brackets["wrong"]
     assert brackets["right, wide"] + brackets["not found, wrongly"] <= 0.03 * count
+
+
+@pytest.mark.slow
+def test_96_states_take_ten_times_as_long_as_one_equation_alone() -> None:
+    """Of SciPy, in one process, the best of three; the limit leaves room for a busy machine."""
+    rng = np.random.default_rng(0)
+    A, B = rng.standard_normal((96, 96)) / 10.0, rng.standard_normal((96, 24))
+    game, times = Game(A, B, 0.3 * B, np.eye(96), np.eye(24), math.inf), []
+    for _ in range(3):
+        start = time.process_time()
+        solve_continuous_are(A, B, game.Q, game.R)
+        middle = time.process_time()
+        solve_game(game)
+        times.append((middle - start, time.process_time() - middle))
+    alone, certified = np.min(times, axis=0)
+    assert certified <= 15.0 * alone
 
 
 @pytest.mark.parametrize("n", range(1, 11))
