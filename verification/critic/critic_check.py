@@ -118,11 +118,20 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
         ),
         at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
         *(
-            saddle_checks(balanced, scaled, np.ones(len(P)), change)
+            _saddle_checks(balanced, scaled, exact * squared, change)
             if change is not None and (game.Q.any() or P.any())
             else ()
         ),
     )
+
+
+def _saddle_checks(game: Game, P: np.ndarray, exact: np.ndarray, change: float) -> tuple[Check, ...]:
+    """`saddle_checks` of P, none where rounding of the exact P alone fails them; all in balanced units."""
+    initial = np.ones(len(P))
+    found = saddle_checks(game, P, initial, change)
+    if all(check.ok for check in found) or not exact.any():
+        return found
+    return found if all(check.ok for check in saddle_checks(game, exact, initial, change)) else ()
 
 
 def _least_eigenvalue(game: Game, exact: np.ndarray, limit: float) -> float:

@@ -48,6 +48,15 @@ def test_the_value_of_a_state_that_costs_nothing_may_be_0():
     assert check_critic(game, from_value(game, P)).ok
 
 
+def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_does_not():
+    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost by more than the saddle checks allow."""
+    A, B = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[-0.5999976], [0.8000018]])
+    game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
+    P = solve_game(game).P
+    assert check_critic(game, from_value(game, P)).ok
+    assert not check_critic(game, from_value(game, P * (1.0 + 1e-5))).ok
+
+
 def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game):
     check = check_critic(game, from_gain(game, solve_game(game).K))
     assert check.ok
