@@ -253,7 +253,7 @@ class Model:
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
         """Outputs, all unless named, at a state and an input."""
-        numbers = [list(map(ca.DM, each)) for each in (x, u, self.p)]
+        numbers = [list(map(float, each)) for each in (x, u, self.p)]
         found = self.layout.equations(*map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances))))[1]
         return {name: float(found[name]) for name in (self.outputs if names is None else names)}
 

@@ -21,6 +21,7 @@ from trim.point.operating_point import OperatingPoint
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 from f16 import F16
+from navion import NAVION
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator, aileron, rudder.
 TRIMS = [
@@ -67,6 +68,15 @@ def test_modes_of_the_book() -> None:
     found = {mode.name: mode.eigenvalue for mode in linear(model, trimmed(model)).modes}
     for name, printed in MODES.items():
         assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), name
+
+
+def test_modes_of_the_navion() -> None:
+    """Those of Nelson, examples 4.3 and 5.2, who leaves out C_Lq and rounds."""
+    printed = {"short period": -2.51 + 2.59j, "phugoid": -0.0171 + 0.213j, "dutch roll": -0.487 + 2.335j}
+    printed |= {"roll": -8.435, "spiral": -0.00877}
+    found = {mode.name: mode.eigenvalue for mode in linear(NAVION, trimmed(NAVION)).modes}
+    for name, value in printed.items():
+        assert abs(found[name] - value) <= 0.015 * abs(value) + 6e-4, name
 
 
 def test_rates_of_the_book() -> None:
