@@ -1,6 +1,6 @@
 """The Navion from its published stability derivatives: small angles of sideslip and bank, constant thrust.
 
-R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1: sea level, 176 ft/s. Feet, slugs, radians.
+R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1: sea level, 176 ft/s. ft, slug, rad.
 
     hfa linearize --aircraft examples/navion.py:NAVION
 """
@@ -37,7 +37,8 @@ NAVION = Model(
     name="Navion",
     states={"speed": Signal("ft/s", 176.0, 80.0, 300.0, 176.0, rate=32.2), "alpha": ANGLE._replace(min=-0.2, max=0.2),
             "pitch": ANGLE, "pitch_rate": RATE, "beta": ANGLE, "roll": ANGLE, "roll_rate": RATE, "yaw_rate": RATE},
-    inputs={"thrust": Signal("lbf", 100.0, 0.0, 1500.0, 300.0), "elevator": SURFACE, "aileron": SURFACE, "rudder": SURFACE},
+    inputs={"thrust": Signal("lbf", 100.0, 0.0, 1500.0, 300.0), "elevator": SURFACE, "aileron": SURFACE,
+            "rudder": SURFACE},
     outputs={"gamma": ANGLE}, equations=equations, replaced={"pitch": "gamma"}, schedule="speed",
     trim={"speed": 176.0, "gamma": 0.0, "pitch_rate": 0.0, "roll": 0.0, "roll_rate": 0.0, "yaw_rate": 0.0},
     modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch"), "roll": ("roll_rate",),

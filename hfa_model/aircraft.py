@@ -63,14 +63,14 @@ def check_in_range(x: State) -> None:
 #: Typical size of an output, by its unit.
 _TYPICAL = {"ft/s^2": 10.0, "rad": 0.1, "ft/s": 10.0, "ft lbf": 1000.0, "lbf": 100.0, "lbf/ft^2": 1.0}
 _PAPER = published_data()["trim"]
-#: The aircraft as any `Model`: with the published equations and no values of its parameters.
+#: The aircraft as any `Model`: with the published equations; an `Aircraft` gives its parameters their values.
 HFA = Model(
     name="published",
     called="published dynamics",
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
-    parameters=Parameters(*(Signal(each.unit) for each in FIELDS)),  # type: ignore[arg-type]
+    parameters=Parameters(*(Signal(each.unit, start=1.0) for each in FIELDS)),  # type: ignore[arg-type]
     disturbances={name: Signal(DISTURBANCE_UNIT, 10.0) for name in DISTURBANCES},
     outputs={name: Signal(each.unit, _TYPICAL.get(each.unit, 1.0)) for name, each in OUTPUTS.items()},
     # The paper's level flight (Section 5.1), with a flat wing.
