@@ -47,7 +47,8 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
     loop, _ = _stable_loop(game, K, L)
     price = 0.0 if math.isinf(game.delta) else game.delta**2
-    X = solve_continuous_lyapunov(loop.T, -(game.Q + K.T @ game.R @ K - price * L.T @ L))
+    with warnings.catch_warnings(action="ignore"):  # of a loop near the axis, whose cost is compared with another
+        X = solve_continuous_lyapunov(loop.T, -(game.Q + K.T @ game.R @ K - price * L.T @ L))
     return (X + X.T) / 2.0
 
 
