@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.design.command_shaping import FedBack, best_feedforward, stage_rates
 from controller.design.design import Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.design.servo_loop import plant_with, servo_loop, servo_plant
+from controller.design.servo_loop import servo_loop, servo_plant
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve_game
 from controller.riccati.output_feedback import (
@@ -82,21 +81,19 @@ def controller_table(
     aircraft: Aircraft, design: Design, feedback: str, models: list[LinearModel], found: list[LinearController]
 ) -> ScheduledController:
     """Controllers of one design, and the linear models that they are for, in one value."""
-    shaping = design.feedforward
     return ScheduledController(
         name=design.name,
         feedback=feedback,
         dihedrals=np.array([model.point.states.dihedral for model in models]),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},  # type: ignore[arg-type]
-        states=_states(design, feedback),
+        states=tuple(f"{name}_estimate" for name in design.states if feedback == "output") + design.integral_states,
         measurements=measurements(design, feedback),
-        commands=commands_of(design),
+        commands=tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals),
         inputs=design.inputs,
         trim_states=np.array([model.point.states for model in models]),
         trim_inputs=np.array([model.point.inputs for model in models]),
         dynamics=aircraft.variant.name,
         parameters=parameter_hash(aircraft.parameters),
-        command_filter=(shaping.bandwidth, shaping.damping) if shaping else (),
     )
 
 
@@ -115,7 +112,7 @@ def controller_at(
         raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
     else:
         found = _output_feedback(built, value)
-    return with_commands(aircraft, built, found)
+    return _with_commands(design, measurements(design, feedback), found)
 
 
 def _state_feedback(built: DesignModel, value: Value | None) -> LinearController:
@@ -173,15 +170,6 @@ def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, 
     )
 
 
-def _states(design: Design, feedback: str) -> tuple[str, ...]:
-    stages = range(1, int(design.feedforward.stages) + 1) if design.feedforward else ()
-    return (
-        *(f"{name}_command_end_lag_{stage}" for name in design.integrals for stage in stages),
-        *(f"{name}_estimate" for name in design.states if feedback == "output"),
-        *design.integral_states,
-    )
-
-
 def _row(
     aircraft: Aircraft, model: LinearModel, design: Design, found: LinearController, table: ScheduledController
 ) -> dict[str, Any]:
@@ -204,63 +192,13 @@ def measurements(design: Design, feedback: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*plain, *design.integrals]))
 
 
-def commands_of(design: Design) -> tuple[str, ...]:
-    """What the controller must be told of the commands: r, and for a feedforward r_end too."""
-    value, _, end = COMMAND_SIGNALS
-    return tuple(
-        f"{name}{signal}" for signal in (value, *[end] * bool(design.feedforward)) for name in design.integrals
-    )
+def _with_commands(design: Design, names: tuple[str, ...], found: LinearController) -> LinearController:
+    """e' = y - r for the integrals, which are the last states of `found`.
 
-
-def with_commands(aircraft: Aircraft, built: DesignModel, found: LinearController) -> LinearController:
-    """e' = y - r for the integrals, which are the last states of `found`; with a feedforward its stages before them.
-
-    found.B, found.D: of the measurements; the result's of [measurements; commands].
+    names: measured. found.B, found.D: of the measurements; the result's of [measurements; commands].
     """
-    design, q, m = built.design, len(built.design.integrals), len(built.inputs)
-    n, p, shaping = len(found.A), found.B.shape[1], design.feedforward
-    names = measurements(design, "output" if n > q else "state")
-    B, D = np.hstack([found.B, np.zeros((n, q))]), np.hstack([found.D, np.zeros((m, q))])
+    n, q = len(found.A), len(design.integrals)
+    B, D = (np.pad(part, ((0, 0), (0, q))) for part in (found.B, found.D))
     for k, output in enumerate(design.integrals):
-        B[n - q + k, names.index(output)], B[n - q + k, p + k] = 1.0, -1.0
-    plain = replace(found, B=B, D=D)
-    if shaping is None:
-        return plain
-    loops = [
-        _fed_back(
-            plant_with(aircraft, built.model, names, dict.fromkeys(built.inputs, actuator)),
-            plain,
-            design.integrals,
-            shaping.importance.get(name, 1.0),
-        )
-        for name, actuator in shaping.actuators.items()
-    ]
-    gains, checks = best_feedforward(loops, design.integrals, built, shaping)
-    rates, into = (np.kron(np.eye(q), part) for part in stage_rates(shaping))
-    count = len(rates)
-    return replace(
-        found,
-        A=np.block([[rates, np.zeros((count, n))], [np.zeros((n, count)), found.A]]),
-        B=np.block([[np.zeros((count, p + q)), into.reshape(q, count).T], [B, np.zeros((n, q))]]),
-        C=np.hstack([gains, found.C]),
-        D=np.hstack([D, np.zeros((m, q))]),
-        W=np.vstack([np.zeros((count, m)), found.W]),
-        checks=(*found.checks, *checks),
-    )
-
-
-def _fed_back(plant: DesignModel, plain: LinearController, outputs: tuple[str, ...], importance: float) -> FedBack:
-    """The loop of a plant whose inputs act through actuators, with a controller without a feedforward."""
-    p, nothing = len(plant.C), np.zeros((len(plain.A), len(plant.inputs)))
-    return FedBack(
-        A=np.block(
-            [[plant.A + plant.B @ plain.D[:, :p] @ plant.C, plant.B @ plain.C], [plain.B[:, :p] @ plant.C, plain.A]]
-        ),
-        told=np.vstack([plant.B @ plain.D[:, p:], plain.B[:, p:]]),
-        moved=np.vstack([plant.B, nothing]),
-        errors=np.hstack(
-            [plant.C[[plant.sensors.index(name) for name in outputs]], np.zeros((len(outputs), len(plain.A)))]
-        ),
-        positions=tuple(plant.states.index(f"{name}_position") for name in plant.inputs),
-        importance=importance,
-    )
+        B[n - q + k, names.index(output)], B[n - q + k, len(names) + k] = 1.0, -1.0
+    return replace(found, B=B, D=D)

@@ -37,8 +37,6 @@ _ENDS = {
     "_integral": " s",
     "_position": "",
 }
-#: Of a feedforward: beyond them the stages are alike to rounding.
-_MOST_STAGES = 12
 _INPUT_RATES = {f"{name}_rate": f"{unit}/s" for name, unit in INPUT_UNITS._asdict().items()}
 
 
@@ -64,43 +62,6 @@ class Actuator:
 
 
 @dataclass(frozen=True)
-class Feedforward:
-    """u_ff = Σ_j Σ_k θ_jk z_jk,  lag z_jk' = z_j,k-1 - z_jk,  k = 1..stages,  z_j0 = r_end of the j-th command.
-
-    θ makes the errors y - r after a step of one command small, on all `actuators` at once: the sum of importance times
-    weight times the mean square, no input moving faster than the rate of that command times the step.
-
-    lag: s. stages: whole. bandwidth ω: rad/s, damping ζ: 1, of the command filter r'' = ω² r_end - 2 ζ ω r' - ω² r.
-    actuators: by any name, each at every input. importance: of these, 1 without. weights: of outputs, 1 without. rates:
-    rad/s per unit of an output, inf without. BadInputError for a number that is none of these.
-    """
-
-    lag: float = 3.0
-    stages: float = 6
-    bandwidth: float = 0.5
-    damping: float = 2.0
-    actuators: Mapping[str, Actuator] = field(default_factory=lambda: {"designed": Actuator()})
-    importance: Mapping[str, float] = field(default_factory=dict)
-    weights: Mapping[str, float] = field(default_factory=dict)
-    rates: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Refuse a filter that never arrives, and a choice among nothing."""
-        for name in ("lag", "bandwidth", "damping"):
-            refuse_unless_positive(f"the {name} of a feedforward", getattr(self, name))
-        for name, value in self.rates.items():
-            refuse_unless_positive(f"the rate of {name} of a feedforward", value)
-        if not (1 <= self.stages <= _MOST_STAGES and self.stages == int(self.stages)):
-            raise BadInputError(
-                f"the stages of a feedforward are {self.stages}; give a whole number from 1 to {_MOST_STAGES}"
-            )
-        if not self.actuators:
-            raise BadInputError("a feedforward has no actuators to be made for; name one")
-        for name in self.importance:
-            refuse_unknown("the feedforward has no actuators", name, tuple(self.actuators))
-
-
-@dataclass(frozen=True)
 class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for `integrals`.
 
@@ -108,7 +69,7 @@ class Design:
     scales the squared columns of E; "states": the rates of the six states (the paper's), "updraft": the vertical
     velocity of the air, ft/s, "commands": the inputs. state_weights, input_weights: diagonal of Q and R by name, in the
     names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
-    sensors: state or output -> intensity of its noise. feedforward: of the commands.
+    sensors: state or output -> intensity of its noise.
     BadInputError when a name is unknown or given twice.
     """
 
@@ -121,7 +82,6 @@ class Design:
     input_weights: Mapping[str, float] = field(default_factory=dict)
     delta: float = math.inf
     sensors: Mapping[str, float] = field(default_factory=dict)
-    feedforward: Feedforward | None = None
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is built."""
@@ -132,7 +92,6 @@ class Design:
                 raise BadInputError(
                     f"design {self.name}: the actuator of {name} is {shown(actuator)}; give an Actuator"
                 )
-        answered = tuple({**self.feedforward.weights, **self.feedforward.rates}) if self.feedforward else ()
         outputs = (*OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
         for what, names, choices in (
             ("input", self.inputs, INPUTS),
@@ -142,7 +101,6 @@ class Design:
             ("weight of an input", tuple(self.input_weights), self.inputs),
             ("sensor", tuple(self.sensors), (*self.plant_states, *self.integral_states, *outputs)),
             ("disturbance", tuple(self.disturbances), DISTURBANCES),
-            ("output of the feedforward", answered, self.integrals),
         ):
             for name in names:
                 refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
@@ -189,11 +147,7 @@ def signal_unit(name: str) -> str:
 
 
 _WEIGHTS = {str: Number(0.0, 1e100)}
-_ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
-_FEEDFORWARD = {each.name: NUMBER for each in fields(Feedforward)} | {
-    "actuators": _ACTUATORS,
-    **dict.fromkeys(("importance", "weights", "rates"), _WEIGHTS),
-}
+ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
 _FILE = {
     "description": str,
     "source": str,
@@ -201,10 +155,9 @@ _FILE = {
     "integrals": [str],
     "disturbance": None,
     "delta": Number(0.0, above=True, infinite=True),
-    "actuators": _ACTUATORS,
+    "actuators": ACTUATORS,
     "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
     "sensors": _WEIGHTS,
-    "feedforward": _FEEDFORWARD,
 }
 
 
@@ -214,21 +167,22 @@ def load_design(name: str) -> Design:
     inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
     [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
     (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
-    intensity of its noise. [feedforward]: lag (s), stages, bandwidth (rad/s) and damping of the command filter,
-    [feedforward.actuators.NAME] as above, [feedforward.importance]: NAME = number, [feedforward.weights],
-    [feedforward.rates]: output = number.
+    intensity of its noise.
     BadInputError names the file, the entry and what is wrong with it.
     """
     return design_of(name, read_design(name))
 
 
 def read_design(name: str) -> dict[str, Any]:
-    """The entries of a design file."""
-    return dict(read_named("design", name, NAMED, "controller.designs", _FILE))
+    """The entries of a design file, which `design_of` checks."""
+    return dict(read_named("design", name, NAMED, "controller.designs", {...: None}))
 
 
 def design_of(name: str, data: Mapping[str, Any]) -> Design:
     """The design of the entries of a file; BadInputError as `load_design`."""
+    if "feedforward" in data:
+        study = "make the controller with the study: python -m studies.servo design FILE.toml -o FILE.npz"
+        raise BadInputError(f"{name}: a design has no table [feedforward]; remove it, or {study}")
     data = checked(name, data, _FILE)
     entering = data.get("disturbance", "states")
     several = entering if isinstance(entering, dict) else {checked(name, entering, str, "disturbance"): 1.0}
@@ -239,29 +193,18 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
         integrals=tuple(data.get("integrals", ())),
         disturbances=checked(name, several, _WEIGHTS, "disturbance"),
         delta=data.get("delta", math.inf),
-        actuators=_actuators(name, "actuators", data.get("actuators", {})),
+        actuators=actuators_of(name, "actuators", data.get("actuators", {})),
         state_weights=weights.get("states", {}),
         input_weights=weights.get("inputs", {}),
         sensors=data.get("sensors", {}),
-        feedforward=_feedforward(name, data["feedforward"]) if "feedforward" in data else None,
     )
 
 
-def _feedforward(where: str, table: dict[str, Any]) -> Feedforward:
-    actuators = _actuators(where, "feedforward.actuators", table.get("actuators", {}))
-    with said_of(f"{where}: feedforward"):
-        return Feedforward(**_whole(table) | ({"actuators": actuators} if actuators else {}))
-
-
-def _actuators(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
+def actuators_of(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
+    """The actuators of the tables [entry.NAME] of a file; BadInputError names the table that is no actuator."""
     made = {}
     for key, table in tables.items():
         with said_of(f"{where}: {entry}.{shortened(key)}"):
-            made[key] = Actuator(**_whole(table))
+            whole = {"order": int(table["order"])} if table.get("order") in (1, 2) else {}
+            made[key] = Actuator(**table | whole)
     return made
-
-
-def _whole(table: dict[str, Any]) -> dict[str, Any]:
-    """Counts, as integers where they are whole."""
-    counts = {key: int(table[key]) for key in ("order", "stages") if key in table and table[key] == int(table[key])}
-    return table | counts

@@ -4,7 +4,7 @@ whether it is stable with every actuator that the aircraft may have: all corners
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -80,25 +80,13 @@ class ServoLoop:
         return _margin(A, B, -np.hstack([self.C, np.zeros((len(self.C), nk))]))
 
 
-def plant_with(
-    aircraft: Aircraft,
-    model: LinearModel,
-    measured: Sequence[str],
-    actuators: Mapping[str, Actuator],
-    inputs: tuple[str, ...] = (),
-) -> DesignModel:
-    """The linear model with these actuators, its sensors what is measured. inputs: those of the actuators unless
-    given; an input without an actuator acts at once."""
-    moved = inputs or tuple(actuators)
-    ones = dict.fromkeys(measured, 1.0), dict.fromkeys(moved, 1.0)
-    return design_model(aircraft, model, Design("loop", moved, actuators, sensors=ones[0], input_weights=ones[1]))
-
-
 def servo_plant(
     aircraft: Aircraft, model: LinearModel, controller: ScheduledController, actuators: Mapping[str, Actuator]
 ) -> DesignModel:
     """The linear model with these actuators, its sensors the measurements of the controller; E of the updraft."""
-    return plant_with(aircraft, model, controller.measurements, actuators, controller.inputs)
+    ones = dict.fromkeys(controller.measurements, 1.0), dict.fromkeys(controller.inputs, 1.0)
+    loop = Design("loop", controller.inputs, actuators, sensors=ones[0], input_weights=ones[1])
+    return design_model(aircraft, model, loop)
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:

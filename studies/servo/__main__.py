@@ -8,12 +8,12 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from controller import design_model, load_controller, load_design
-from controller.design.design import design_of
+from controller import design_model, load_controller, save_controller
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError, Report
@@ -56,6 +56,12 @@ def parser() -> argparse.ArgumentParser:
     fly.add_argument("--duration", type=float, metavar="S", help="default: the whole sequence, 1051 s")
     fly.set_defaults(run=_fly)
 
+    design = commands.add_parser("design", help="the controller of a design and its [feedforward], at 0, 1, ... 20 deg")
+    design.add_argument("design", help="name or file of the design")
+    about = "the controller, for hfa fly --controller and monte-carlo"
+    design.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.npz", help=about)
+    design.set_defaults(run=_design)
+
     search = commands.add_parser("search", help="search better weights of a design; goes on where it was interrupted")
     search.add_argument("tuning", help="the tuning file (.toml)")
     about = "the design found; evaluations are kept in the folder FILE.evaluations"
@@ -76,7 +82,7 @@ def parser() -> argparse.ArgumentParser:
     updraft.add_argument("--dihedral", type=float, default=11.0, metavar="DEG")
     updraft.set_defaults(run=_updraft)
 
-    for each in (fly, search, line, gusts, updraft):
+    for each in (fly, design, search, line, gusts, updraft):
         each.add_argument("--dynamics", choices=("published", "newton"), default="published")
         each.add_argument("--json", action="store_true", help="print JSON")
     return whole
@@ -93,6 +99,17 @@ def _fly(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
     return servo_report([run_case(aircraft, name, *where, **settings) for name in names])
 
 
+def _design(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
+    from studies.servo.feedforward import shaped_controller, shaped_design
+    from studies.servo.tuning import design_entries
+
+    chosen = shaped_design(arguments.design, design_entries(arguments.design))
+    made = shaped_controller(aircraft, *chosen, np.radians(np.arange(21.0)))
+    made = replace(made, about={**made.about, "provenance": _origin(aircraft).to_dict()})
+    save_controller(arguments.output, made)
+    return made.report()
+
+
 def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
     from studies.servo.search import search_report, tune
     from studies.servo.tuning import load_tuning, save_design
@@ -105,11 +122,12 @@ def _search(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
 
 
 def _line(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
+    from studies.servo.feedforward import shaped_design
     from studies.servo.search import design_line
     from studies.servo.tuning import design_entries, load_tuning
 
     tuning, entries = load_tuning(arguments.tuning), design_entries(arguments.toward)
-    design_of(arguments.toward, entries)
+    shaped_design(arguments.toward, entries)
     return design_line(aircraft, tuning, arguments.toward, entries)
 
 
@@ -120,10 +138,11 @@ def _gusts(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
 
 
 def _updraft(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
+    from studies.servo.feedforward import shaped_design
     from studies.servo.flights import updraft_cost
-    from studies.servo.tuning import DESIGNS
+    from studies.servo.tuning import design_entries
 
-    design = load_design(DESIGNS.get(arguments.design, arguments.design))
+    design, _ = shaped_design(arguments.design, design_entries(arguments.design))
     built = design_model(aircraft, level_model(aircraft, float(np.radians(arguments.dihedral))), design)
     return updraft_cost(built, built.game(), solve_game(built.game()).K)
 

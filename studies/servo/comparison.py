@@ -21,10 +21,8 @@ from controller import (
     Game,
     Scenario,
     ScheduledController,
-    design_controller,
     flight_envelope,
     gain_law,
-    load_design,
     published_game,
     servo_law,
 )
@@ -41,9 +39,10 @@ from hfa_support.jsonable import records_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
+from studies.servo.feedforward import shaped_controller, shaped_design
 from studies.servo.flights import flown_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
-from studies.servo.tuning import DESIGNS
+from studies.servo.tuning import design_entries
 from trim import OperatingPoint, find_operating_point, level_flight, linearize
 from verification import solve_game
 
@@ -140,8 +139,8 @@ def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Make:
 def _own_controller(aircraft: Aircraft, design: str, source: str, angles: tuple[float, ...]) -> ScheduledController:
     """The same for all cases."""
     value = _learned if source == "learned" else None
-    chosen = load_design(DESIGNS.get(design, design))
-    return design_controller(aircraft, chosen, np.array(angles), OWN_DESIGNS.get(design, ""), value=value)
+    chosen = shaped_design(design, design_entries(design))
+    return shaped_controller(aircraft, *chosen, np.array(angles), OWN_DESIGNS.get(design, ""), value=value)
 
 
 def _learned(game: Game) -> np.ndarray:

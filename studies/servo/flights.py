@@ -24,10 +24,9 @@ from controller import (
     flight_envelope,
     servo_law,
 )
-from controller.design.command_shaping import command_rates
-from controller.design.design import Feedforward
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from controller.design.servo_loop import ServoLoop
+from controller.export.exported_loop import commandable
 from controller.flight.nonlinear_flight import fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.riccati.frequency_response import square_root, swept_gain
@@ -36,6 +35,7 @@ from hfa_model.kinematics import angle_of_attack
 from hfa_model.vectors import STATE_SCALES
 from hfa_support import NoSolutionError, Report
 from hfa_support.reporting.text import Table
+from studies.servo.feedforward import Feedforward, command_rates
 from studies.servo.tuning import InGust
 from trim import CONTROL_LIMITS, LinearModel, level_model
 
@@ -81,7 +81,7 @@ def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledCont
     w = peak/2 (1 - cos(2π V t / length)), alpha through the air, no commands, positions within `CONTROL_LIMITS`,
     `SECONDS` in all. 2 - t / `SECONDS` when it leaves the envelope at t: 1 is what is just held.
     """
-    point, names = model.point, commanded(controller)
+    point, names = model.point, commandable(controller)
     still = CommandSteps(names, np.zeros(0), np.zeros((0, len(names))))
     scenario = Scenario(
         duration=SECONDS,
@@ -147,7 +147,7 @@ def fly_commands(
     """
     from scipy.linalg import expm
 
-    outputs = commanded(controller)
+    outputs = commandable(controller)
     rows = [controller.measurements.index(name) for name in outputs]
     Ak, Bk, Ck, Dk = controller.at(plant.model.point.states.dihedral)
     received = _received(controller, outputs)
@@ -174,12 +174,6 @@ def fly_commands(
         moving = [plant.states.index(f"{name}_position") for name in controller.inputs]
         rate = np.nan_to_num(np.abs(record @ loop[moving].T).max(), nan=np.inf)
     return dict(zip(outputs, rms.tolist(), strict=True)), float(rate)
-
-
-def commanded(controller: ScheduledController) -> tuple[str, ...]:
-    """Outputs of which the controller receives a command."""
-    value = COMMAND_SIGNALS[0]
-    return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
 
 
 def _received(controller: ScheduledController, outputs: Sequence[str]) -> np.ndarray:

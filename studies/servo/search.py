@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,6 @@ import numpy as np
 
 from controller import Design, ScheduledController
 from controller.design.controllers import controller_at, controller_table
-from controller.design.design import Feedforward, design_of
 from controller.design.servo_loop import corner_loops, servo_loop, servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft
@@ -23,6 +22,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import records_text
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
+from studies.servo.feedforward import Feedforward, shaped_design, with_feedforward
 from studies.servo.flights import LARGEST, fly_commands, gust_held, gust_share, turbulence_rms
 from studies.servo.tuning import Tuning
 from trim import LinearModel, level_model
@@ -72,7 +72,7 @@ class DesignEvaluation:
 
     def held(self, entries: Mapping[str, Any]) -> tuple[float, ...]:
         """Of the entries of a design file, the largest peak stood in each gust of the search, ft/s, as `gust_held`."""
-        table_at = self._tables(replace(design_of(self._tuning.name, entries), feedforward=None))
+        table_at = self._tables(shaped_design(self._tuning.name, entries)[0])
         return tuple(gust_held(*self._models[place], table_at(place), gust) for place, gust in self._in_gusts)
 
     def of(self, entries: Mapping[str, Any], below: float = math.inf) -> Evaluation:
@@ -83,7 +83,7 @@ class DesignEvaluation:
         """
         found = Evaluation(2.0 * LOST, math.inf)
         try:
-            for found in self._parts(design_of(self._tuning.name, entries)):
+            for found in self._parts(*shaped_design(self._tuning.name, entries)):
                 if found.cost > below:
                     break
         except (BadInputError, NoSolutionError, np.linalg.LinAlgError):
@@ -94,7 +94,7 @@ class DesignEvaluation:
         """The controllers of a design, each made when it is first asked for."""
         return cache(lambda place: quick_controller(*self._models[place], design))
 
-    def _parts(self, design: Design) -> Iterator[Evaluation]:
+    def _parts(self, design: Design, feedforward: Feedforward | None) -> Iterator[Evaluation]:
         """The evaluation with ever more in it, by the time that it takes; no part makes the cost smaller."""
         tuning, found = self._tuning, Evaluation(0.0, math.inf)
         sizes: list[float] = []  # of errors, weighted
@@ -107,7 +107,7 @@ class DesignEvaluation:
             found = found._replace(cost=float(norm + PENALTY * sum(max(0.0, each) for each in missed)), **figures)
             return found
 
-        table_at, loops = self._tables(replace(design, feedforward=None)), {}
+        table_at, loops = self._tables(design), {}
         for angle, actuator in tuning.places:
             table = table_at((self._own, angle))
             actuators = dict.fromkeys(table.inputs, actuator)
@@ -134,10 +134,17 @@ class DesignEvaluation:
             return
         missed.append((abscissa - tuning.abscissa) / abs(tuning.abscissa))
         yield with_more(abscissa=abscissa)
-        shaped_at, flights = self._tables(design) if design.feedforward else table_at, []
+        flights = []
+
+        @cache
+        def shaped_at(place: Place) -> ScheduledController:
+            flown, model = self._models[place]
+            table = table_at(place)
+            return with_feedforward(flown, [model], table, feedforward)[0] if feedforward else table
+
         for case in tuning.cases:
             plant, table = loops[case.dihedral, case.actuator][0], shaped_at((self._own, case.dihedral))
-            flights.append(fly_commands(plant, table, case.ends, case.each, design.feedforward or Feedforward()))
+            flights.append(fly_commands(plant, table, case.ends, case.each, feedforward or Feedforward()))
         errors, rates = zip(*flights, strict=True)
         sizes += [size * each[name] for each in errors for name, size in tuning.objective.items()]
         missed += [rate / tuning.rate - 1.0 for rate in rates]

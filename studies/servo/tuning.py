@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import Actuator
-from controller.design.design import NAMED, design_of, read_design
+from controller.design.design import NAMED, read_design
 from hfa_model import VARIANTS
 from hfa_support import BadInputError
 from hfa_support.files import read_toml, write_text
+from studies.servo.feedforward import shaped_design
 
 #: The designs that were searched: name -> file.
 DESIGNS = {
@@ -153,7 +154,7 @@ def load_tuning(path: str) -> Tuning:
             raise ValueError(f"angles is {data['angles']}; give a list of degrees")
         design = data.pop("design")
         start = design_entries(design, Path(path).parent)
-        made = design_of(design, start)
+        made, _ = shaped_design(design, start)
         outputs, states = made.integrals, made.plant_states
         found = Tuning(
             name=path,
@@ -173,7 +174,7 @@ def load_tuning(path: str) -> Tuning:
         if not (found.cases and found.variables and found.angles and found.power >= 1.0 and found.abscissa < 0.0):
             raise ValueError("give at least one of cases, variables and angles, power >= 1, abscissa < 0")
         np.random.default_rng(found.seed)
-        design_of(design, found.entries_at(found.first_values()))
+        shaped_design(design, found.entries_at(found.first_values()))
     except KeyError as error:
         raise BadInputError(f"{path}: {error} is missing or unknown; see studies/servo/README.md") from error
     except OSError as error:

@@ -6,16 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from controller import Design, load_design
-from controller.design.design import Feedforward
 
 A_Z = "vertical_acceleration_short_period"
 
 
 def measured_servo(**changed: object) -> Design:
-    """The settings of `simvfa-1` from the three measurements of its servo, with a feedforward."""
+    """The settings of `simvfa-1` from the three measurements of its servo."""
     settings: dict[str, object] = {
         "sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2},
-        "feedforward": Feedforward(),
     }
     return replace(load_design("simvfa-1"), **(settings | changed))  # type: ignore[arg-type]
 

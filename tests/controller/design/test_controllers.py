@@ -8,13 +8,11 @@ from known_models import model_at
 from servo_cases import A_Z, measured_servo
 
 from controller import Design, design_model, load_design
-from controller.design.controllers import LinearController, controller_at, design_controller, measurements
-from controller.design.design import Feedforward
+from controller.design.controllers import LinearController, controller_at, design_controller
 from controller.design.servo_loop import servo_plant
 from controller.riccati.output_feedback import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
-from studies.servo.flights import fly_commands
 from verification import OutputGame, solve_game, solve_output_feedback
 
 ANGLES = np.radians([9.0, 11.0])
@@ -50,55 +48,24 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Airc
 
 @pytest.mark.parametrize("delta", [pytest.param(np.inf, marks=pytest.mark.slow), 200.0])
 def test_output_feedback_has_the_poles_of_the_central_controller(published_aircraft: Aircraft, delta: float) -> None:
-    design = measured_servo(delta=delta, feedforward=Feedforward(lag=0.5, stages=2))
+    design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
     problem = OutputGame(built.game(), built.C, built.D, built.V)
     exact = solve_output_feedback(problem)
     loop, found = whole(published_aircraft, design, "output")
     poles = np.linalg.eigvals(closed_loop(problem, (exact.Ak, exact.Bk, exact.Ck))[0])
-    same_poles(loop, np.concatenate([poles, [-2.0] * 4]))  # and two stages of each command
+    same_poles(loop, poles)
     assert found.delta_min < delta
-
-
-@pytest.mark.parametrize("feedback", ["state", "output"])
-def test_a_feedforward_is_added_to_what_is_fed_back(published_aircraft: Aircraft, feedback: str) -> None:
-    plain, told = (
-        controller_at(published_aircraft, model_at(11.0), measured_servo(feedforward=each), feedback)
-        for each in (None, Feedforward(stages=3))
-    )
-    p, n = len(measurements(measured_servo(), feedback)), len(plain.A)
-    np.testing.assert_array_equal(plain.B[-2:, p:], -np.eye(2))
-    for part, rows, columns in (("A", n, n), ("B", n, p + 2), ("C", 2, n), ("D", 2, p + 2), ("W", n, 2)):
-        place = slice(-columns, None) if part in "AC" else slice(columns)
-        np.testing.assert_array_equal(getattr(told, part)[-rows:, place], getattr(plain, part))
-    assert not told.A[6:, :6].any()
-    assert not told.B[:6, : p + 2].any()
-    assert not told.W[:6].any()
-    rest = np.linalg.solve(told.A[:6, :6], -told.B[:6, p + 2 :])  # r_end after some time, stage by stage
-    np.testing.assert_allclose(rest, np.kron(np.eye(2), np.ones((3, 1))))
-
-
-def test_a_feedforward_for_the_actuators_as_they_are_halves_the_error(published_aircraft: Aircraft) -> None:
-    ends = np.column_stack([np.radians([1.0, 2.0, -1.0]), [-1.0, 1.0, 0.0]])
-    errors = []
-    for shaping in (None, Feedforward(weights={A_Z: 0.0})):
-        design = measured_servo(feedforward=shaping)
-        table = design_controller(published_aircraft, design, np.radians([11.0]))
-        plant = servo_plant(published_aircraft, model_at(11.0), table, design.actuators)
-        errors.append(fly_commands(plant, table, ends, 70.0, Feedforward())[0]["dihedral"])
-    assert errors[1] < 0.5 * errors[0]
 
 
 def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft) -> None:
     output = design_controller(published_aircraft, measured_servo(), ANGLES)
     assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
-    assert output.commands[:3] == ("dihedral_command", f"{A_Z}_command", "dihedral_command_end")
-    assert output.states[5:7] == ("dihedral_command_end_lag_6", f"{A_Z}_command_end_lag_1")
+    assert output.commands == ("dihedral_command", f"{A_Z}_command")
     assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
-    assert output.command_filter == (0.5, 2.0)
     assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES)
     state = design_controller(published_aircraft, load_design("simvfa-2"), ANGLES)
-    assert (state.feedback, state.command_filter) == ("state", ())
+    assert (state.feedback, state.command_filter, output.command_filter) == ("state", (), ())
     assert {"speed", "aileron_outer_position", "elevator_center_rate", A_Z} <= set(state.measurements)
     assert state.commands == ("dihedral_command", f"{A_Z}_command")
 

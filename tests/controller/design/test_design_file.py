@@ -8,7 +8,7 @@ import pytest
 from refused_files import refusal
 
 from controller import Actuator, load_design
-from controller.design.design import NAMED, Feedforward, signal_unit
+from controller.design.design import NAMED, signal_unit
 from hfa_support import BadInputError
 
 DESIGNS = Path(__file__).parents[3] / "controller" / "designs"
@@ -28,7 +28,7 @@ def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
     assert mine.state_weights == theirs.state_weights
 
 
-def test_disturbances_and_feedforward_are_tables(tmp_path: Path) -> None:
+def test_disturbances_are_a_table(tmp_path: Path) -> None:
     own = tmp_path / "own.toml"
     text = (DESIGNS / NAMED["simvfa-1"]).read_text(encoding="utf-8")
     text += """
@@ -37,19 +37,11 @@ def test_disturbances_and_feedforward_are_tables(tmp_path: Path) -> None:
     [disturbance]
     updraft = 2.0
     commands = 3.0
-    [feedforward]
-    lag = 0.5
-    actuators.weak = {order = 2, bandwidth = 1.5}
-    importance.weak = 2.0
-    rates.dihedral = 0.3
     """
     own.write_text(text, encoding="utf-8")
     design = load_design(str(own))
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
-    weak = {"weak": Actuator(2, 1.5, damping=0.7, effectiveness=1.0)}
-    assert design.feedforward == Feedforward(0.5, actuators=weak, importance={"weak": 2.0}, rates={"dihedral": 0.3})
     assert load_design("simvfa-1").disturbances == {"states": 1.0}
-    assert load_design("simvfa-1").feedforward is None
 
 
 @pytest.mark.parametrize(
@@ -60,8 +52,11 @@ def test_disturbances_and_feedforward_are_tables(tmp_path: Path) -> None:
         ("[weights.inputs]\nthrottle = -1", "weights.inputs.throttle is -1; give a finite number from 0 on"),
         ("[actuators]\nthrottle = 3", "actuators.throttle is 3; make it the table [actuators.throttle]"),
         ("[actuators.throttle]\neffectiveness = 0.0", "actuators.throttle: the effectiveness of an actuator is 0.0"),
-        ("[feedforward]\nlag = 0", "own.toml: feedforward: the lag of a feedforward is 0"),
-        ("[feedforward.actuators.weak]\norder = 3", "feedforward.actuators.weak: the order of an actuator is 3"),
+        ("[actuators.throttle]\norder = 3", "actuators.throttle: the order of an actuator is 3"),
+        (
+            "[feedforward]\nlag = 3",
+            "has no table [feedforward]; remove it, or make the controller with the study: python",
+        ),
         ("[disturbance]\nupdraft = 'x'", "disturbance.updraft is 'x'; give a finite number"),
         ("delta = -1", "delta is -1; give a number above 0"),
         ("delta = [", "is not a TOML file"),

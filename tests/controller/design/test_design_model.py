@@ -15,7 +15,7 @@ import pytest
 from known_models import model_at, released_simulation
 
 from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
-from controller.design.design import SHORT_PERIOD, Feedforward
+from controller.design.design import SHORT_PERIOD
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import LINEAR_STATES, Aircraft
 from hfa_model.outputs import moment_of, outputs_of
@@ -187,12 +187,6 @@ def own(**changes: Any) -> Design:
         (lambda: own(input_weights={}), "input aileron_outer has no weight"),
         (lambda: own(disturbances={"wind": 1.0}), "unknown disturbance 'wind'; choose from states, updraft, commands"),
         (lambda: own(disturbances={"updraft": 0.0}), "the intensity of disturbance updraft is 0.0; it must be"),
-        (lambda: own(feedforward=Feedforward(rates={"dihedrl": 1.0})), "unknown output of the feedforward 'dihedrl'"),
-        (lambda: Feedforward(damping=math.inf), "the damping of a feedforward is inf; it must"),
-        (lambda: Feedforward(stages=2.5), "the stages of a feedforward are 2.5; give a whole number from 1 to 12"),
-        (lambda: Feedforward(actuators={}), "a feedforward has no actuators to be made for; name one"),
-        (lambda: Feedforward(importance={"weak": 1.0}), "the feedforward has no actuators 'weak'; choose from"),
-        (lambda: Feedforward(rates={"dihedral": 0.0}), "the rate of dihedral of a feedforward is 0.0; it must"),
         (lambda: Actuator(order=3), "the order of an actuator is 3; it must be"),
         (lambda: Actuator(damping=math.nan), "the damping of an actuator is nan; it must be"),
     ],

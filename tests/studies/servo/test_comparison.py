@@ -20,9 +20,7 @@ from controller import (
     ActuatorFault,
     CommandSteps,
     Dryden,
-    design_controller,
     flight_envelope,
-    load_design,
     save_controller,
 )
 from controller.flight.nonlinear_flight import fly_law
@@ -32,9 +30,10 @@ from hfa_model import Aircraft
 from hfa_support import BadInputError
 from studies.servo import comparison
 from studies.servo.comparison import CASES, REGULATED, ServoFlight, fly_case, laws_of, rows_of
+from studies.servo.feedforward import shaped_controller, shaped_design
 from studies.servo.flights import LENGTH, gust_share
 from studies.servo.simvfa import reference_servo
-from studies.servo.tuning import DESIGNS, InGust
+from studies.servo.tuning import InGust, design_entries
 
 FOLDER = ROOT / "studies" / "servo"
 FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
@@ -174,7 +173,8 @@ def test_gusts_that_our_servos_stand(given: tuple[str, str, float]) -> None:
     """At 5 and 15 deg; of `servo` an updraft of 1.5 times the size ends the flight at 5 deg."""
     design, dynamics, sign = given
     aircraft = Aircraft(dynamics=dynamics)
-    controller = design_controller(aircraft, load_design(DESIGNS.get(design, design)), np.radians(np.arange(21.0)))
+    chosen = shaped_design(design, design_entries(design))
+    controller = shaped_controller(aircraft, *chosen, np.radians(np.arange(21.0)))
 
     def share(degrees: float, peak: float) -> float:
         gust = InGust(math.radians(degrees), Actuator(), LENGTH, sign * peak)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import casadi as ca
@@ -37,9 +36,10 @@ from controller.flight.plants import NonlinearPlant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import INPUTS, STATES, Aircraft, Input
 from studies.servo import flights
+from studies.servo.feedforward import shaped_design
 from studies.servo.flights import HELD, LARGEST, best_inputs, gust_held, gust_share, turbulence_rms, updraft_cost
 from studies.servo.search import quick_controller
-from studies.servo.tuning import DESIGNS, InGust
+from studies.servo.tuning import InGust, design_entries
 from verification import solve_game
 
 SIGMA, SCALE, LENGTH = 3.0, 1750.0, 400.0
@@ -48,7 +48,7 @@ NAMES, BANDWIDTH, FINER = ("aileron_outer", "elevator_center"), 2.0, 20
 
 @cache
 def _table() -> ScheduledController:
-    return quick_controller(Aircraft(), model_at(11.0), measured_servo(feedforward=None))
+    return quick_controller(Aircraft(), model_at(11.0), measured_servo())
 
 
 @cache
@@ -194,7 +194,7 @@ def test_no_one_misses_less_in_turbulence_with_the_commands_of_servo_gusts(words
     """mean η² + r u'u >= E'X E for every r and u, X of the Riccati equation of η² + r u'u, the air among the states:
     mean η² >= max_r E'X E - r mean u'u, which the gain of that r attains with just these commands."""
     aircraft, model = Aircraft(), model_at(11.0)
-    table = quick_controller(aircraft, model, replace(load_design(DESIGNS["servo-gusts"]), feedforward=None))
+    table = quick_controller(aircraft, model, shaped_design("servo-gusts", design_entries("servo-gusts"))[0])
     plant = servo_plant(aircraft, model, table, dict.fromkeys(table.inputs, BOUNDED[words]))
     loop, n, tau = servo_loop(plant, table), len(plant.A), SCALE / model.point.states.speed
     w = SIGMA * math.sqrt(tau) * np.array([[1.0, math.sqrt(3.0) * tau]])
