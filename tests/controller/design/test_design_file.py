@@ -55,7 +55,7 @@ def test_disturbances_are_a_table(tmp_path: Path) -> None:
         ("[actuators.throttle]\norder = 3", "actuators.throttle: the order of an actuator is 3"),
         (
             "[feedforward]\nlag = 3",
-            "has no table [feedforward]; remove it, or make the controller with the study: python",
+            "has no table [feedforward]; remove it, or make the controller with the study",
         ),
         ("[disturbance]\nupdraft = 'x'", "disturbance.updraft is 'x'; give a finite number"),
         ("delta = -1", "delta is -1; give a number above 0"),
