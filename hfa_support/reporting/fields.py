@@ -76,7 +76,7 @@ def _parts(value: Any) -> Iterator[str]:
         yield f"{value:.6g}"
     elif value is not None:
         text = str(value)
-        yield type(value).__name__ if "array(" in text else text
+        yield type(value).__name__ if "array(" in text or " object at 0x" in text else text
 
 
 def _same(one: Any, other: Any) -> bool:
