@@ -1,13 +1,8 @@
-"""The version of this toolchain. What can be resumed bears it, because another version may give other numbers."""
+"""The version of this toolchain, which `pyproject.toml` reads here: the installed metadata are slower to import."""
 
-from __future__ import annotations
-
-from functools import cache
+VERSION = "0.2.0"
 
 
-@cache
 def toolchain_version() -> str:
-    """As the installed distribution has it, such as "0.1.0"."""
-    from importlib.metadata import version
-
-    return version("hfa-toolchain")
+    """The version; what can be resumed records it, because another version may give other numbers."""
+    return VERSION
