@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
-from controller.riccati.gare import solve_games
+from controller.riccati.gare_batch import solve_games
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_model.variants import variant_named
 from hfa_support.native.machine_code import c_compiler

@@ -7,11 +7,8 @@ from controller.riccati.feedforward import (
     paper_reference as paper_reference,
 )
 from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain, disk_margin as disk_margin
-from controller.riccati.gare import (
-    GameSolution as GameSolution,
-    solve_game as solve_game,
-    solve_games as solve_games,
-)
+from controller.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
+from controller.riccati.gare_batch import solve_games as solve_games
 from controller.riccati.output_feedback import (
     OutputGame as OutputGame,
     minimum_output_delta as minimum_output_delta,

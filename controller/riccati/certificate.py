@@ -193,15 +193,24 @@ def _lqr_step(form: NormalForm, X: np.ndarray, step: int) -> np.ndarray:
 
 
 def relative_residual(game: Game, P: np.ndarray) -> float:
+    """`relative_residuals` of one game."""
+    return float(relative_residuals(game.A, game.S_control, game.S_disturbance / game.delta**2, game.Q, P))
+
+
+def relative_residuals(
+    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> np.ndarray:
     """max |A'P + P A + Q - P S P| / max (|A|'|P| + |P||A| + |Q| + |P||S||P|), entry by entry absolute values.
 
-    |S| stands for |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players does not count as smallness.
+    Of one matrix or of stacks (..., n, n). |S| stands for |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players
+    does not count as smallness.
     """
-    size, S_disturbance = np.abs(P), game.S_disturbance / game.delta**2
-    residual = game.A.T @ P + P @ game.A + game.Q - P @ (game.S_control - S_disturbance) @ P
-    terms = np.abs(game.A.T) @ size + size @ np.abs(game.A) + np.abs(game.Q)
-    terms += size @ (np.abs(game.S_control) + np.abs(S_disturbance)) @ size
-    return float(np.abs(residual).max()) / _size(terms)
+    turned, size = np.swapaxes(A, -1, -2), np.abs(P)
+    residual = turned @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
+    terms = np.abs(turned) @ size + size @ np.abs(A) + np.abs(Q)
+    terms += size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
+    largest = np.abs(terms).max(axis=(-1, -2))
+    return np.asarray(np.abs(residual).max(axis=(-1, -2)) / np.where(largest > 0.0, largest, 1.0))
 
 
 def first_derivation(game: Game) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,10 @@ from controller.game.zero_sum import Game
 from controller.riccati.balancing import reached, spectrum
 from controller.riccati.certificate import Certificate, certified_solution
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
-from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
@@ -78,12 +77,12 @@ def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
     try:
-        return _solution(game)
+        return solve_certified(game)
     except NoSolutionError as failure:
         raise NoSolutionError(_explanation(game, str(failure), progress)) from failure
 
 
-def _solution(game: Game) -> GameSolution:
+def solve_certified(game: Game) -> GameSolution:
     """`solve_game` without the search for what delta would do."""
     alike, T = reached(game)
     P_alike, certificate = certified_solution(alike)
@@ -103,34 +102,6 @@ def _solution(game: Game) -> GameSolution:
         worst_case_eigenvalues=spectrum(alike.A - alike.S @ P_alike).eigenvalues,
         abscissa_error=_abscissa_error(game, alike, T, P_alike),
     )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class GameBatch(Shown):
-    """N solutions. P: (N, n, n), K: (N, m, n), nan where not certified. certified: (N,). reasons: N lines, or ""."""
-
-    P: np.ndarray
-    K: np.ndarray
-    certified: np.ndarray
-    reasons: tuple[str, ...]
-
-
-def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
-    """`solve_game` of every plant (A (N, n, n), B (N, n, m)), one after the other; E, Q, R, delta of `like`.
-
-    What it refuses gets the test that failed as its reason. BadInputError names the model that is none.
-    """
-    P, K = np.full_like(A, np.nan, dtype=float), np.full(np.swapaxes(B, 1, 2).shape, np.nan)
-    reasons = [""] * len(A)
-    for i in range(len(A)):
-        try:
-            found = _solution(replace(like, A=A[i], B=B[i]))
-            P[i], K[i] = found.P, found.K
-        except BadInputError as error:
-            raise BadInputError(f"model {i} of the batch: {error}") from error
-        except NoSolutionError as failure:
-            reasons[i] = str(failure)
-    return GameBatch(P, K, np.array([not reason for reason in reasons]), tuple(reasons))
 
 
 def _abscissa_error(game: Game, alike: Game, T: np.ndarray, P: np.ndarray) -> float:
