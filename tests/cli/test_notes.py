@@ -118,7 +118,7 @@ def test_a_terminal_gets_bars_and_colors(
         monkeypatch.setenv(name, value)
     shown, plain = hfa(*TRIM, out=Terminal()).out, hfa(*TRIM).out
     assert bool(COLOR.search(shown)) == colored
-    assert len(BAR.findall(shown)) == 10  # five states with limits and five inputs
+    assert len(BAR.findall(shown)) == 11  # six states with limits and five inputs
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert hfa(*TRIM, "-o", "trim.md", out=Terminal()).code == DONE
     assert not BAR.search(plain + Path("trim.md").read_text(encoding="utf-8"))

@@ -81,17 +81,23 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     ]
     if missing := [name for name in outputs if name not in found]:
         found = found | model.outputs_at(point.states, point.inputs, missing)
+    limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
+    for state, output in model.replaced.items():
+        limits[output] = _limits_left(condition, point, state, output)
     return {
-        name: Margin(
-            name,
-            found[name],
-            role.get(name, "follows"),
-            *condition.limits_of(name),
-            model.unit(name),
-            model.signals[name].nominal,
-        )
-        for name in (*model.states, *outputs, *model.inputs)
+        name: Margin(name, found[name], role.get(name, "follows"), *ends, model.unit(name), model.signals[name].nominal)
+        for name, ends in limits.items()
     }
+
+
+def _limits_left(condition: TrimCondition, point: OperatingPoint, state: str, output: str) -> tuple[float, float]:
+    """What its own limits and those of a state x leave of the output y in its place, y = y0 + slope (x - x0)."""
+    x, nominal = getattr(point.states, state), point.model.states[state].nominal
+    moved = point.model.outputs_at(point.states._replace(**{state: x + nominal}), point.inputs, [output])
+    slope = (moved[output] - point.values[output]) / nominal
+    ends = sorted(point.values[output] + slope * (end - x) for end in condition.limits_of(state))
+    own = condition.limits_of(output)
+    return max(own[0], ends[0]), min(own[1], ends[1])
 
 
 def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:

@@ -31,10 +31,13 @@ def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: A
     assert all_margins(condition, point)[hold].role == "held"
 
 
-def test_the_pitch_angle_follows(published_aircraft: Aircraft) -> None:
+def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) -> None:
     condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
     assert margins(condition, point)["pitch"] == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
-    assert all_margins(condition, point)["pitch"].role == "follows"
+    found = all_margins(condition, point)
+    assert (found["pitch"].role, found["gamma"].role) == ("follows", "free")
+    np.testing.assert_allclose(np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12)
+    assert margins(condition, point)["gamma"] == pytest.approx(margins(condition, point)["pitch"], rel=1e-12)
 
 
 def test_every_variable_stands_between_its_limits(published_aircraft: Aircraft) -> None:
@@ -44,7 +47,6 @@ def test_every_variable_stands_between_its_limits(published_aircraft: Aircraft) 
         margin = found[name]
         below, above = margin.value - lowest, highest - margin.value
         if math.isfinite(lowest):
-            # A held angle is narrowed by what the pitch limits leave; here these are wider.
             assert (margin.lowest, margin.highest) == (lowest, highest)
             assert margin.distance == min(below, above)
             assert margin.nearer == ("lowest" if below <= above else "highest")
