@@ -4,17 +4,28 @@ BIN := .venv/bin
 
 STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
-.PHONY: report studies test test-all test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report docs studies test test-all test-matrix fuzz lint bench notebooks lock clean
 
-.venv/ready: pyproject.toml requirements.lock
+.venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
+	@echo "Installing the $$(grep -c == requirements-report.lock) packages that the report needs into .venv"
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --disable-pip-version-check -r requirements-report.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-report: .venv/ready
+.venv/ready: .venv/report requirements.lock
+	@echo "Installing the $$(grep -c == requirements.lock) packages that tests and documents need into .venv"
+	$(BIN)/python -m pip install --disable-pip-version-check -r requirements.lock
+	@touch $@
+
+report: .venv/report
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
+
+# The documentation as a site of HTML pages; opens without a network.
+docs: .venv/ready
+	$(BIN)/python -m sphinx -W -n -q docs site
+	@echo "wrote site/index.html"
 
 # Every study of the folder studies/, one after the other; results go to out/NAME.
 studies: .venv/ready
@@ -54,12 +65,13 @@ EXECUTE = import sys, nbformat, nbclient; [nbformat.write(nbclient.NotebookClien
 notebooks: .venv/ready
 	$(BIN)/python -c "$(EXECUTE)" examples/*.ipynb
 
-# Rewrites the exact versions from the lower bounds in pyproject.toml.
+# Rewrites the exact versions from the lower bounds in pyproject.toml: of everything, then of what the report needs.
+FREEZE = .venv-lock/bin/python -m pip freeze --all --exclude pip --exclude hfa-toolchain
+INSTALL = rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock && .venv-lock/bin/python -m pip install --quiet --disable-pip-version-check
 lock:
-	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check "setuptools>=68" ".[dev]"
-	.venv-lock/bin/python -m pip freeze --all --exclude pip --exclude hfa-toolchain > requirements.lock
+	$(INSTALL) "setuptools>=68" ".[dev]" && $(FREEZE) > requirements.lock
+	$(INSTALL) -c requirements.lock "setuptools>=68" ".[page]" && $(FREEZE) > requirements-report.lock
 	rm -rf .venv-lock
 
 clean:
-	rm -rf .venv report
+	rm -rf .venv report site docs/generated

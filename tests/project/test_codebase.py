@@ -12,7 +12,7 @@ from project import ROOT, project_sources
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
 _FILES_AT_THE_TOP = (
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "Makefile", "README.md"),
-    *("noxfile.py", "pyproject.toml", "requirements.lock"),
+    *("noxfile.py", "pyproject.toml", "requirements.lock", "requirements-report.lock"),
 )
 
 

@@ -1,8 +1,7 @@
-"""Write formats.md, the published formats for people, from hfa_cli/formats.toml: python docs/write_formats.py"""
+"""The page of formats of the documentation, from hfa_cli/formats.toml."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from hfa_cli.formats import formats
@@ -25,7 +24,7 @@ it comes from in the first row of its last column, `about`.
 """
 
 
-def formats_markdown() -> str:
+def formats_page() -> str:
     """A table of keys for each output, then for the parts that outputs share."""
     definitions = formats()["$defs"]
     outputs = [entry["$ref"].rpartition("/")[2] for entry in formats()["oneOf"]]
@@ -63,7 +62,3 @@ def _kind(each: dict[str, Any]) -> str:
     if kinds == "object" and "additionalProperties" in each:
         return f"object of {_kind(each['additionalProperties'])}"
     return " or ".join(kinds) if isinstance(kinds, list) else str(kinds)
-
-
-if __name__ == "__main__":
-    (Path(__file__).parent / "formats.md").write_text(formats_markdown(), "utf-8")
