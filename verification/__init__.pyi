@@ -24,6 +24,7 @@ from .exact_solution import (
     minimum_output_delta as minimum_output_delta,
     paper_reference as paper_reference,
     simulate as simulate,
+    solve_discounted as solve_discounted,
     solve_game as solve_game,
     solve_games as solve_games,
     solve_output_feedback as solve_output_feedback,

@@ -2,6 +2,7 @@
 
 from controller.analysis.linear_flight import simulate as simulate
 from controller.analysis.solution_report import analyse_game as analyse_game, loop_margins as loop_margins
+from controller.riccati.discrete import solve_discounted as solve_discounted
 from controller.riccati.feedforward import (
     exosystem_feedforward as exosystem_feedforward,
     paper_reference as paper_reference,

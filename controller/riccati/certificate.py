@@ -64,12 +64,12 @@ def certified_solution(game: Game) -> tuple[np.ndarray, Certificate]:
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and Glover, Chapter 13.
     """
     checks = hamiltonian_checks(game)
-    _refuse_failures(checks)
+    refuse_failures(checks)
     P = first_derivation(game)
     checks += solution_checks(game, P)
-    _refuse_failures(checks)
+    refuse_failures(checks)
     checks += (agreement_check(game, P, iterated_solution(game)),)
-    _refuse_failures(checks)
+    refuse_failures(checks)
     P.setflags(write=False)
     return P, Certificate(checks)
 
@@ -220,7 +220,8 @@ def first_derivation(game: Game) -> np.ndarray:
     return schur_solution(game)
 
 
-def _refuse_failures(checks: tuple[Check, ...]) -> None:
+def refuse_failures(checks: tuple[Check, ...]) -> None:
+    """NoSolutionError with the reason of the first that failed."""
     for check in checks:
         if not check.ok:
             raise NoSolutionError(check.reason)
