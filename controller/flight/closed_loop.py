@@ -98,7 +98,7 @@ class ClosedLoop:
         return Expressions(ca.vertcat(rate_of_plant, *rates), error, u, d, ca.SX(updraft))
 
     def updraft(self, t: ca.SX, y: ca.SX, p: ca.SX) -> ca.SX | float:
-        """w, ft/s, a scalar or (2,) at center and outer panels; the number 0.0 in still air."""
+        """w, ft/s; the number 0.0 in still air."""
         if self.gust is None:
             return 0.0
         return ca.SX(self.gust.updraft(t, y[sum(self._y_sizes[:-1]) :], p[sum(self._p_sizes[:-1]) :]))

@@ -89,15 +89,10 @@ def limited_names(moving_air: bool) -> tuple[str, ...]:
 
 
 def angles_of_attack(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
-    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air.
-
-    In updrafts (N, 2), at the center and the outer panels, the larger of both angles.
-    """
+    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air."""
     if updrafts is None:
         return np.asarray(states[:, STATES.index("alpha")])
-    places = updrafts.reshape(len(states), -1).T
-    found = [_angle_of_attack()(len(states), states, each[:, None])[0].ravel() for each in places]
-    return found[0] if len(found) == 1 else np.where(np.abs(found[1]) > np.abs(found[0]), found[1], found[0])
+    return _angle_of_attack()(len(states), states, updrafts[:, None])[0].ravel()
 
 
 @cached_per_thread(1)

@@ -41,7 +41,6 @@ from hfa_model.vectors import (
 )
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
@@ -197,22 +196,19 @@ class NonlinearFlight(Reported):
             lines.append(f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}")
         return "\n".join([flight, *lines])
 
-    def report(self, law: FlownLaw | None = None, checks: tuple[Check, ...] = ()) -> Report:
+    def report(self, law: FlownLaw | None = None) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
 
         law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
         """
-        kind = "" if law is None or not len(law.gains) else f", {'learning in flight' if law.online else 'frozen'}"
+        kind = "" if law is None or not len(law.gains) else ", frozen"
         words = "" if law is None else f", law {law.name}{kind}"
-        parts: list[Part] = [] if law is None or not law.online else [_learning(law)]
-        parts += [_states(self), *([OVER_GROUND] if self.scenario.moving_air else []), _inputs(self)]
+        parts: list[Part] = [_states(self), *([OVER_GROUND] if self.scenario.moving_air else []), _inputs(self)]
         commanded = _tracked(self, law)
         if commanded:
             parts.insert(0, tracking_table(commanded))
-        if checks:
-            parts.append(checks_block(checks))
         still = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max()) <= _STILL
-        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), _data(self, law, checks), _records(self))
+        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), _data(self, law), _records(self))
 
     def history(self) -> dict[str, Any]:
         """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""
@@ -250,8 +246,8 @@ class Tracked(NamedTuple):
 
 def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
-    air = np.broadcast_to(flight.updrafts.reshape(len(flight.times), -1), (len(flight.times), outputs.F.shape[1]))
-    z = flight.states[:, LINEAR_ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T + air @ outputs.F.T
+    z = flight.states[:, LINEAR_ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T
+    z += flight.updrafts[:, None] @ outputs.F.T
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
 
 
@@ -268,16 +264,6 @@ def _tracked(result: NonlinearFlight, law: FlownLaw | None) -> tuple[Tracked, ..
     if law is None or not isinstance(law.policy, ServoPolicy) or not isinstance(law.policy.commands, CommandSteps):
         return ()
     return tracked(result.flight, law.policy.regulated, law.policy.commands)
-
-
-def _learning(law: FlownLaw) -> str:
-    assert law.learned is not None, "a gain that changes in flight is learned"
-    taking_over = f"at {law.certified_from:g} s" if np.isfinite(law.certified_from) else "never"
-    last = law.learned.times[-1]
-    return (
-        f"learning in flight: the baseline gain is used until the first stabilizing certificate, {taking_over}; "
-        f"then the last certified gain of each tick; at {last:g} s, the end of the learning, every certificate holds"
-    )
 
 
 def _states(result: NonlinearFlight) -> Table:
@@ -309,7 +295,7 @@ def _inputs(result: NonlinearFlight) -> Table:
     return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
 
-def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ...]) -> dict[str, Any]:
+def _data(result: NonlinearFlight, law: FlownLaw | None) -> dict[str, Any]:
     """English units and radians. held: whether the envelope was not left."""
     departure = result.departure
     angles = result.angles_of_attack
@@ -331,12 +317,12 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
         "largest_deviation": largest | {ANGLE_OF_ATTACK: float(np.abs(angles - result.point.states.alpha).max())},
         "rms_error": dict(zip(LINEAR_STATES, result.rms_errors.tolist(), strict=True)),
         "share_beyond_control_limits": dict(zip(INPUTS, result.beyond_limits.tolist(), strict=True)),
-        "checks": [check.to_dict() for check in checks],
+        "checks": [],
     }
     if result.differences is not None:
         data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
     if law is not None:
-        data["policy"] = {"law": law.name, "online": law.online, "certified_from": law.certified_from}
+        data["policy"] = {"law": law.name}
         if len(law.gains):
             data["policy"] |= {"state_units": list(LINEAR_UNITS), "K": law.gains[-1]}
         if isinstance(law.policy, ServoPolicy):
@@ -350,11 +336,7 @@ def _data(result: NonlinearFlight, law: FlownLaw | None, checks: tuple[Check, ..
 def _records(result: NonlinearFlight) -> Table:
     """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
     flown = result.history()["history"]
-    updrafts = flown["updrafts"].reshape(len(flown["times"]), -1)
-    rows: Any = np.column_stack(
-        [*(flown[k] for k in ("times", "states", "inputs")), updrafts, flown["angles_of_attack"]]
-    )
-    names = ("updraft",) if updrafts.shape[1] == 1 else ("updraft_center", "updraft_outer")
-    air = dict.fromkeys(names, "ft/s") | {ANGLE_OF_ATTACK: STATE_UNITS.alpha}
+    rows: Any = np.column_stack([flown[k] for k in ("times", "states", "inputs", "updrafts", "angles_of_attack")])
+    air = {"updraft": "ft/s", ANGLE_OF_ATTACK: STATE_UNITS.alpha}
     units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air
     return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

@@ -15,7 +15,6 @@ from hfa_model.dynamics import rates
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
-from hfa_model.winds import Air, Wind, Winds
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
@@ -24,8 +23,7 @@ class Plant(Protocol):
     """A plant in deviations from its operating point, as CasADi expressions.
 
     states: names. rate: x' of the deviation x, for an input deviation u (5,), a disturbance d (6,) that adds to
-    the rates of the six states of the linear model, and an updraft of the air, ft/s, the same at every panel or
-    (2,): at the center panel and at both outer panels. seen: those six deviations.
+    the rates of the six states of the linear model, and an updraft of the air, ft/s. seen: those six deviations.
     p: what differs from flight to flight (the parameters of the aircraft, say); mostly nothing.
     """
 
@@ -102,51 +100,34 @@ class NonlinearPlant(SevenStates, Unvaried):
         """f(X0 + x, U0 + u, w), disturbed."""
         X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
         U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
-        rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, _air(updraft)))
+        rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, updraft))
         return rate + ca.mtimes(ca.DM(spread()), d)
-
-
-def _air(updraft: Quantity) -> Air:
-    """A uniform updraft as it is; (2,): the wind at each panel."""
-    if isinstance(updraft, ca.SX) and updraft.numel() == 2:
-        center, outer = ca.vertsplit(updraft)
-        return Winds(Wind(center), Wind(outer))
-    return updraft
 
 
 @dataclass(frozen=True, eq=False)
 class LinearizedAircraft(SevenStates, Unvaried):
-    """x' = A x + B u + d + b w + b_o (w_o - w) with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what
-    `NonlinearPlant` is to first order, altitude included; b_o = ∂f/∂w_o where the outer panels meet a w_o of
-    their own.
+    """x' = A x + B u + d + b w with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what `NonlinearPlant` is to first
+    order, altitude included.
 
-    A: (7, 7), B: (7, 5), gust: b, (7,), outer_gust: b_o, (7,).
+    A: (7, 7), B: (7, 5), gust: b, (7,).
     """
 
     A: np.ndarray
     B: np.ndarray
     gust: np.ndarray
-    outer_gust: np.ndarray
 
     @classmethod
     def at(cls, aircraft: Aircraft, point: OperatingPoint) -> LinearizedAircraft:
         """The exact derivatives at an operating point of the aircraft."""
         x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
-        outer, calm = ca.SX.sym("outer"), ca.DM.zeros(len(LINEAR_STATES))
-        uniform, apart = (
-            NonlinearPlant(aircraft, point).rate(x, u, calm, each) for each in (w, ca.vertcat(ca.SX(0), outer))
-        )
-        parts = [*(ca.jacobian(uniform, part) for part in (x, u, w)), ca.jacobian(apart, outer)]
-        derivatives = ca.Function("derivatives", [x, u, w, outer], parts)
-        A, B, gust, outer_gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0, 0))
-        return cls(A, B, gust.ravel(), outer_gust.ravel())
+        rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(LINEAR_STATES)), w)
+        derivatives = ca.Function("derivatives", [x, u, w], [ca.jacobian(rate, part) for part in (x, u, w)])
+        A, B, gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0))
+        return cls(A, B, gust.ravel())
 
     def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
-        """A x + B u + b w + b_o (w_o - w), disturbed."""
-        center, *outer = ca.vertsplit(ca.SX(updraft))
-        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * center
-        for each in outer:
-            rate = rate + ca.DM(self.outer_gust) * (each - center)
+        """A x + B u + b w, disturbed."""
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * updraft
         return rate + ca.mtimes(ca.DM(spread()), d)
 
 

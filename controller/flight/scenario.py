@@ -35,7 +35,7 @@ class Uncertainty:
 
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
     the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
-    (intensity, ft/s, scale, ft[, time over which it fades in, s]) of Dryden turbulence, or None. BadInputError when a
+    (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a
     name or a number is wrong.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
@@ -44,7 +44,7 @@ class Uncertainty:
 
     errors: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
-    turbulence: tuple[float, ...] | None = None
+    turbulence: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Name what is wrong before the simulation."""
@@ -83,8 +83,7 @@ class Uncertainty:
         if self.turbulence is None:
             return None
         own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-        intensity, scale, *fade = self.turbulence
-        return Dryden(intensity, scale, speed, tick, ticks, own_seed, *fade)
+        return Dryden(*self.turbulence, speed, tick, ticks, own_seed)
 
 
 def _stream(seed: int, member: int, kind: int) -> np.random.Generator:

@@ -37,8 +37,7 @@ class Flight(Shown):
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.
-    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s,
-    or (N, 2) at the center panel and at the outer panels.
+    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s.
     """
 
     times: np.ndarray
@@ -94,13 +93,13 @@ class CompiledLoop:
             blocks.append(self._seen(len(times[part]), times[part, None], y[part], table[part]))
         errors, inputs, disturbances, updrafts = (np.vstack(parts) for parts in zip(*blocks, strict=True))
         states, own = self.loop.parts(y)
-        return Flight(times, states, errors, inputs, disturbances, own, _by_panel(updrafts))
+        return Flight(times, states, errors, inputs, disturbances, own, updrafts.ravel())
 
     def updrafts(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """w at times (N,) and rows y (N, n) under the constants p of one tick, as in `Flight`; None in still air."""
         if self.loop.gust is None:
             return None
-        return _by_panel(*self._updraft(len(times), times[:, None], y, p))
+        return self._updraft(len(times), times[:, None], y, p)[0].ravel()
 
     def _method(self, step: float, steps_per_tick: int, stiff: bool, compile_code: bool) -> Method:
         key = step, steps_per_tick, stiff, compile_code
@@ -111,11 +110,6 @@ class CompiledLoop:
                 else RungeKutta(self.rate, step, steps_per_tick, compile_code=compile_code)
             )
         return self._methods[key]
-
-
-def _by_panel(updrafts: np.ndarray) -> np.ndarray:
-    """(N,) of one column, (N, 2) of two."""
-    return updrafts.ravel() if updrafts.shape[1] == 1 else updrafts
 
 
 class Summary(NamedTuple):
@@ -225,12 +219,7 @@ def _summed(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float)
 
     def limited(t: ca.SX, y: ca.SX) -> State[Quantity]:
         X: State[Quantity] = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
-        updraft = loop.updraft(t, y, p)
-        if not isinstance(updraft, ca.SX):
-            return X._replace(alpha=angle_of_attack(X, updraft))
-        first, *rest = (angle_of_attack(X, each) for each in ca.vertsplit(updraft))
-        larger = [ca.if_else(ca.fabs(each) > ca.fabs(first), each, first) for each in rest]
-        return X._replace(alpha=(*larger, first)[0])
+        return X._replace(alpha=angle_of_attack(X, loop.updraft(t, y, p)))
 
     deviation = ca.fabs(limited(t, y).alpha - trim[STATES.index("alpha")])
     sums = (

@@ -1,4 +1,4 @@
-"""Laws of learned gains: one for the whole flight, or the one that is being learned, a baseline before it."""
+"""The value that a law has learned on a game, certified; the baseline from which integral learning starts."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import numpy as np
 from controller.game.basis import basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws.certify import abscissa, positivity
 from controller.laws.learn import learn
-from controller.policy.policies import FlownLaw, gain_law
-from controller.training_data.recording import natural_spread
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -55,38 +52,3 @@ def learned_value(game: Game, law: str, seed: int, progress: Progress | None = N
     if not result.converged:
         raise NoSolutionError(f"law '{law}' is not certified here ({result.outcome}); choose another law or model")
     return result
-
-
-def frozen_law(law: str, learned: LearningResult) -> FlownLaw:
-    """The learned gain for the whole flight."""
-    return gain_law(law, learned.K, learned=learned)
-
-
-def online_law(game: Game, law: str, learned: LearningResult, tick: float) -> FlownLaw:
-    """Learning in flight: `certified_gains` tick by tick."""
-    gains, first = certified_gains(game, learned, tick)
-    return gain_law(law, gains, first, learned)
-
-
-def certified_gains(game: Game, learned: LearningResult, tick: float) -> tuple[np.ndarray, float]:
-    """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from when on, s.
-
-    A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`); until there is
-    one, the baseline is used. What has been learned at t is known at t: nothing of the later run is used.
-    """
-    functions = basis(learned.basis, len(game.A))
-    current, first, scales = baseline_gain(game), np.inf, natural_spread(game)
-    gains, row = [], 0
-    for index in range(int(np.ceil(learned.times[-1] / tick - 1e-9)) + 1):
-        while row < len(learned.times) and learned.times[row] <= index * tick + 1e-9:
-            P = functions.matrix(learned.weights[row])
-            if _is_value(game, P, scales):
-                current, first = game.gain(P), min(first, index * tick)
-            row += 1
-        gains.append(current)
-    return np.array(gains), first
-
-
-def _is_value(game: Game, P: np.ndarray, scales: np.ndarray) -> bool:
-    loops = (game.A - game.S @ P, game.A - game.B @ game.gain(P))
-    return positivity(game, P, scales).ok and all(abscissa(loop) < 0.0 for loop in loops)

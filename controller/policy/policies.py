@@ -10,7 +10,6 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from controller.game.learning_result import LearningResult
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
@@ -22,7 +21,7 @@ class Seen(NamedTuple):
     """What a policy is told of the flight, as deviations from trim, noise of the sensors included.
 
     error: x - x_d (6,), of the states of the linear model. states: x (6,). positions, rates: of the actuators, (5,)
-    each; empty where there are none. updraft: of the air, ft/s, one number or (2,) at the center and the outer panels;
+    each; empty where there are none. updraft: of the air, ft/s;
     empty in still air. A policy does not know it: what it measures of loads and angles through the air is made of it.
     """
 
@@ -98,9 +97,8 @@ def gain_constants(K: np.ndarray) -> np.ndarray:
 class FlownLaw(Shown):
     """u and memory' of `policy`, with p = table[k] in tick k, the last row staying, and memory(0) = memory.
 
-    table: (N, k). memory: (m,). identity: JSON data that decides what it does. certified_from: s, when what is learned
-    takes over from a baseline; 0 when it is used from the start. learned: the learning behind it, None for a law that
-    was given. fastest: of its own modes, 1/s, as far as it is known; decides how it is integrated.
+    table: (N, k). memory: (m,). identity: JSON data that decides what it does. fastest: of its own modes, 1/s, as far
+    as it is known; decides how it is integrated.
     """
 
     name: str
@@ -108,14 +106,7 @@ class FlownLaw(Shown):
     table: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
     memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     identity: Mapping[str, object] = field(default_factory=dict)
-    certified_from: float = 0.0
-    learned: LearningResult | None = None
     fastest: float = 0.0
-
-    @property
-    def online(self) -> bool:
-        """Whether what it is handed changes in flight."""
-        return len(self.table) > 1
 
     def constants(self, tick: int) -> np.ndarray:
         """p in a tick, (k,)."""
@@ -130,12 +121,10 @@ class FlownLaw(Shown):
         return self.table.reshape(-1, _N, _M).transpose(0, 2, 1)
 
 
-def gain_law(
-    name: str, gains: np.ndarray, certified_from: float = 0.0, learned: LearningResult | None = None
-) -> FlownLaw:
+def gain_law(name: str, gains: np.ndarray) -> FlownLaw:
     """u = -K z. gains: K (5, 6), or that of each tick (N, 5, 6); else BadInputError."""
     K = numbers_in("the gain", gains)
     if K.ndim not in (2, 3) or K.shape[-2:] != (_M, _N) or not np.all(np.isfinite(K)):
         raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_M} x {_N} finite numbers")
     table = np.array([gain_constants(each) for each in K.reshape(-1, _M, _N)])
-    return FlownLaw(name, GainPolicy(), table, identity={"K": K}, certified_from=certified_from, learned=learned)
+    return FlownLaw(name, GainPolicy(), table, identity={"K": K})

@@ -22,7 +22,7 @@ from trim.point.operating_point import OperatingPoint
 
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _M, _N = len(INPUTS), len(LINEAR_STATES)
-_AIR = ("updraft_center", "updraft_outer")
+_AIR = ("updraft",)
 
 
 class DihedralTable:
@@ -69,7 +69,7 @@ class Commands(Protocol):
 class MeasuredOutputs:
     """y - Y0 = C x + D a + F w of named outputs of the linear model at a trim, x and a as deviations from it.
 
-    w: updraft at the center and at the outer panels, ft/s: an accelerometer feels alpha through the air. Behind a name
+    w: updraft, ft/s: an accelerometer feels alpha through the air. Behind a name
     `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
     those of the actuators.
     """
@@ -87,7 +87,7 @@ class MeasuredOutputs:
         """y - Y0, (k,)."""
         y = ca.mtimes(ca.DM(self.C), seen.states)
         if seen.updraft.numel():
-            y = y + ca.mtimes(ca.DM(self.F), seen.updraft * ca.DM.ones(len(_AIR)))
+            y = y + ca.mtimes(ca.DM(self.F), seen.updraft)
         for matrix, moved in ((self.D, seen.positions), (self.rates, seen.rates)):
             if matrix.any():
                 if not moved.numel():

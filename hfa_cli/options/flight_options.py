@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.gusts import Dryden, Gust, OneMinusCosine, side_by_side, spanwise_dryden
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.array_file import PlantNames
 from controller.game.zero_sum import Game, published_game
@@ -40,16 +40,15 @@ if TYPE_CHECKING:
 LAWS = ("exact", "certified", "irl")
 #: How help shows the values of options.
 _STEPS = "NAME=TIME:VALUE[,TIME:VALUE...]"
-_GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN[:OUTER_PEAK[:DELAY]]]", "SIGMA:SCALE[:FADE]"
+_GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
 _ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
-_SPANWISE = ":spanwise"
 _TICK = 0.01
 #: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
 #: What flies in place of a law -> options that then would change nothing.
 _IN_PLACE = {
-    "controller": ("law", "set", "online", "reference", "check", "weights", "delta", "Q", "R"),
-    "weights": ("law", "set", "online", "delta", "Q"),
+    "controller": ("law", "set", "reference", "weights", "delta", "Q", "R"),
+    "weights": ("law", "set", "delta", "Q"),
 }
 
 # The policy.
@@ -98,16 +97,15 @@ def check_policy(arguments: argparse.Namespace) -> None:
             learned, unused = False, tuple(other for other in others if other in known)
             options.refuse(arguments, unused, f"changes nothing beside --{name}; leave it out")
     if not learned:
-        learning = tuple(name for name in ("online", "set") if name in known)
-        options.refuse(arguments, learning, "belongs to a learning law; with --law exact there is nothing to learn")
+        options.refuse(arguments, ("set",), "belongs to a learning law; with --law exact there is nothing to learn")
         random = "members" in known or known.get("turbulence") is not None
         if arguments.seed is not None and not random:
             raise BadInputError("--seed belongs to a learning law or to --turbulence; here nothing is random")
 
 
-def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick: float | None = None) -> FlownLaw:
-    """The gain that is used: exact, or learned on the linear model and frozen, or learned in flight tick by tick, s."""
-    from controller.policy.learned_gain import frozen_law, learned_value, online_law
+def flown_law_of(arguments: argparse.Namespace, model: LinearModel) -> FlownLaw:
+    """The gain that is used: exact, or learned on the linear model and frozen."""
+    from controller.policy.learned_gain import learned_value
     from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game
 
@@ -117,7 +115,7 @@ def flown_law_of(arguments: argparse.Namespace, model: LinearModel, online_tick:
     if law == "exact":
         return gain_law("exact", solve_game(game).K)
     learned = learned_value(game, law, seed_of(arguments), shown_learning(), **law_settings(arguments))
-    return frozen_law(law, learned) if online_tick is None else online_law(game, law, learned, online_tick)
+    return gain_law(law, learned.K)
 
 
 def _stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> FlownLaw:
@@ -200,27 +198,20 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20", *, membe
     add_actuators(parser)
     about = "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s"
     add_value(parser, "--fault", parsed(_fault), _FAULT, about)
-    air = "Dryden turbulence, ft/s, ft and s, from --seed"
+    about = "Dryden turbulence, ft/s and ft, from --seed"
+    add_value(parser, "--turbulence", numbers(_TURBULENCE, 2, "ft/s", "ft"), _TURBULENCE, about)
     if members:
         about = "relative standard deviation of a parameter"
         add_named(parser, "--error", lambda _, text: number(text), "NAME=DEVIATION", about)
         about = "standard deviation of a sensor, degrees for angles"
         add_named(parser, "--noise", quantity, "NAME=DEVIATION", about)
-        add_value(parser, "--turbulence", _turbulence, _TURBULENCE, air)
     else:
         about = "factor on a parameter of the simulated aircraft, unknown to the design"
         add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", about)
         add_signal(parser, "--noise", "added to what a sensor says")
-        kind = lambda text: (_turbulence(text.removesuffix(_SPANWISE)), text.endswith(_SPANWISE))  # noqa: E731
-        about = f"{air}; `spanwise`: another one at the outer panels"
-        add_value(parser, "--turbulence", kind, f"{_TURBULENCE}[{_SPANWISE}]", about)
-        about = "1-cosine updraft, ft, ft/s and s; another peak at the outer panels, so much later"
-        add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s", "ft/s", "s"), _GUST, about)
+        about = "1-cosine updraft, ft, ft/s and s"
+        add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s"), _GUST, about)
     add_envelope(parser)
-
-
-#: The type of turbulence: its intensity, ft/s, its scale, ft, and over how long it grows, s.
-_turbulence = numbers(_TURBULENCE, 2, "ft/s", "ft", "s")
 
 
 def add_envelope(parser: argparse._ActionsContainer) -> None:
@@ -261,25 +252,14 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float)
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     speed = point.states.speed
     if arguments.gust is not None:
-        length, peak, *more = arguments.gust
-        gust = _one_minus_cosine(duration, length, peak, speed, *more[:1])
-        if len(more) < 2:
-            return gust
-        return side_by_side(gust, _one_minus_cosine(duration, length, more[1], speed, gust.begin + sum(more[2:])))
+        length, peak, begin = (*arguments.gust, 0.0)[:3]
+        if not 0 <= begin < duration:
+            raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
+        return OneMinusCosine(length, peak, speed, begin)
     if arguments.turbulence is not None:
-        (intensity, scale, *fade), spanwise = arguments.turbulence
-        center = Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments), *fade)
-        if not spanwise:
-            return center
-        panel = options.aircraft_of(arguments).parameters.panel_span
-        return spanwise_dryden(center, panel / 2 * (1 + math.cos(point.states.dihedral)))
+        intensity, scale = arguments.turbulence
+        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments))
     return None
-
-
-def _one_minus_cosine(duration: float, length: float, peak: float, speed: float, begin: float = 0.0) -> OneMinusCosine:
-    if not 0 <= begin < duration:
-        raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
-    return OneMinusCosine(length, peak, speed, begin)
 
 
 def add_signal(parser: argparse._ActionsContainer, option: str, about: str) -> None:

@@ -10,11 +10,23 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller import Basis, FlownLaw, Game, Harmonic, Signal, Stack, basis, learn, published_game, random_pool
+from controller import (
+    Basis,
+    FlownLaw,
+    Game,
+    Harmonic,
+    LearningResult,
+    Signal,
+    Stack,
+    basis,
+    learn,
+    published_game,
+    random_pool,
+)
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.learned_gain import baseline_weights, online_law
+from controller.policy.learned_gain import baseline_weights
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import zero
 from controller.riccati.feedforward import exosystem
@@ -22,6 +34,7 @@ from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
+from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
@@ -226,7 +239,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
         inputs=flight.inputs[::each],
         critic=critic,
         residual=residual,
-        learned_from=flown.certified_from,
+        learned_from=getattr(flown, "certified_from", 0.0),
         lost_at=lost_at,
         metrics=metrics,
         limits=case.input_limits,
@@ -333,9 +346,19 @@ def _published(
     return FlownLaw(name, CriticPolicy(law, drift), learns, law.start()["weights"]), told
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class LearningLaw(FlownLaw):
+    """certified_from: s, when what is learned takes over from the baseline."""
+
+    certified_from: float = 0.0
+
+
 @lru_cache(maxsize=4)
-def _plan(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> FlownLaw:
-    """The gains of a learning run, tick by tick; flights that differ in the plant or in noise share it."""
+def _plan(
+    setting: Setting, case: PaperCase, law: str, predefined_time: float
+) -> tuple[LearningResult, np.ndarray, float]:
+    """A learning run, its gains tick by tick and when they are certified; flights that differ in the plant or in noise
+    share it."""
     configuration, critic = setting.configuration, setting.configuration.critic
     if law == "irl":
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
@@ -344,26 +367,26 @@ def _plan(setting: Setting, case: PaperCase, law: str, predefined_time: float) -
         chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
         chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
         chosen |= {"pool": recorded_pool(setting, case)}
-    return online_law(case.game, law, learn(case.game, law, critic.seed, **chosen), configuration.flight.tick)
+    learned = learn(case.game, law, critic.seed, **chosen)
+    return learned, *certified_gains(case.game, learned, configuration.flight.tick)
 
 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
 ) -> tuple[FlownLaw, Learned]:
     """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
-    plan = _plan(setting, case, "irl" if law == INTEGRAL else "certified", predefined_time)
-    learned, tick, F = plan.learned, setting.configuration.flight.tick, feedforward(case, reference)
-    assert learned is not None
-    begun = tick * np.arange(len(plan.gains)) >= plan.certified_from - 1e-9
+    learned, gains, first = _plan(setting, case, "irl" if law == INTEGRAL else "certified", predefined_time)
+    tick, F = setting.configuration.flight.tick, feedforward(case, reference)
+    begun = tick * np.arange(len(gains)) >= first - 1e-9
     uses = begun & (law == CERTIFIED_FF)
-    table = np.array([tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(plan.gains, uses, strict=True)])
+    table = np.array([tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)])
 
     def told(memory: np.ndarray) -> Critic:
         rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
         rows = np.clip(rows, 0, len(learned.times) - 1)
-        facts = {"status": learned.outcome, "learned_from": plan.certified_from} | learned.diagnostics
+        facts = {"status": learned.outcome, "learned_from": first} | learned.diagnostics
         functions: Basis = basis(learned.basis, _N)
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
     policy = TrackingPolicy(generator(reference))
-    return FlownLaw(law, policy, table, np.zeros(0), {}, plan.certified_from, learned), told
+    return LearningLaw(law, policy, table, certified_from=first), told

@@ -36,22 +36,12 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
     for suffix in ("npz", "mat", "csv"):
         assert hfa(*words, "-o", f"flight.{suffix}").code == 0
-    for apart in (("--gust", "50:2:0:1:0.1"), ("--turbulence", "1:500:spanwise")):
-        data = json.loads(hfa(*FLY, "--duration", "0.5", *apart, "-o", "apart.json", "--json").out)
-        assert data["scenario"]["gust"]["kind"] == "SpanwiseGust"
-        updrafts = json.loads(Path("apart.json").read_text(encoding="utf-8"))["history"]["updrafts"]
-        assert np.shape(updrafts) == (51, 2)
     with np.load("flight.npz") as stored:
         np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
     lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()
     assert "hfa.flight/1" in lines[1]
     assert lines[0].startswith("time [s],speed [ft/s],alpha [rad]")
     assert len(lines) == 102
-
-
-def test_a_flight_that_learns_says_when_it_has_learnt() -> None:
-    words = ("fly", "--dihedral", "15", "--online", "--duration", "0.1", "--initial", "pitch=0.1")
-    assert "at 2 s, the end of the learning" in hfa(*words, "--set", "predefined_time=2").out
 
 
 def test_the_command_says_what_left_first_and_exits_with_1() -> None:
@@ -79,18 +69,6 @@ def test_a_flight_beyond_a_control_limit_is_not_a_pass_and_names_it() -> None:
     assert [each["input"] for each in data["exceeded"]] == ["elevator_outer", "aileron_outer"]
 
 
-def test_the_command_checks_itself() -> None:
-    result = hfa(*FLY, "--duration", "0.5", "--initial", "speed=0.2", "--check", "--json")
-    assert result.code == 0
-    checks = {check["name"]: check for check in json.loads(result.out)["checks"]}
-    assert len(checks) == 21
-    assert 1.9 < checks["slope_pitch_rate_at_least"]["value"] < 2.1
-    assert checks["integration_pitch_rate"]["value"] < 1e-6
-    coarse = hfa(*FLY, "--duration", "0.5", "--initial", "speed=0.2", "--check", "--step", "0.01")
-    assert coarse.code == 1
-    assert "FAIL integration_pitch_rate" in coarse.out
-
-
 def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, game: Game
 ) -> None:
@@ -112,7 +90,6 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(
     stored("small.npz", K=np.eye(2))
     for words, named in (
         ("--weights K.json --law exact", "--law changes nothing beside --weights; leave it out"),
-        ("--weights P.npz --online", "changes nothing beside --weights"),
         ("--weights P.npz --delta 300", "--delta changes nothing beside --weights"),
         ("--weights K.json --seed 3", "here nothing is random"),
         ("--weights small.npz", "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6"),

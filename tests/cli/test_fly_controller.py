@@ -77,7 +77,7 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
         "--step",
         "0.01",
     )
-    noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750:1", "--command", "dihedral=0:1")
+    noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750", "--command", "dihedral=0:1")
     data = [
         json.loads(hfa(*words, *noisy, "--controller", "slow.npz", *more, "--json").out)
         for more in ((), ("--fault", "0.2:0.5"))

@@ -123,10 +123,9 @@ REFUSED = {
     ],
     "fly": [
         ("--dihedral 15 --law exact --seed 3", "here nothing is random"),
-        ("--dihedral 15 --law exact --online", "--online belongs to a learning law"),
         ("--dihedral 15 --law exact --gust 50:5:30", "--gust begins at 30 s"),
         ("--dihedral 15 --gust 400:10 --turbulence 5:1750", "do not go together"),
-        ("--dihedral 15 --turbulence 5:spanwise", "--turbulence is '5'; give SIGMA:SCALE"),
+        ("--dihedral 15 --turbulence 5", "--turbulence is '5'; give SIGMA:SCALE"),
         ("--dihedral 15 --law exact --reference speed=1:2:0", "--reference speed frequency is 0 rad/s"),
         ("--dihedral 15 --law exact --actuators 0.05:-3", "--actuators rate is -3 deg/s"),
         ("--dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),

@@ -69,10 +69,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):
-        drawn = air.plot(times, shown_values(result.flight.updrafts, "ft/s"))
-        drawn[0].set_color("C2")
-        if len(drawn) > 1:
-            air.legend(drawn, ("center", "outer"), loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+        air.plot(times, shown_values(result.flight.updrafts, "ft/s"), color="C2")
         _finish(air, f"updraft, {shown_unit('ft/s')}")
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
     else:  # the legend takes the place of the updraft

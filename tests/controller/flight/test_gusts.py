@@ -207,14 +207,3 @@ def test_turbulence_begins_stationary() -> None:
 def test_what_is_no_gust_is_refused(make: Any, said: str) -> None:
     with pytest.raises(BadInputError, match=said):
         make()
-
-
-def test_turbulence_that_fades_in_is_the_same_air_later() -> None:
-    """w min(t/fade, 1): from `fade` on the air of the turbulence that sets in at once."""
-    at_once, faded = (Dryden(3.0, 1750.0, 68.0, 0.01, 1000, 5, fade) for fade in (0.0, 4.0))
-    memory = np.array([0.3, -0.2])
-    for t, share in ((0.0, 0.0), (1.0, 0.25), (4.0, 1.0), (9.0, 1.0)):
-        w, whole = (float(ca.DM(each.updraft(t, memory, np.zeros(1)))) for each in (faded, at_once))
-        assert w == pytest.approx(share * whole)
-    with pytest.raises(BadInputError, match=r"fades in over -1\.0 s"):
-        Dryden(3.0, 1750.0, 68.0, 0.01, 1000, 5, -1.0)

@@ -73,7 +73,7 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
     outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
     rest = ca.SX(5, 1)
     F = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor")).F[:, 0]
-    for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX([3.0, 3.0]), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
+    for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
         y = np.array(ca.DM(outputs.at(Seen(still, still, rest, rest, updraft)))).ravel()
         np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
     alpha = linearize(published_aircraft, point, outputs=("vertical_acceleration",)).C[0, LINEAR_STATES.index("alpha")]

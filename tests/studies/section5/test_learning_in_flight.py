@@ -1,0 +1,55 @@
+"""Learning in flight: the baseline, then the last certified gain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from flight_cases import SMALL, FlownCase
+from reference_riccati import reference_solution, relative_error
+
+from controller import Game, Scenario, fly, gain_law, learn
+from controller.policy.learned_gain import baseline_gain, learned_value
+from studies.section5.learning_in_flight import certified_gains
+
+
+def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_nothing_of_the_future(
+    newton: FlownCase,
+) -> None:
+    learned = learned_value(newton.game, "certified", 0, predefined_time=2.0)
+    gains, certified_from = certified_gains(newton.game, learned, 0.01)
+    assert 0.0 < certified_from < 2.0
+    first = round(certified_from / 0.01)
+    baseline = baseline_gain(newton.game)
+    assert all(np.array_equal(gain, baseline) for gain in gains[:first])
+    assert not np.array_equal(gains[first], baseline)
+    for gain in gains:
+        assert np.linalg.eigvals(newton.game.A - newton.game.B @ gain).real.max() < 0.0
+    np.testing.assert_array_equal(gains[-1], learned.K)
+    cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
+    assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
+    law = gain_law("learning", gains)
+    result = fly(
+        newton.aircraft,
+        newton.point,
+        law,
+        Scenario(duration=3.0, initial=0.5 * SMALL),
+        newton.envelope,
+    )
+    assert result.departure is None
+    np.testing.assert_allclose(result.flight.inputs[0], -baseline @ result.flight.errors[0], rtol=1e-12)
+
+
+def test_a_value_that_is_zero_for_a_state_without_cost_takes_over_too() -> None:
+    """P is singular where Q is; rounding makes its smallest eigenvalue negative in one case of two."""
+    rng = np.random.default_rng(18)
+    for _ in range(6):
+        T = rng.standard_normal((3, 3))
+        C = np.linalg.inv(T)[1:]
+        A, Q = T @ np.diag([-1.0, -2.0, 0.5]) @ np.linalg.inv(T), C.T @ C
+        game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf)
+        learned = learn(game, tick=0.1)
+        gains, first = certified_gains(game, learned, 0.1)
+        assert first <= 10.0
+        K = game.gain(reference_solution(game).P)
+        assert relative_error(gains[-1], K) < 1e-9
