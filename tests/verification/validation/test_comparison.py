@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Parameters
+from hfa_model import Aircraft, Parameters, density, named_parameters
 from hfa_support.reporting.text import Table
 from trim import level_model
 from verification import released_trims, validate
@@ -83,3 +84,17 @@ def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
     (entries,) = [part for part in report.parts if isinstance(part, Table) and part.header[0] == "entry"]
     assert [row[:2] for row in entries.rows] == [(e.name, e.digits) for e in third_printed_model() if e.half_unit > 0]
     assert "<table>" in report.html()
+
+
+def test_in_the_air_of_the_simulation_its_values_pass() -> None:
+    """The released parameters fail in the standard atmosphere and pass with the simulation's own density."""
+    gravity, gas, radius = 32.17405, 1716.55, 20_926_476.0  # ft/s^2, ft^2/(s^2 degR), ft, as the simulation has them
+    height = radius * 40_000.0 / (radius + 40_000.0)
+    tropopause = 2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
+    thin = tropopause * np.exp(-gravity * (height - 36089.239) / (389.97 * gas)) / density(40_000.0)
+    released = named_parameters("gibson-2011-simulation").values
+    lifts = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
+    theirs = {name: getattr(released, name) * thin for name in lifts} | {"induced_drag": released.induced_drag / thin}
+    assert thin == pytest.approx(1 - 1.61e-5, abs=1e-7)
+    assert sum(not check.ok for check in validate(Aircraft(released)).checks) == 4
+    assert all(check.ok for check in validate(Aircraft(released._replace(**theirs))).checks)
