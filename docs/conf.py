@@ -52,7 +52,7 @@ def commands_page() -> str:
     for name in COMMANDS:
         parser = Parser(prog=f"hfa {name}")
         filled(parser, name)
-        parts.append(f"## hfa {name}\n\n```text\n{parser.format_help().strip()}\n```")
+        parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 
 

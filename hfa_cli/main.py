@@ -230,8 +230,8 @@ def overview(with_command: bool = True) -> Parser:
     """`hfa` without a command: --help and --version."""
     parser = Parser(
         prog="hfa",
-        usage="hfa [-h] [--version] command ...",
-        description="Linear models and checked controllers of a highly flexible aircraft.",
+        usage="hfa [--version] command ...  (hfa command --help)",
+        description="Trims, linear models, games and flights of an aircraft; critics checked against the exact solution.",
         epilog="\n\n".join(
             f"{group}, for example {example}\n" + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())
             for group, (example, commands) in GROUPS.items()
@@ -239,8 +239,9 @@ def overview(with_command: bool = True) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     if with_command:
-        parser.add_argument("command", nargs="?", help="one of the commands below")
-    parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}")
+        parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
+    about = argparse.SUPPRESS
+    parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}", help=about)
     return parser
 
 

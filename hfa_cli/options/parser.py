@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn
 
@@ -19,6 +21,13 @@ FORMER = {
     "--tolerance": ("--limit-error", ""),
     **dict.fromkeys(("--c", "--fmu", "--matlab"), ("--output", "")),
 }
+
+#: Options that `--help` lists by name only; `--help more` explains them.
+RARE = frozenset(
+    "--Q --R --activation --basis --condition --corners --disturbance --disturbances --envelope --error --fault --features "
+    "--free --inputs --limit --network --network-output --noise --parameters --predefined-time --quiet --reference --resume "
+    "--samples --scale --seed --set --start --step --turbulence --units --workers".split()
+)
 
 
 def _in_present_words(words: list[str]) -> Iterator[str]:
@@ -38,9 +47,27 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that raises BadInputError."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(allow_abbrev=False, **options)
+        super().__init__(allow_abbrev=False, add_help=False, **options)
+        self.add_argument("-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS)
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
+
+    def format_help(self, more: bool = False) -> str:
+        """Usage, description and options; without `more` the rare ones by name only."""
+        rare = [] if more else [each for each in self._actions if RARE.intersection(each.option_strings)]
+        kept = [(each, each.help) for each in rare]
+        for each in rare:
+            each.help = argparse.SUPPRESS
+        places = " ".join(f"[{each.metavar or each.dest}]" for each in self._actions if not each.option_strings)
+        usage, self.usage = self.usage, self.usage or f"{self.prog} {places} [options]".replace("  ", " ")
+        try:
+            text = super().format_help()
+        finally:
+            self.usage = usage
+            for each, about in kept:
+                each.help = about
+        named = ", ".join(each.option_strings[-1] for each in rare)
+        return text + (textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else "")
 
     def parse_words(self, words: list[str]) -> argparse.Namespace:
         """The options and their values; of an option that comes twice the last value."""
@@ -72,6 +99,14 @@ class Parser(argparse.ArgumentParser):
         """The complaint of argparse about one option, or about the words as a whole."""
         named = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(named if named != message else f"{message} (see `{self.prog} --help`)")
+
+
+class _Help(argparse.Action):
+    """`--help`, `--help more`."""
+
+    def __call__(self, parser: Any, _: argparse.Namespace, values: Any, option_string: str | None = None) -> None:
+        sys.stdout.write(parser.format_help(more=values == "more"))
+        parser.exit()
 
 
 class _Named(argparse.Action):

@@ -44,7 +44,10 @@ def test_help_names_every_command_and_every_command_has_help() -> None:
     assert text() == overview
     for command in COMMANDS:
         assert re.search(rf"^  {command} +\w", overview, re.M)
-        assert text(command, "--help").startswith(f"usage: hfa {command} ")
+        short, long = text(command, "--help"), text(command, "--help", "more")
+        assert short.startswith(f"usage: hfa {command} ")
+        assert short.count("\n") <= 48, "it fits on a screen"
+        assert set(re.findall(r"--[a-z-]+", long)) <= set(re.findall(r"--[a-z-]+", short))
 
 
 def test_trim_json() -> None:
