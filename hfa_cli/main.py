@@ -231,7 +231,7 @@ def overview(with_command: bool = True) -> Parser:
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (hfa command --help)",
-        description="Trims, linear models, games and flights of an aircraft; critics checked against the exact solution.",
+        description="Trims, linear models, games, flights and proofs; critics checked against the exact solution.",
         epilog="\n\n".join(
             f"{group}, for example {example}\n" + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())
             for group, (example, commands) in GROUPS.items()

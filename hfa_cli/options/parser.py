@@ -23,10 +23,10 @@ FORMER = {
 }
 
 #: Options that `--help` lists by name only; `--help more` explains them.
-RARE = frozenset(
-    "--Q --R --activation --basis --condition --corners --disturbance --disturbances --envelope --error --fault --features "
-    "--free --inputs --limit --network --network-output --noise --parameters --predefined-time --quiet --reference --resume "
-    "--samples --scale --seed --set --start --step --turbulence --units --workers".split()
+RARE = (
+    "Q R activation basis condition corners disturbance disturbances envelope error fault features free inputs limit "
+    "network network-output noise parameters predefined-time quiet reference resume samples scale seed set start step "
+    "turbulence units workers"
 )
 
 
@@ -54,7 +54,8 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self, more: bool = False) -> str:
         """Usage, description and options; without `more` the rare ones by name only."""
-        rare = [] if more else [each for each in self._actions if RARE.intersection(each.option_strings)]
+        words = {f"--{word}" for word in RARE.split()} if not more else set()
+        rare = [each for each in self._actions if words.intersection(each.option_strings)]
         kept = [(each, each.help) for each in rare]
         for each in rare:
             each.help = argparse.SUPPRESS
