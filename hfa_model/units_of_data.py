@@ -19,7 +19,7 @@ _SENSOR, _SIGNAL = "sensor_units", "signal_units"
 _Axes = tuple[tuple[str | tuple[str, ...], int], ...]
 _ARRAYS: dict[str, _Axes] = {
     **dict.fromkeys(("A", "A_band", "A_difference"), ((_STATE, 1), (_STATE, -1))),
-    **dict.fromkeys(("B", "B_band"), ((_STATE, 1), (_INPUT, -1))),
+    **dict.fromkeys(("B", "B_band", "B_difference"), ((_STATE, 1), (_INPUT, -1))),
     "C": ((_OUTPUT, 1), (_STATE, -1)),
     "D": ((_OUTPUT, 1), (_INPUT, -1)),
     "E": ((_STATE, 1), (_GUST, -1)),
@@ -59,7 +59,7 @@ _MOMENTS = ("pitching_moment", "hinge_moment", "center_moment", "outer_moment")
 #: Tables that state their own units: of what was typed, and of what is compared with the print.
 _AS_THEY_ARE = ("provenance", "regeneration")
 #: In a table with one unit beside its numbers, what is not in it.
-_APART = ("time", "sign")
+_APART = ("time", "sign", "zeros", "poles")
 #: Table of numbers by name -> their units, and of arrays those of the last axis, where none stand beside them; so for
 #: the tables within it.
 _BY_NAME: dict[str, Mapping[str, str | tuple[str, ...]]] = {

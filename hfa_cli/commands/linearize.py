@@ -1,4 +1,4 @@
-"""Exact linear model at a trim: A, B, C, D, modes, offsets, error bands, and the printed matrices where they exist."""
+"""Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error bands, the print."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import OWN, some_of
 from hfa_cli.options.parser import add_value
-from hfa_cli.output import failure_as_data, show
+from hfa_cli.output import draw, failure_as_data, show
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.variants import VARIANTS
@@ -17,8 +17,10 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from trim.linear.compare import beside_the_print, printed_at
-from trim.linear.entry_bands import bands_known, entry_bands
-from trim.linear.linear_model import LinearModel, linear_model_report, linearize, truncation_note, trust_in
+from trim.linear.entry_bands import bands_known, entry_bands, trust_in
+from trim.linear.frequency import bode_figure, re_im, transfer_tables
+from trim.linear.handling_qualities import handling_qualities, quantities_data, quantities_table
+from trim.linear.linear_model import LinearModel, linear_model_report, linearize, reduction_note
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -36,6 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_value(parser, f"--{name}", some_of(*known), "a,b,...", f"{name} of the model, in order; default: {default}")
     winds = "winds w of E and F, in order; default: updraft, in files and --json alone"
     add_value(parser, "--disturbances", some_of(*of.disturbances), "a,b,...", winds)
+    follow = "states that follow the others at once; what is left out stays at its trim"
+    add_value(parser, "--residualize", some_of(*of.states), "a,b,...", follow)
+    parser.add_argument("--bode", action="store_true", help="also transmission zeros and transfer functions")
+    options.add_picture(parser, "Bode plots from the inputs to the outputs")
     options.add_own(parser)
     options.add_aircraft(parser)
     options.add_output(parser)
@@ -49,22 +55,28 @@ def run(arguments: argparse.Namespace) -> int:
     with failure_as_data(arguments, aircraft):
         point = options.operating_point_of(arguments, aircraft)
     usual = aircraft.model.linear
-    states = arguments.states or usual
-    model = linearize(
-        aircraft,
-        point,
-        full=True,
-        outputs=arguments.outputs or states,
-        disturbances=arguments.disturbances,
-    )
-    whole_model = model.select(usual)
-    model = model.select(states, arguments.inputs)
+    follow = arguments.residualize or ()
+    states = arguments.states or tuple(name for name in usual if name not in follow)
+    if both := set(states) & set(follow):
+        raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
+    outputs, winds = arguments.outputs or states, arguments.disturbances
+    full = linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
+    whole = full.select(usual)
+    model = full.select(states, arguments.inputs, residualize=follow)
     if isinstance(aircraft, Model):
-        report = linear_model_report(model, windy=arguments.disturbances is not None)
+        report = linear_model_report(model, windy=winds is not None)
     else:
         report = _of_the_hfa(arguments, aircraft, parameters, condition, model)
-    notes = [note for note in (*report.notes, truncation_note(model, whole_model)) if note]
+    if qualities := handling_qualities(aircraft, point):
+        report = replace(report, parts=(*report.parts, quantities_table(qualities)))
+        report = report.with_data(handling_qualities=quantities_data(qualities))
+    if arguments.bode:
+        found, zeros = model.transfers(), model.zeros()
+        report = replace(report, parts=(*report.parts, *transfer_tables(model, found, zeros)))
+        report = report.with_data(zeros=re_im(zeros), transfers=[each.to_dict() for each in found])
+    notes = [each for each in (*report.notes, reduction_note(model, whole, follow)) if each]
     report = replace(report, notes=notes).with_data(warnings=notes)
+    draw(arguments.picture, lambda: bode_figure(model))
     show(report, arguments, target=arguments.output)
     return 0
 

@@ -17,7 +17,7 @@ from hfa_model import (
 )
 from hfa_support import BadInputError
 from trim import LinearModel, entry_bands, find_operating_point, level_flight, linearize, trim_points
-from trim.linear.linear_model import Bands
+from trim.linear.entry_bands import Bands
 
 COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]

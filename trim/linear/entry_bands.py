@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
@@ -10,14 +11,77 @@ import numpy as np
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, LINEAR_UNITS, STATES
 from hfa_support.errors import BadInputError
-from trim.linear.linear_model import Bands, LinearModel
+from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table
+from hfa_support.reporting.unit_system import entries_in_force
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 
 #: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
 _SAME = 1e-7
+
+
+#: Why a model comes without bands.
+NO_BANDS = (
+    "No bands of the rounding of the print: they are known for the six printed states of the identified aircraft only"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(ByValue, Reported):
+    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
+
+    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
+    equations are taken as they are: `docs/validation.md` says where they were tested.
+    """
+
+    A_rounding: np.ndarray
+    B_rounding: np.ndarray
+
+    @property
+    def A(self) -> np.ndarray:
+        """Half width of the band on A: two standard errors."""
+        return 2 * self.A_rounding
+
+    @property
+    def B(self) -> np.ndarray:
+        """Half width of the band on B: two standard errors."""
+        return 2 * self.B_rounding
+
+    def report(self) -> Report:
+        """Half width of the band of every entry of A and B."""
+        tables = [
+            Table(
+                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
+            )
+            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
+        ]
+        return Report("Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s", tables)
+
+
+def trust_in(bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None) -> str:
+    """How far the entries of a six-state model may be off: by the rounding of the print, and by the choice of the
+    dynamics, `other` being the model of the other ones at the same condition."""
+    said = NO_BANDS
+    if bands is not None:
+        said = f"Largest band of an entry from the rounding of the print: {_largest(bands.A, bands.B)}"
+    if model is not None and other is not None:
+        difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
+        said += f"\nLargest difference of an entry to {other.point.dynamics} dynamics: {difference}"
+    return f"{said} (every entry: --json or -o)" if said != NO_BANDS else said
+
+
+def _largest(A: np.ndarray, B: np.ndarray) -> str:
+    """The largest entry of both, in the units in force, and which it is."""
+    A = entries_in_force(A, (LINEAR_UNITS, 1), (LINEAR_UNITS, -1))
+    B = entries_in_force(B, (LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
+    row, column = np.unravel_index(largest.argmax(), largest.shape)
+    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
 
 
 def bands_known(parameters: ParameterSet) -> bool:

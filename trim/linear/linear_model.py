@@ -1,4 +1,4 @@
-"""A linear model at an operating point: how it is made, and what it says; how uncertain its entries are."""
+"""A linear model at an operating point: how it is made, and what it says."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.model import Model
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
-from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
+from hfa_support.reporting.unit_system import unit_in_force
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import level_flight
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
@@ -23,82 +21,32 @@ from trim.point.solve import find_operating_point
 if TYPE_CHECKING:
     import control
 
-#: Why a model comes without bands.
-NO_BANDS = (
-    "No bands of the rounding of the print: they are known for the six printed states of the identified aircraft only"
-)
+    from hfa_model.aircraft import Aircraft
+    from trim.linear.entry_bands import Bands
+    from trim.linear.frequency import Transfer
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Bands(ByValue, Reported):
-    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
-
-    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
-    equations are taken as they are: `docs/validation.md` says where they were tested.
-    """
-
-    A_rounding: np.ndarray
-    B_rounding: np.ndarray
-
-    @property
-    def A(self) -> np.ndarray:
-        """Half width of the band on A: two standard errors."""
-        return 2 * self.A_rounding
-
-    @property
-    def B(self) -> np.ndarray:
-        """Half width of the band on B: two standard errors."""
-        return 2 * self.B_rounding
-
-    def report(self) -> Report:
-        """Half width of the band of every entry of A and B."""
-        tables = [
-            Table(
-                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
-            )
-            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
-        ]
-        return Report("Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s", tables)
-
-
-def trust_in(bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None) -> str:
-    """How far the entries of a six-state model may be off: by the rounding of the print, and by the choice of the
-    dynamics, `other` being the model of the other ones at the same condition."""
-    said = NO_BANDS
-    if bands is not None:
-        said = f"Largest band of an entry from the rounding of the print: {_largest(bands.A, bands.B)}"
-    if model is not None and other is not None:
-        difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
-        said += f"\nLargest difference of an entry to {other.point.dynamics} dynamics: {difference}"
-    return f"{said} (every entry: --json or -o)" if said != NO_BANDS else said
-
-
-def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """The largest entry of both, in the units in force, and which it is."""
-    A = entries_in_force(A, (LINEAR_UNITS, 1), (LINEAR_UNITS, -1))
-    B = entries_in_force(B, (LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
-    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
-    row, column = np.unravel_index(largest.argmax(), largest.shape)
-    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
-
-
-def truncation_note(model: LinearModel, whole: LinearModel) -> str:
+def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()) -> str:
     """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
-    missing = [name for name in whole.states if name not in model.states]
-    if not missing:
+    held = [name for name in whole.states if name not in (*model.states, *residualized)]
+    if not held and not residualized:
         return ""
     reference = np.linalg.eigvals(whole.A)
     nearest = [(value, min(reference, key=lambda each: abs(each - value))) for value in np.linalg.eigvals(model.A)]
     off = [abs(value - known) / max(abs(known), 1e-12) for value, known in nearest]
+    kinds = (held, "held at the trim: the model is truncated"), (residualized, "residualized: at rest at every moment")
+    said = [f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}" for names, how in kinds if names]
     return (
-        f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} held at the trim: the model is truncated, "
-        f"and its eigenvalues lie up to {100 * max(off):.2g} % from those of all {len(whole.states)} states"
+        f"{'; '.join(said)}; the eigenvalues lie up to {100 * max(off):.2g} % from those of all "
+        f"{len(whole.states)} states" + ("" if residualized else " (--residualize names states that follow instead)")
     )
 
 
 #: Matrix -> names of its rows, names of its columns, values.
 _Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
 LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
+#: Condition number, in nominal units, from which a matrix counts as singular.
+_SINGULAR = 1e12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,26 +117,66 @@ class LinearModel(ByValue, Reported):
         """U0, (m,)."""
         return np.array([getattr(self.point.inputs, name) for name in self.inputs])
 
-    def select(self, states: tuple[str, ...] | None = None, inputs: tuple[str, ...] | None = None) -> LinearModel:
-        """The model of the named states and inputs alone, the others held at their offsets; None keeps all.
+    def select(
+        self,
+        states: tuple[str, ...] | None = None,
+        inputs: tuple[str, ...] | None = None,
+        *,
+        residualize: tuple[str, ...] = (),
+    ) -> LinearModel:
+        """The model of the named states and inputs alone; None keeps all.
 
-        BadInputError when the model has no such name, or it comes twice.
+        States and inputs left out stay at their offsets. States in `residualize` follow the others at once:
+        x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that values at rest stay as they were. BadInputError when the model has
+        no such name, it comes twice, or A22 is singular.
         """
+        if states is None:
+            states = tuple(name for name in self.states if name not in residualize)
         rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
+        left = _positions("state", (*states, *residualize), self.states)[len(rows) :]
         seen = rows if self.outputs == self.states else list(range(len(self.outputs)))
+        A22 = self.A[np.ix_(left, left)]
+        sizes = np.array([self.point.model.states[name].nominal for name in residualize])
+        if left and np.linalg.cond(A22 * sizes / sizes[:, None]) > _SINGULAR:
+            raise BadInputError(
+                f"{', '.join(residualize)} cannot follow the other states: their rates do not determine them (A22 is "
+                "singular); residualize fewer"
+            )
+        kept: dict[str, Any] = {}
+        winds = list(range(len(self.disturbances)))
+        for of_rates, of_outputs, by in (("A", "C", rows), ("B", "D", columns), ("E", "F", winds)):
+            rates, shown = getattr(self, of_rates)[:, by], getattr(self, of_outputs)[np.ix_(seen, by)]
+            kept |= {of_rates: rates[rows], of_outputs: shown}
+            if left:
+                follow = -np.linalg.solve(A22, rates[left])
+                kept[of_rates] = rates[rows] + self.A[np.ix_(rows, left)] @ follow
+                kept[of_outputs] = shown + self.C[np.ix_(seen, left)] @ follow
         return replace(
             self,
-            A=self.A[np.ix_(rows, rows)],
-            B=self.B[np.ix_(rows, columns)],
             states=tuple(self.states[i] for i in rows),
             inputs=tuple(self.inputs[i] for i in columns),
             outputs=tuple(self.outputs[i] for i in seen),
-            C=self.C[np.ix_(seen, rows)],
-            D=self.D[np.ix_(seen, columns)],
-            E=self.E[rows],
-            F=self.F[seen],
             output_offsets=self.output_offsets[seen],
+            **kept,
         )
+
+    def zeros(self) -> np.ndarray:
+        """Transmission zeros from all inputs to all outputs, 1/s."""
+        from trim.linear.frequency import zeros_of
+
+        return zeros_of(self)
+
+    def transfers(self) -> list[Transfer]:
+        """The transfer function of each output and input, outputs first; `.to_control()` of each."""
+        from trim.linear.frequency import transfers
+
+        return transfers(self)
+
+    def frequency_response(self, omega: Any = None) -> control.FrequencyResponseData:
+        """C (iω - A)⁻¹ B + D at ω, rad/s, (outputs, inputs, N); python-control chooses ω unless given."""
+        import control
+
+        return control.frequency_response(self.to_control(), omega)
 
     def report(self) -> Report:
         """A, B, offsets and modes."""
@@ -376,7 +364,7 @@ def linearize(
         model = LinearModel(
             found.A, found.B, tuple(own.states), tuple(own.inputs), point, seen, *found[4:], found.y, winds
         )
-    if not isinstance(aircraft, Aircraft):
+    if isinstance(aircraft, Model):
         model = replace(model, kinks=kinks_of(own, model))
     return model if full else model.select(own.linear)
 

@@ -12,8 +12,7 @@ from cli import hfa
 from hfa_model import Aircraft, Parameters, ParameterSet
 from hfa_support import BadInputError
 from trim import entry_bands, find_operating_point, level_flight, linearize
-from trim.linear.entry_bands import bands_known
-from trim.linear.linear_model import Bands
+from trim.linear.entry_bands import Bands, bands_known
 
 CONDITION = level_flight(np.radians(10.0))
 

@@ -1,0 +1,125 @@
+"""Transfer functions, zeros and reduced models beside python-control, SLICOT and values at rest."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from own_models import F16, NAVION, trimmed
+
+from hfa_model import Aircraft
+from hfa_support import BadInputError
+from trim import LinearModel, level_model, linearize
+from trim.linear.frequency import Transfer, transmission_zeros
+
+OMEGA = np.logspace(-3, 2, 40)
+
+
+@pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
+def model(request: pytest.FixtureRequest) -> LinearModel:
+    if request.param == "hfa":
+        found = level_model(Aircraft(), 0.2)
+        return linearize(Aircraft(), found.point, outputs=("gamma", "speed", "dihedral"))
+    own = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
+    return linearize(own, trimmed(own), outputs=("gamma", "speed", "roll_rate"))
+
+
+def response(transfer: Transfer) -> np.ndarray:
+    s = 1j * OMEGA[:, None]
+    return transfer.gain * np.prod(s - transfer.zeros, axis=1) / np.prod(s - transfer.poles, axis=1)
+
+
+def test_transfer_functions_have_the_frequency_response_of_the_model(model: LinearModel) -> None:
+    exact, reached = model.frequency_response(OMEGA).frdata, 0
+    for transfer in model.transfers():
+        one = exact[model.outputs.index(transfer.output), model.inputs.index(transfer.input)]
+        size = np.abs(one).max()
+        if size == 0:
+            assert transfer.gain == 0
+            continue
+        reached += 1
+        assert np.abs(response(transfer) - one).max() <= 1e-6 * size, transfer[:2]
+        peer = transfer.to_control()
+        assert (peer.input_labels, peer.output_labels) == ([transfer.input], [transfer.output])
+        assert abs(peer(1j * OMEGA[20]) - one[20]) <= 1e-5 * size
+        if transfer.zeros.size:
+            off = transfer._replace(zeros=transfer.zeros * (1 + 1e-4))
+            assert np.abs(response(off) - one).max() > 1e-6 * size
+    assert reached >= 6
+
+
+def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
+    pytest.importorskip("slycot")
+    for size in (1, 2, 3):
+        B, C, D = model.B[:, :size], model.C[:size], model.D[:size, :size]
+        found, rank = transmission_zeros(model.A, B, C, D)
+        peer = control.ss(model.A, B, C, D).zeros()
+        assert (rank, len(found)) == (size, len(peer))
+        for zero in found:
+            assert np.abs(peer - zero).min() <= 1e-6 * (1 + abs(zero))
+
+
+def test_a_known_zero_is_found_and_cancels() -> None:
+    """(s - 3) / ((s + 1) (s + 2)), and the same beside a state that nothing moves: -5 is pole and zero."""
+    A, B = np.diag([-1.0, -2.0, -5.0]), np.array([[1.0], [1.0], [0.0]])
+    C, D = np.array([[-4.0, 5.0, 1.0]]), np.zeros((1, 1))
+    zeros, rank = transmission_zeros(A, B, C, D)
+    np.testing.assert_allclose(np.sort(zeros), [-5.0, 3.0], atol=1e-12)
+    assert rank == 1
+    assert transmission_zeros(A, np.zeros((3, 1)), C, D)[1] == 0
+
+
+# Models of fewer states.
+
+
+def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
+    keep, follow = tuple(name for name in model.states if name not in ("alpha", "pitch_rate")), ("alpha", "pitch_rate")
+    found, whole = model.select(residualize=follow), model.to_control()
+    peer = control.model_reduction(whole, elim_states=list(follow), method="matchdc", warn_unstable=False)
+    for name in "ABCD":
+        np.testing.assert_allclose(getattr(found, name), getattr(peer, name), rtol=1e-10, atol=1e-12)
+    assert found.states == keep
+    np.testing.assert_allclose(found.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
+    slow = 1e-2j
+    errors = [np.abs(each.to_control()(slow) - whole(slow)).max() for each in (found, model.select(keep))]
+    assert errors[0] < 0.1 * errors[1]
+
+
+def test_disturbances_are_residualized_too() -> None:
+    point = level_model(Aircraft(), 0.2).point
+    model = linearize(Aircraft(), point, outputs=("load_factor",), disturbances=("updraft",))
+    found = model.select(residualize=("alpha", "pitch_rate", "dihedral_rate"))
+    by_wind = [control.ss(each.A, each.E, each.C, each.F)(0) for each in (model, found)]
+    np.testing.assert_allclose(*by_wind, rtol=1e-8, atol=1e-12)
+
+
+def test_what_cannot_follow_is_named() -> None:
+    with pytest.raises(BadInputError, match="pitch cannot follow the other states"):
+        level_model(Aircraft(), 0.2).select(residualize=("pitch",))
+
+
+def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
+    words = ("linearize", "--dihedral", "10", "--bode", "--inputs", "throttle,elevator_center", "--outputs", "gamma")
+    saved = tmp_path / "bode.svg"
+    text = hfa(*words, "--picture", str(saved), "-o", str(tmp_path / "model.npz")).out
+    assert "Transmission zeros" in text
+    assert "gamma / elevator_center" in text
+    assert saved.read_text().count("<svg") == 1
+    data, si = (json.loads(hfa(*words, "--json", *more).out) for more in ((), ("--units", "si")))
+    model = level_model(Aircraft(), float(np.radians(10.0)))
+    first = linearize(Aircraft(), model.point, outputs=("gamma",)).transfers()[0]
+    assert data["transfers"][0]["gain"] == first.gain
+    assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
+    assert si["transfers"] == data["transfers"]  # angles and percent: no feet
+    assert {"n/alpha", "CAP", "phugoid damping"} < {*data["handling_qualities"]}
+    shown = hfa("linearize", "--dihedral", "10", "--residualize", "alpha,pitch_rate,dihedral_rate")
+    assert "alpha, pitch_rate, dihedral_rate are residualized" in shown.out
+    both = ("--states", "alpha", "--residualize", "alpha")
+    assert_refused(hfa("linearize", "--dihedral", "10", *both), 2, "alpha is in --states and in --residualize")
+    moved = replace(model, D=model.D + 1)
+    assert any(each.gain != one.gain for each, one in zip(moved.transfers(), model.transfers(), strict=True))

@@ -1,0 +1,194 @@
+"""Transfer functions, transmission zeros and frequency responses of a linear model, and their Bode plot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.text import Table, eigenvalue_text
+from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.figure import Figure
+
+    from trim.linear.linear_model import LinearModel
+
+#: Of the largest entry of the scaled system: what is smaller is rounding where a rank is decided.
+_ROUNDING = 1e-12
+#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel.
+_CANCELS = 1e-7
+
+
+class Transfer(NamedTuple):
+    """output / input = gain Π(s - zero) / Π(s - pole), without what cancels.
+
+    unit: of the output over that of the input. gain: 0 where the input does not reach the output. static: the value at
+    s = 0, infinite where a pole is there. zeros, poles: 1/s.
+    """
+
+    output: str
+    input: str
+    unit: str
+    gain: float
+    static: float
+    zeros: np.ndarray
+    poles: np.ndarray
+
+    def to_control(self) -> control.TransferFunction:
+        """The same as python-control's `TransferFunction`, names kept."""
+        import control
+
+        found = control.zpk(self.zeros, self.poles, self.gain)
+        found.set_inputs([self.input])
+        found.set_outputs([self.output])
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; zeros and poles as [re, im]."""
+        return self._asdict() | {"zeros": re_im(self.zeros), "poles": re_im(self.poles)}
+
+
+def transfers(model: LinearModel) -> list[Transfer]:
+    """The transfer function of each output and input, outputs first."""
+    A, B, C, D = _scaled(model)
+    found, signals = [], model.point.model.signals
+    for i, output in enumerate(model.outputs):
+        for j, name in enumerate(model.inputs):
+            b, c, d = B[:, [j]], C[[i]], D[i, j]
+            zeros, rank = transmission_zeros(A, b, c, np.array([[d]]))
+            zeros, poles = _without_common(zeros, np.linalg.eigvals(A)) if rank else (np.zeros(0), np.zeros(0))
+            gain = static = 0.0
+            if rank:
+                beyond = 1.0 + 2.0 * np.abs([*zeros, *poles]).max(initial=0.0)
+                value = (c @ np.linalg.solve(beyond * np.eye(len(A)) - A, b)).item() + d
+                rest = np.prod(beyond - poles[len(zeros) :])
+                gain = float(np.real(value * rest * np.prod((beyond - poles[: len(zeros)]) / (beyond - zeros))))
+                gain *= signals[output].nominal / signals[name].nominal
+                at_zero = np.prod(-poles)
+                static = float(np.real(gain * np.prod(-zeros) / at_zero)) if at_zero else np.inf
+            unit = f"({signals[output].unit})/({signals[name].unit})"
+            found.append(Transfer(output, name, unit, gain, static, zeros, poles))
+    return found
+
+
+def transmission_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, int]:
+    """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its transfer matrix.
+
+    The system is reduced to one of the same zeros whose D is square and invertible (A. Emami-Naeini, P. Van Dooren,
+    Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C.
+    """
+    small = _ROUNDING * float(np.linalg.norm(np.block([[A, B], [C, D]])))
+    for _ in range(2):  # the second time the transposed system
+        A, B, C, D = _with_full_rows(A, B, C, D, small)
+        A, B, C, D = A.T, C.T, B.T, D.T
+    zeros = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)) if len(D) else np.linalg.eigvals(A)
+    return _sorted(zeros), len(D)
+
+
+def _with_full_rows(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, small: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A smaller system of the same zeros whose D has independent rows: what y shows without u is no state."""
+    while len(D):
+        turn, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
+        rank = int((sizes > small).sum())
+        C, D = turn.T @ C, turn.T @ D
+        direct, D, rest = C[:rank], D[:rank], C[rank:]
+        if not rest.size:
+            return A, B, direct, D
+        _, sizes, basis = np.linalg.svd(rest)
+        count = int((sizes > small).sum())
+        if not count:
+            return A, B, direct, D
+        shown, hidden = basis[:count], basis[count:]
+        C, D = np.vstack([direct, shown @ A]) @ hidden.T, np.vstack([D, shown @ B])
+        A, B = hidden @ A @ hidden.T, hidden @ B
+    return A, B, C, D
+
+
+def bode_figure(model: LinearModel) -> Figure:
+    """Magnitude in dB and phase in degrees, a column an output and a line an input."""
+    found = model.frequency_response()
+    units = (model.output_units, 1), (model.input_units, -1)
+    size = entries_in_force(np.moveaxis(np.abs(found.frdata), 2, 0), *units)
+    phase = np.degrees(np.unwrap(np.moveaxis(np.angle(found.frdata), 2, 0), axis=0))
+    if not size.any():
+        raise BadInputError("no chosen input reaches a chosen output: there is no Bode plot to draw")
+    figure = new_figure(max(5.0, 3.4 * len(model.outputs)), 5.6)
+    axes = figure.subplots(2, len(model.outputs), sharex=True, squeeze=False)
+    for i, (output, unit) in enumerate(zip(model.outputs, model.output_units, strict=True)):
+        above, below = axes[:, i]
+        for j, name in enumerate(model.inputs):
+            if size[:, i, j].max() > _ROUNDING * size.max():
+                above.semilogx(found.omega, 20 * np.log10(size[:, i, j]), color=f"C{j}", label=name)
+                below.semilogx(found.omega, phase[:, i, j], color=f"C{j}")
+        above.set_title(f"{output}, {unit_in_force(unit)}", fontsize=9)
+        below.set_xlabel("rad/s")
+        for each in (above, below):
+            each.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("magnitude, dB")
+    axes[1, 0].set_ylabel("phase, deg")
+    lines = {line.get_label(): line for each in axes[0] for line in each.lines}
+    units_of_inputs = dict(zip(model.inputs, model.input_units, strict=True))
+    labels = [f"{name}, {unit_in_force(units_of_inputs[str(name)])}" for name in lines]
+    figure.legend([*lines.values()], labels, loc="outside upper center", ncols=5, fontsize=8)
+    return figure
+
+
+def transfer_tables(model: LinearModel, found: list[Transfer], zeros: np.ndarray) -> tuple[str, Table]:
+    """The transmission zeros in words, and a row a transfer function that is not zero."""
+    rows = [
+        (
+            f"{each.output} / {each.input}",
+            *(f"{in_force(value, each.unit):.6g}" for value in (each.gain, each.static)),
+            *(_pairs_text(roots) for roots in (each.zeros, each.poles)),
+        )
+        for each in found
+        if each.gain
+    ]
+    several = f"all {len(model.outputs)} outputs" if len(model.outputs) > 1 else model.outputs[0]
+    said = f"Transmission zeros of {several} and {len(model.inputs)} inputs, 1/s: {_pairs_text(zeros)}"
+    return said, Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
+
+
+def re_im(values: np.ndarray) -> list[list[float]]:
+    """Complex numbers as JSON has them."""
+    return [[value.real, value.imag] for value in values.tolist()]
+
+
+def zeros_of(model: LinearModel) -> np.ndarray:
+    """The transmission zeros from all inputs to all outputs, 1/s."""
+    return transmission_zeros(*_scaled(model))[0]
+
+
+def _scaled(model: LinearModel) -> tuple[np.ndarray, ...]:
+    """A, B, C, D in nominal values, in which one rank decision suits all rows."""
+    signals = model.point.model.signals
+    names = model.states, model.inputs, model.outputs
+    x, u, y = (np.array([signals[name].nominal for name in part]) for part in names)
+    return model.A * x / x[:, None], model.B * u / x[:, None], model.C * x / y[:, None], model.D * u / y[:, None]
+
+
+def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both without the pairs that cancel."""
+    kept, left = [], [*_sorted(poles)]
+    for zero in zeros:
+        near = min(left, key=lambda pole: abs(pole - zero), default=np.inf)
+        if abs(near - zero) <= _CANCELS * (0.01 + abs(zero)):
+            left.remove(near)
+        else:
+            kept.append(zero)
+    return np.array(kept, dtype=complex), np.array(left, dtype=complex)
+
+
+def _sorted(roots: np.ndarray) -> np.ndarray:
+    """Fastest first, the positive imaginary part first."""
+    return roots[np.lexsort((-roots.imag, -np.round(np.abs(roots), 9)))].astype(complex)
+
+
+def _pairs_text(roots: np.ndarray) -> str:
+    return ", ".join(eigenvalue_text(root) for root in roots if root.imag >= 0) or "none"
