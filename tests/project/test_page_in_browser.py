@@ -68,7 +68,7 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
         assert settles(driver, "document.body.classList.contains('scripted')")
         with subtests.test("names are escaped and nothing is loaded from elsewhere"):
             assert driver.title == "Highly flexible aircraft: linear models"
-            assert NAME in driver.find_element("tag name", "main").text
+            assert NAME in driver.find_element("tag name", "main").get_attribute("textContent")
             assert driver.execute_script("return performance.getEntriesByType('resource').length") == 0
             buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
             assert [each.get_attribute("data-title") for each in buttons] == BUTTONS
@@ -84,6 +84,16 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
             assert chosen(driver) == f"{AT} deg"
             compare_with_the_command(driver)
             assert driver.execute_script(_DRAWN) != before
+        with subtests.test("it fits on eight screens, and a link of the contents unfolds its section"):
+            seen_at(driver, 1400)
+            assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
+            links = driver.find_elements("css selector", "nav a")
+            assert len(links) >= 5
+            links[1].click()
+            assert settles(driver, "document.querySelector('main > details').open")
+            gone = "document.querySelector('.slider').getBoundingClientRect().bottom <= 2"
+            assert settles(driver, gone), "the slider stays within its section"
+            driver.execute_script("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
         with subtests.test("no table and no drawing is wider than the window"):
             for width in (1600, 400):
                 seen_at(driver, width)

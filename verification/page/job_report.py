@@ -36,17 +36,19 @@ _COLORS = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Everything on the page below its slider; data: every number."""
+    """What the page shows below its slider; data: every number."""
     regeneration, swept = job.regeneration.report(), job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
-    locus, claims = locus_plot(job.sweep), claims_section(job.claims, job.regeneration)
+    claims = claims_section(job.claims, job.regeneration)
+    pictures = front_view(job.aircraft, job.points), locus_plot(job.sweep)
     return Report(
         title="",
         parts=(
-            Report("Root locus over the dihedral angle", (*filter(None, [locus]), swept.without_pictures())),
+            Report("Any dihedral angle", [each for each in pictures if each is not None]),
             *angles,
-            Report("Every entry against the print", (job.regeneration.picture(),)),
             claims,
+            Report("Every entry against the print", (job.regeneration.picture(),)),
+            Report("Modes over the dihedral angle", (swept.without_pictures(),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
         data={
@@ -77,20 +79,19 @@ def verdicts(job: MainJob) -> Table:
         rows.append((f"learned critic agrees with the exact solution at {at}", verdict_text(angle.ok)))
     trimmed = int(job.sweep.trimmed.sum())
     rows.append((f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0)))
+    if job.claims is not None:
+        rows.append((f"claims of Section 5 of the paper: {_verdicts(job.claims.table)}", Cell("findings", "near")))
     return Table(("check", "verdict"), rows)
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """One asked angle in full: trim, drawing, linear model beside the print, game solution, learned critic."""
+    """One asked angle: linear model beside the print, game solution, learned critic; the slider shows its trim."""
     model, data = angle.model, {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
-    title = f"Dihedral {angle_text(angle.dihedral)}"
+    title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
     at = f"{angle.dihedral_deg:g}"
-    shown = {
-        "trim": trim_report(job.aircraft, angle.condition, model.point),
-        "model": _model_report(job, angle, model),
-    }
+    shown = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
         named = model.states, model.inputs, f"the model at dihedral {at} deg", model.state_units, model.input_units
         shown["solution"] = solution_report(angle.solution, *named)
@@ -102,10 +103,10 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
             return check_figure(critic.check, *critic.names, run=critic.run, predefined_time=time)
 
         shown["critic"] = replace(checked, parts=(*checked.parts, Picture(f"critic-{at}.png", text, draw)))
-    drawn = front_view(job.aircraft, (angle,), f"trim-{at}.png")
     unsolved = f"No game solution: {angle.reason}" if angle.reason else None
-    parts: list[Part] = [part for part in (drawn, *shown.values(), unsolved) if part is not None]
-    return Report(title, parts, data=data | {name: report.data for name, report in shown.items()})
+    parts: list[Part] = [part for part in (*shown.values(), unsolved) if part is not None]
+    trim = trim_report(job.aircraft, angle.condition, model.point)
+    return Report(title, parts, data=data | {"trim": trim.data} | {name: each.data for name, each in shown.items()})
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
@@ -135,7 +136,7 @@ _TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be
 #: The law that most claims are about, and those whose numbers are shown beside it.
 _SUBJECT = "published, modified"
 _BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
-_TITLE = "Section 5 of the paper, claim by claim"
+_TITLE = "Claims of Section 5 of the paper"
 #: Entries of the flown matrices and of the page's own that differ by less are the same.
 _SAME = 1e-9
 
@@ -166,7 +167,7 @@ def claims_section(claims: StoredClaims | None, regeneration: Regeneration) -> R
     same = "the same matrices as" if flies_the_same(table, regeneration) else "OTHER matrices than"
     said = (
         f"Read from {claims.path}, which `python -m studies.section5` wrote. {_counts(table)}.",
-        f"It flew {table['setting']['matrices']} matrices, {same} those of this page. A green number fulfils a claim.",
+        f"It flew {table['setting']['matrices']} matrices, {same} those of this page. A green number meets the criterion of its claim.",
     )
     return Report(_TITLE, (*said, _claims_table(table)), data=table)
 
@@ -193,12 +194,16 @@ def _cell(finding: dict[str, Any], before: str = "") -> str:
 
 def _counts(table: dict[str, Any]) -> str:
     """How many claims have each verdict, and which flights were lost."""
-    counts = "; ".join(f"{verdict}: {count}" for verdict, count in table["verdicts"].items())
+    counts = _verdicts(table)
     lost = table["lost_flights"]
     if not lost:
         return f"{counts}; no flight was lost"
     laws, times = sorted({flight["law"] for flight in lost}), [flight["lost_at"] for flight in lost]
     return f"{counts}; {len(lost)} flights were lost ({'; '.join(laws)}), at {min(times):.3g} to {max(times):.3g} s"
+
+
+def _verdicts(table: dict[str, Any]) -> str:
+    return ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
 
 
 def flies_the_same(table: dict[str, Any], regeneration: Regeneration) -> bool:

@@ -168,7 +168,8 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
+    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad), which the
+    sweep visits too.
 
     flight, start: what is trimmed, as of `sweep`; the printed pairs are at the paper's condition.
     """
@@ -176,6 +177,7 @@ def main_job(
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")
+    swept = np.union1d(swept, asked)
     over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
     points = tuple(trimmed_angle(aircraft, float(angle), None, flight, start) for angle in swept)
     found = []

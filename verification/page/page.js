@@ -32,6 +32,17 @@ addEventListener("resize", () => {
   clearTimeout(waiting);
   waiting = setTimeout(() => plots.forEach(({ box }) => Plotly.redraw(box)), 300);
 });
+// A folded section is unfolded for a link and for printing.
+const folded = [...document.querySelectorAll("main > details")];
+function unfold() {
+  const part = document.getElementById(location.hash.slice(1));
+  if (part?.open !== false) return;
+  part.open = true;
+  part.scrollIntoView();
+}
+addEventListener("hashchange", unfold);
+addEventListener("beforeprint", () => folded.forEach((part) => { part.open = true; }));
+unfold();
 slider.addEventListener("input", show);
 document.body.classList.add("scripted");
 show();

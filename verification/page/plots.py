@@ -34,7 +34,7 @@ _GRID = {"gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,12
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """A picture that is one or more Plotly figures on a page of HTML; elsewhere it is drawn as other pictures are."""
+    """A picture that is one or more Plotly figures on a page of HTML; elsewhere Matplotlib draws it."""
 
     figures: tuple[PlotlyFigure, ...]
 
@@ -86,8 +86,8 @@ def frames(traces: Sequence[Sequence[Mapping[str, Any]]], numbers: Sequence[int]
 _LONGEST = 0.7
 
 
-def front_view(aircraft: Aircraft, points: tuple[Angle, ...], name: str) -> InteractivePlot | None:
-    """One drawing for all points that are trimmed, a frame each where there are several; None where none is."""
+def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot | None:
+    """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where none is trimmed."""
     models = [each.model for each in points]
     drawn = [None if model is None else _panels(aircraft, model) for model in models]
     known = [(model.point, panels) for model, panels in zip(models, drawn, strict=True) if model and panels]
@@ -103,21 +103,10 @@ def front_view(aircraft: Aircraft, points: tuple[Angle, ...], name: str) -> Inte
     x = axis(length, -wide, wide, constrain="domain", showgrid=False, zeroline=False)  # lines would cross the texts
     y = axis(length, low, high, scaleanchor="x", scaleratio=1, constrain="domain")
     data = [fixed | changed for fixed, changed in zip(_FIXED, moving[first], strict=True)]
-    where = f"dihedral {angle_text(points[first].dihedral)}" if len(points) == 1 else "the chosen dihedral angle"
-    text = f"The trimmed aircraft at {where}, seen from the front (the pilot's right is left); {scale_text(scale)}"
+    text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(scale)}"
     point = known[0][0]
-    return InteractivePlot(
-        name,
-        text,
-        lambda: trim_figure(aircraft, point),
-        (
-            {
-                "data": data,
-                "layout": layout(x, y),
-                "frames": frames(moving, range(len(_FIXED))) if len(points) > 1 else [],
-            },
-        ),
-    )
+    figure = {"data": data, "layout": layout(x, y), "frames": frames(moving, range(len(_FIXED)))}
+    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, point), (figure,))
 
 
 _ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
@@ -149,8 +138,9 @@ def _traces(
         _line([each for panel in panels for each in (*panel.ends, gap)]),
         *(_line([each for start, force in kind for each in (start, start + scale * force, gap)]) for kind in forces),
         _line(hinges),
-        _line([*ends, hinges[0] - [0.0, 0.1 * half]])
-        | {"text": [*sizes, f"{moment:.1f} {unit_in_force('ft lbf')}"], "textposition": [*beside, "bottom center"]},
+        _line([*ends, *(hinges - [0.0, 0.1 * half])])
+        | {"text": [*sizes, *[f"{moment:.1f} {unit_in_force('ft lbf')}"] * 2]}
+        | {"textposition": [*beside, *["bottom center"] * 2]},
     ]
 
 

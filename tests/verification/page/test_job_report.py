@@ -14,6 +14,7 @@ from project import ROOT
 from controller import published_game
 from hfa_model import published_models
 from hfa_support import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, four_decimals
 from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
@@ -27,7 +28,7 @@ from verification.page.job_report import (
     verdicts,
 )
 from verification.page.main_job import MainJob, StoredClaims
-from verification.page.page_html import slider
+from verification.page.page_html import any_angle
 
 STORED = ROOT / "studies" / "section5" / "results"
 
@@ -81,10 +82,10 @@ def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
 def test_the_slider_begins_at_the_first_angle_that_was_asked_for(job: MainJob) -> None:
     shown = [f"{point.dihedral_deg:g}" for point in job.points]
     for asked in (1, 2):
-        text = slider(replace(job, angles=(job.points[asked],)))
+        text = any_angle(replace(job, angles=(job.points[asked],)), Report(""))
         assert re.findall(r'data-angle="([\d.]+) deg">', text) == [shown[asked]]
         assert f'value="{asked}" aria-valuetext="{shown[asked]} deg"' in text
-    assert 'value="0"' in slider(job)
+    assert 'value="0"' in any_angle(job, Report(""))
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +100,10 @@ def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Stored
     assert [(row[0], row[-1]) for row in table.rows] == [(claim["number"], claim["verdict"]) for claim in stored]
     assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
     assert "the same matrices as" in str(section.parts[1])
+
+
+def test_the_first_verdicts_count_the_claims_that_were_not_confirmed(job: MainJob, claims: StoredClaims) -> None:
+    assert "28 not confirmed" in str(verdicts(replace(job, claims=claims)).rows[-1][0])
 
 
 def test_another_aircraft_is_noticed(job: MainJob, claims: StoredClaims) -> None:
