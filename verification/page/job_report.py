@@ -167,7 +167,8 @@ def claims_section(claims: StoredClaims | None, regeneration: Regeneration) -> R
     same = "the same matrices as" if flies_the_same(table, regeneration) else "OTHER matrices than"
     said = (
         f"Read from {claims.path}, which `python -m studies.section5` wrote. {_counts(table)}.",
-        f"It flew {table['setting']['matrices']} matrices, {same} those of this page. A green number meets the criterion of its claim.",
+        f"It flew {table['setting']['matrices']} matrices, {same} those of this page.",
+        "A green number meets the criterion of its claim.",
     )
     return Report(_TITLE, (*said, _claims_table(table)), data=table)
 

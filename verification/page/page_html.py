@@ -18,8 +18,8 @@ from verification.page.main_job import MainJob
 
 TITLE = "Highly flexible aircraft: linear models"
 _PAPER = (
-    'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>Zero-Sum Game-Based Practical '
-    "Predefined-Time Reinforcement Learning for Robust Tracking Control of Highly Flexible Aircraft</cite></a>, "
+    'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>Zero-Sum Game-Based '
+    "Practical Predefined-Time Reinforcement Learning for Robust Tracking Control of Highly Flexible Aircraft</cite></a>, "
     "Electronics 2026, 15(17), 3838"
 )
 #: A browser that follows it loads nothing from any network.
@@ -43,7 +43,8 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
 <h1>{TITLE}</h1>
 <p>Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of parameters,
-{html.escape(job.sweep.dynamics)} dynamics. The learned critic {agrees} with the exact solution of the game at {_listed(job)}.
+{html.escape(job.sweep.dynamics)} dynamics. The learned critic {agrees} with the exact solution
+of the game at {_listed(job)}.
 The paper: {_PAPER}.</p>
 <nav aria-label="Contents"><ul>{contents}</ul></nav>
 {any_angle(job, first)}
@@ -65,6 +66,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
     shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
+    checks = Report("Verdicts", (verdicts(job),)).html(3)
     sections = "\n".join(
         f'<section class="point" data-angle="{label}"{"" if i == first else " hidden"}>'
         f"{point_report(job, point).html(3)}</section>"
@@ -74,7 +76,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
 <p class="slider"><label for="dihedral">Dihedral angle</label>
 <input type="range" id="dihedral" min="0" max="{len(shown) - 1}" value="{first}" aria-valuetext="{shown[first]}">
 <output for="dihedral" id="angle">{shown[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{"".join(each.html() for each in drawn.pictures())}</div><section>{Report("Verdicts", (verdicts(job),)).html(3)}</section></div>
+<div class="first"><div>{"".join(each.html() for each in drawn.pictures())}</div><section>{checks}</section></div>
 {sections}</div>"""
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
-from hfa_support.reporting.text import angle_text
 from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.linear.linear_model import LinearModel
 from trim.point.trim_figure import Panel, panels_from_the_front, scale_text, shown_panel, trim_figure
