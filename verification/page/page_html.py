@@ -19,8 +19,8 @@ from verification.page.main_job import MainJob
 TITLE = "Highly flexible aircraft: linear models"
 _PAPER = (
     'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>Zero-Sum Game-Based '
-    "Practical Predefined-Time Reinforcement Learning for Robust Tracking Control of Highly Flexible Aircraft</cite></a>, "
-    "Electronics 2026, 15(17), 3838"
+    "Practical Predefined-Time Reinforcement Learning for Robust Tracking Control of Highly Flexible Aircraft"
+    "</cite></a>, Electronics 2026, 15(17), 3838"
 )
 #: A browser that follows it loads nothing from any network.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
