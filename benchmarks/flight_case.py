@@ -1,4 +1,4 @@
-"""The benchmark flight as data, and the same flight in C by hand, NumPy and JAX."""
+"""The benchmark flight as data, and the same flight written in C, NumPy and JAX."""
 
 from __future__ import annotations
 

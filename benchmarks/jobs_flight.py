@@ -1,4 +1,4 @@
-"""20 s of closed-loop flight with a learning critic, step 1e-4 s: against C by hand, NumPy and JAX."""
+"""20 s of closed-loop flight with a learning critic, step 1e-4 s: against the same loop written in C, NumPy and JAX."""
 
 from __future__ import annotations
 

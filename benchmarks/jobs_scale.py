@@ -1,4 +1,4 @@
-"""Jobs that grow: Monte Carlo on all cores, on Dask beside the built-in pool, and cost and memory against size.
+"""Jobs that grow: Monte Carlo on all cores, Dask compared with the built-in pool, and cost and memory against size.
 
 `python -m benchmarks.jobs_scale sweep 1000` runs one job of that size and prints its time, memory and disk; the time
 is from an empty store to a full one, without the start of the process and the import of the libraries.
@@ -206,7 +206,7 @@ def growth(name: str, sizes: list[Size]) -> list[Row]:
 
 
 def _median(job: str, count: int, repeats: int) -> Size:
-    """The run of median time, each in a process of its own."""
+    """The run of median time, each in a new process."""
     command = [sys.executable, "-m", "benchmarks.jobs_scale", job, str(count)]
     runs = [subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(repeats)]
     return sorted((Size(**json.loads(run)) for run in runs), key=lambda run: run.seconds)[repeats // 2]

@@ -47,7 +47,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 
 def commands_page() -> str:
-    """The help of every command, as it is printed."""
+    """The complete help of every command."""
     parts = ["# Commands"]
     for name in COMMANDS:
         parser = Parser(prog=f"hfa {name}")
@@ -88,7 +88,7 @@ def escaped(lines: list[str]) -> list[str]:
 
 
 def notebook_page(path: Path) -> str:
-    """An executed notebook as Markdown; its pictures are written beside it."""
+    """An executed notebook as Markdown; its pictures become files of the same folder."""
     import base64
     import json
 

@@ -11,7 +11,7 @@ _ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
 
 
 def main() -> int:
-    """Run `hfa` as a process of its own; its exit code."""
+    """Run `hfa` in this process; its exit code."""
     for name in _ENDING:
         number = getattr(signal, name, None)  # not every system has each
         # Who began us with a signal ignored (nohup) wants it ignored.

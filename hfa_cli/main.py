@@ -191,7 +191,7 @@ def _refuse_same_file(words: Sequence[str], arguments: argparse.Namespace) -> No
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """What was warned of, a note each, once there is a result: a failure says itself what is wrong."""
+    """What was warned of, a note each, once there is a result: the message of a failure is enough."""
     from hfa_cli.progress import say_notes
 
     own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)

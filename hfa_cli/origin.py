@@ -1,4 +1,4 @@
-"""What every output of a run bears: which program, aircraft and condition it comes from."""
+"""The provenance of every output: which program, aircraft and condition it comes from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said on standard error while a command works: notes, and how far it is."""
+"""Standard error while a command works: notes, and how far it is."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class ProgressLine:
         self._last = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Show the percentage of `done` in `total`, and what is at work."""
+        """Show the percentage of `done` in `total`, and the current step."""
         self._announce(done, total)
         line = f"\r\033[K{self._name}: {int(100 * done / total):3d} %" + (f"  {what}" if what else "")
         if self._shown and line != self._last:

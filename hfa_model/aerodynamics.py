@@ -14,7 +14,7 @@ from hfa_model.winds import Air, winds_of
 
 
 class PanelLoads(NamedTuple, Generic[T]):
-    """Loads on one panel in its own axes: wing and tail together unless said; lbf and ft lbf.
+    """Loads on one panel in its own axes: wing and tail together unless stated; lbf and ft lbf.
 
     forward, sideward, downward: force components at the reference point. tail_downward: the tail's share
     of `downward`, which acts at the end of the boom. moment: of the wing section about the quarter chord.

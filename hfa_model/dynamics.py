@@ -36,7 +36,7 @@ def rates(
 def rates_from_loads(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
 ) -> State[Quantity]:
-    """The same equations with the loads given: what is left is mechanics."""
+    """The same equations with the loads given: the rest is mechanics."""
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)

@@ -3,7 +3,7 @@
 Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's reference
 point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with dihedral η the center
 panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
-The right and the left panel mirror each other, so one "outer" panel stands for both.
+The right and the left panel mirror each other, so one "outer" panel represents both.
 
 Air that moves (`winds.py`) by (-h, ±o, -w) in north, east, down at a panel, headwind h, outward o, updraft w, in ft/s:
 relative to it the panel moves by h forward, o inward and w downward more, which in body axes is

@@ -167,7 +167,7 @@ def _packaged(name: str) -> ParameterSet:
 
 
 def load_parameters(path: Path) -> ParameterSet:
-    """Read a parameters file; BadInputError names the file, the entry and what is wrong with it."""
+    """Read a parameters file; BadInputError names the file, the entry and the fault."""
     try:
         data = read_toml(path)
     except OSError as error:

@@ -1,6 +1,6 @@
 """What the paper prints: the two linear models, their trim condition and the settings of the game.
 
-The numbers stand in `printed_matrices.json`; nothing computed here is ever written there.
+The numbers are in `printed_matrices.json`; nothing computed here is ever written there.
 """
 
 from __future__ import annotations

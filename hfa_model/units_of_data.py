@@ -150,7 +150,7 @@ def _is_numbers(value: Any) -> bool:
 
 
 def _scaled(value: Any, unit: str) -> Any:
-    """A number, an array, or lists of them; what is none stays."""
+    """A number, an array, or lists of them; other values are returned unchanged."""
     if isinstance(value, np.ndarray):
         return in_force(value, unit)
     if isinstance(value, (list, tuple)):
@@ -159,7 +159,7 @@ def _scaled(value: Any, unit: str) -> Any:
 
 
 def _records(table: Table) -> Table:
-    """Columns with their unit in brackets, and rows with a column "unit" for what stands in columns of `_IN_UNIT`."""
+    """Converts columns with their unit in brackets, and the columns `_IN_UNIT` of rows that have a column "unit"."""
     in_brackets = [name.partition(" [")[2].removesuffix("]") for name in table.header]
     pairs = zip(table.header, in_brackets, strict=True)
     header = tuple(name.replace(f"[{unit}]", f"[{unit_in_force(unit)}]") for name, unit in pairs)

@@ -53,7 +53,7 @@ def remove_unfinished() -> None:
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     """A binary stream whose content becomes `path` when the block ends without an error; else `path` is unchanged.
 
-    Writes to a temporary file beside the target, then renames; the mode of an existing file is kept. BadInputError
+    Writes to a temporary file in the target's folder, then renames; the mode of an existing file is kept. BadInputError
     when the folder does not exist or cannot be written, or the target is a folder, a FIFO or a device.
     """
     target = Path(path)

@@ -25,7 +25,7 @@ def jsonable(value: Any) -> Any:
 
 
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """JSON has no infinity: None stands for a number that is not finite."""
+    """JSON has no infinity: None for a number that is not finite."""
     return float(value) if math.isfinite(value) else None
 
 

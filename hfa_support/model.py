@@ -80,7 +80,7 @@ class Model:
     states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors.
     equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name); it takes numbers or CasADi
     expressions and returns the same. It must return every declared output.
-    trim: what a trim imposes unless told otherwise, name of a state, an input or an output -> value.
+    trim: the values that a trim imposes by default, name of a state, an input or an output -> value.
     steady: the states whose rates a trim balances; all of them unless given.
     linear: the states of the linear model; all of them unless given. schedule: the name of the state, input or
     parameter that sweeps, gain tables and proofs run over. modes: name of a mode -> the states that take part most.
@@ -110,7 +110,7 @@ class Model:
     source: tuple[str, str] = ("", "")
 
     def __post_init__(self) -> None:
-        """Name what is wrong with the declaration before anything is compiled."""
+        """Check the declaration before anything is compiled."""
         seen: set[str] = set()
         for kind in ("states", "inputs", "parameters", "disturbances", "outputs"):
             given: Any = getattr(self, kind)
@@ -386,7 +386,7 @@ def _check_signal(where: str, signal: Signal) -> None:
 def load_model(place: str) -> Model:
     """The Model of `FILE.py:NAME` or `package.module:NAME`: the file is executed.
 
-    BadInputError names the file and what is wrong with it.
+    BadInputError names the file and its fault.
     """
     import hashlib
     import importlib.util

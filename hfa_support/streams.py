@@ -28,6 +28,6 @@ def say_aside(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Send what is still buffered for a stream nowhere, so that nothing fails when the process ends."""
+    """Discard the buffered text of a stream, so that nothing fails when the process ends."""
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -168,7 +168,7 @@ def load_design(name: str) -> Design:
     [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
     (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
     intensity of its noise.
-    BadInputError names the file, the entry and what is wrong with it.
+    BadInputError names the file, the entry and the fault.
     """
     return design_of(name, read_design(name))
 

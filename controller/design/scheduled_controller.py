@@ -226,7 +226,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 
 
 def load_controller(path: str | Path) -> ScheduledController:
-    """The controller in a .npz file of `save_controller`. BadInputError names the file and what is wrong with it."""
+    """The controller in a .npz file of `save_controller`. BadInputError names the file and its fault."""
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
     content = read_arrays(path)

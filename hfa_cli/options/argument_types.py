@@ -1,7 +1,7 @@
 """Types of options: one word of a command line becomes a value in internal units, or the reason why not.
 
 A reason is the rest of a sentence that begins with the option: "--speed" and "is 'fast'; give a number". Degrees become
-radians, and what is typed in m, kg, N with --units si becomes ft, slug, lbf, here and nowhere else.
+radians, and with --units si m, kg, N become ft, slug, lbf; no other module converts typed numbers.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def angle(text: str) -> float:
 
 
 def one_angle(text: str) -> float:
-    """Degrees of one trim, as radians; who gives several is told which command takes them."""
+    """Degrees of one trim, as radians; a list or range is refused with the command that takes it."""
     if "," in text or ":" in text:
         raise ArgumentTypeError(f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges")
     return angle(text)

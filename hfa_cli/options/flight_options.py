@@ -90,7 +90,7 @@ def seed_of(arguments: argparse.Namespace) -> int:
 
 
 def check_policy(arguments: argparse.Namespace) -> None:
-    """BadInputError for an unknown law, and for options that would change nothing beside the policy that flies."""
+    """BadInputError for an unknown law, and for options that have no effect on the policy."""
     known, learned = vars(arguments), law_of(arguments) != "exact"
     for name, others in _IN_PLACE.items():
         if known.get(name) is not None:
@@ -221,7 +221,7 @@ def add_envelope(parser: argparse._ActionsContainer) -> None:
 
 
 def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
-    """The scenario that the options name, about a trim; of members what is drawn for each.
+    """The scenario that the options name, about a trim; of members the random quantities of each.
 
     duration: unless given, s.
     """

@@ -84,7 +84,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
-    """What every trim can be told: --dihedral, --condition, --free, --hold, --limit, --start."""
+    """Options of every trim: --dihedral, --condition, --free, --hold, --limit, --start."""
     add_value(
         parser,
         "--dihedral",
@@ -113,7 +113,7 @@ def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any]
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
-    """--json and --output; `also` are suffixes beside the usual ones, `what` says what they are for."""
+    """--json and --output; `also`: further suffixes; `what`: their purpose."""
     add_json(parser)
     known = (*SUFFIXES, *REPORTS)
     about = f"also write {', '.join(known)}" + (f" or {', '.join(also)}{what}" if also else "")
@@ -126,7 +126,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
-    """--picture, which draws what is named."""
+    """--picture, which draws the named thing."""
     add_value(parser, "--picture", output_file(*PICTURES), "FILE", f"draw {what} ({', '.join(PICTURES)})")
 
 
@@ -190,7 +190,7 @@ def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -
 def changed_condition(
     arguments: argparse.Namespace, hold: Mapping[str, float], *, dihedral_is_free: bool = True
 ) -> TrimCondition:
-    """The condition that --condition names, with --free and --limit, and what is held.
+    """The condition that --condition names, changed by --free, --limit and the held values.
 
     dihedral_is_free: --dihedral does not hold the angle against --free, because it is always given.
     """
@@ -266,13 +266,13 @@ def _parameters(text: str) -> ParameterSet:
 
 
 def add_units(parser: argparse.ArgumentParser) -> None:
-    """--units: of what is typed, printed, drawn and written."""
+    """--units: units of typed, printed, drawn and written numbers."""
     about = "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)"
     add_value(parser, "--units", one_of(*SYSTEMS), "UNITS", about)
 
 
 def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:
-    """BadInputError when one of these options writes what is in feet whatever --units says."""
+    """BadInputError when --units si is given with an option whose file is always in feet."""
     for name in names:
         if arguments.units == "si" and getattr(arguments, name) is not None:
             raise BadInputError(
@@ -284,7 +284,7 @@ def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: 
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
-    """--dihedral in degrees, as it is written; what a trim imposes and leaves free; the aircraft."""
+    """--dihedral in degrees; what a trim imposes and leaves free; the aircraft."""
     about = "degrees; what is proved holds at every angle between"
     add_value(parser, "--dihedral", degrees, form, about)
     add_flight(parser)

@@ -165,7 +165,7 @@ class Store:
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
     """A new store; BadInputError when something is there already. provenance: where it comes from, JSON data.
 
-    It is made in a folder beside it and renamed, so that it appears whole.
+    It is made under a temporary name and renamed, so that it appears whole.
     """
     taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     if path.exists():
@@ -248,7 +248,7 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
 
 @contextmanager
 def session(path: Path) -> Iterator[str]:
-    """A token that the store bears while the block runs; workers write into the store that bears it."""
+    """A token written into the store while the block runs; workers write only into a store with this token."""
     token = uuid4().hex
     (path / _SESSION).write_text(token, encoding="ascii")
     try:
@@ -258,7 +258,7 @@ def session(path: Path) -> Iterator[str]:
 
 
 def store_of_session(path: Path, token: str) -> Store | None:
-    """The store that bears the token, or None where this process does not see it (or sees a copy of it)."""
+    """The store with this token, or None where this process does not see it (or sees a copy of it)."""
     try:
         ours = (path / _SESSION).read_text(encoding="ascii") == token
     except (OSError, ValueError):

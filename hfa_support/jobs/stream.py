@@ -1,4 +1,4 @@
-"""Run a large job into a store: what is missing, on the workers, written as it comes.
+"""Run a large job into a store: the missing chunks are computed on the workers and written in order of arrival.
 
 A worker that sees the store, on the same disk or a shared one, writes its chunk itself; from a worker that does not,
 the rows come back and are written here. Either way this process alone marks a chunk as complete, after its data.

@@ -1,4 +1,4 @@
-"""Where the chunks of a job run: this process, processes beside it, or a Dask cluster."""
+"""Where the chunks of a job run: this process, child processes, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any
 
 
 def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
-    """Each process gets a task and answers, through a pipe of its own. No process outlives the iteration."""
+    """Each process receives tasks and answers through its pipe. No process outlives the iteration."""
     import multiprocessing
     from multiprocessing.connection import wait
 

@@ -44,7 +44,7 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
 
     Columns of a matrix come one after the other. One function that it calls, of one argument and one result, comes
-    before it. No warning of a compiler about what is empty or has no influence. BadInputError names an operation that
+    before it. Avoids compiler warnings about empty and unused variables. BadInputError names an operation that
     is not known here.
     """
     called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in function.find_functions(0))

@@ -24,7 +24,7 @@ _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """The same function compiled to machine code, or the function itself when that cannot be had, said once.
+    """The same function compiled to machine code, or with one note the function itself where no compiler works.
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
     content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
@@ -82,7 +82,7 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _kept(folder: Path, symbol: str) -> Path | None:
-    """The library of an earlier run; what is damaged goes."""
+    """The library of an earlier run; damaged entries are removed."""
     for library in sorted(folder.glob(f"{symbol}-*.so")):
         if library == _named(folder, symbol, library):
             return library

@@ -1,1 +1,1 @@
-"""How results are said: numbers as text, units, checks, tables, pictures, files of numbers."""
+"""How results are shown: numbers as text, units, checks, tables, pictures, files of numbers."""

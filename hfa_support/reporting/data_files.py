@@ -23,7 +23,7 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
-    .json: `data` as it is, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
+    .json: `data`, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
     as structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
     provenance as JSON in its first row.
     """
@@ -79,7 +79,7 @@ def _stacked(array: np.ndarray) -> np.ndarray:
 
 
 def _numbers(data: Any) -> Any:
-    """None, which stands for a number that is not there, becomes nan at any depth of lists."""
+    """None, a missing number, becomes nan at any depth of lists."""
     if isinstance(data, list):
         return [_numbers(item) for item in data]
     return np.nan if data is None else data

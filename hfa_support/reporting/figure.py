@@ -71,7 +71,7 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Small print in a strip of its own below the picture. A legend outside of the axes belongs above them."""
+    """Small print in a strip below the picture. A legend outside of the axes belongs above them."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))

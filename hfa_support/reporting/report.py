@@ -50,7 +50,7 @@ class Report:
     title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of formatted cells
     (Table), a tuple of these without an empty line between them, pictures, and reports within the report. data: the
     result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before trusting it.
-    source: where it comes from, said last.
+    source: the provenance, shown last.
     """
 
     title: str
@@ -106,7 +106,7 @@ class Report:
         save_data(path, self.data, self.records)
 
     def without_pictures(self) -> Report:
-        """The same report where no picture can be put beside it."""
+        """The same report without its pictures."""
         kept = [part for part in self.parts if not isinstance(part, Picture)]
         return replace(self, parts=[each.without_pictures() if isinstance(each, Report) else each for each in kept])
 

@@ -168,7 +168,7 @@ def angle_text(angle: float) -> str:
 
 
 def short_number(value: float, unit: str) -> str:
-    """A value in its `shown_unit` with four digits or more; what is only rounding is 0."""
+    """A value in its `shown_unit` with four digits or more; rounding errors become 0."""
     shown = math.degrees(value) if unit.startswith("rad") else float(in_force(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"

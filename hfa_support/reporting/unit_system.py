@@ -24,7 +24,7 @@ _SYSTEM: ContextVar[str] = ContextVar("units", default=SYSTEMS[0])
 
 @contextmanager
 def shown_in(system: str) -> Iterator[None]:
-    """What is said inside is said in these units, one of `SYSTEMS`."""
+    """Reports made in the block are in these units, one of `SYSTEMS`."""
     if system not in SYSTEMS:
         raise ValueError(f"units are {system!r}; use one of {', '.join(SYSTEMS)}")
     token = _SYSTEM.set(system)
@@ -40,7 +40,7 @@ def system_in_force() -> str:
 
 
 def unit_in_force(unit: str) -> str:
-    """The unit in which values of an English unit are said: m/s for ft/s, N m for ft lbf."""
+    """The unit in which values of an English unit are shown: m/s for ft/s, N m for ft lbf."""
     return si_unit(unit) if _SYSTEM.get() == "si" else unit
 
 

@@ -85,7 +85,7 @@ def shaped_design(name: str, entries: Mapping[str, Any]) -> tuple[Design, Feedfo
 
     [feedforward]: lag, stages, bandwidth, damping; [feedforward.actuators.NAME]: as in [actuators.INPUT] of a design;
     [feedforward.importance]: NAME = number; [feedforward.weights], [feedforward.rates]: output = number.
-    BadInputError names the file, the entry and what is wrong with it.
+    BadInputError names the file, the entry and the fault.
     """
     entries = dict(entries)
     table = entries.pop("feedforward", None)

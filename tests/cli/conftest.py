@@ -1,4 +1,4 @@
-"""Each test of the command line runs in an empty folder of its own."""
+"""Each test of the command line runs in a new empty folder."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ FILE = "parameters.toml"
 
 
 class Run(NamedTuple):
-    """What one run said, the folder that it wrote into, and what it had found."""
+    """The output of one run, its folder and its findings."""
 
     result: Result
     folder: Path

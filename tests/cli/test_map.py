@@ -1,4 +1,4 @@
-"""`hfa map`: the recoverable set of both sets of equations, and what is refused."""
+"""`hfa map`: the recoverable set of both sets of equations, and refused input."""
 
 from __future__ import annotations
 

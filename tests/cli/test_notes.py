@@ -1,4 +1,4 @@
-"""What is said on standard error and on terminals: notes, colors, bars, progress."""
+"""Notes on standard error and on terminals: notes, colors, bars, progress."""
 
 from __future__ import annotations
 

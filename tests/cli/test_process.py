@@ -1,4 +1,4 @@
-"""`hfa` as a process of its own: exit codes, pipes, full disks, poor terminals, and what it does not import."""
+"""`hfa` as a child process: exit codes, pipes, full disks, poor terminals, and what it does not import."""
 
 from __future__ import annotations
 

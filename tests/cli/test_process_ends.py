@@ -1,4 +1,4 @@
-"""How a run ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and what libraries say before an end of its own."""
+"""How a run ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and messages of libraries at the end."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ MEGABYTE = 1_000_000
 
 
 class Made(NamedTuple):
-    """What the command said, and the folder it made."""
+    """The output of the command, and its folder."""
 
     result: Result
     folder: Path

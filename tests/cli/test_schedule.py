@@ -1,4 +1,4 @@
-"""`hfa schedule`: a slow change of dihedral under a schedule, and what is refused."""
+"""`hfa schedule`: a slow change of dihedral under a schedule, and refused input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`--units si`: physics holds in the numbers that are written, dimensionless results stay, units stand beside them."""
+"""`--units si`: physics holds in the numbers that are written, dimensionless results stay, units are given."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
 
 
 def test_matrices_are_similar() -> None:
-    """A_si = T A T⁻¹, and so for all others, with T from the units that stand beside them."""
+    """A_si = T A T⁻¹, and so for all others, with T from the units in the same file."""
     before, after = answer(*COMMANDS["linearize"]), answer(*COMMANDS["linearize"], "--units", "si")
     T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
     Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])

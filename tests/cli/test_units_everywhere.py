@@ -81,7 +81,7 @@ def power_of_feet(path: str) -> int | None:
 
 
 def complaints(command: str, before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """What is said in SI and should not be, and what is not and should be."""
+    """Numbers that are wrongly in SI, and numbers that are wrongly not."""
     found = []
     for (path, value), (other, said) in zip(numbers(before), numbers(after), strict=True):
         if isinstance(value, str) and "regeneration" not in path and re.search(r"\b(ft|slug|lbf)\b", said):
@@ -133,7 +133,7 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> 
     ids=lambda words: words[0],
 )
 def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -> None:
-    """Matplotlib writes each text of an .svg beside it, as a comment."""
+    """Matplotlib repeats each text of an .svg as a comment."""
     picture = tmp_path / "p.svg"
     result = hfa(*typed((*words, str(picture)), "si"))
     assert result.code == 0, result.err

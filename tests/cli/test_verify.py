@@ -117,7 +117,7 @@ def test_a_planted_mistake_is_refused_with_its_reason(game: Game, mistake: str) 
 
 
 def test_a_refusal_names_every_check_that_failed(game: Game) -> None:
-    """The first with their reasons, what is left by name; those that pass in number."""
+    """The first with their reasons, the others by name; those that pass in number."""
     file = stored("critic.npz", P=1.01 * solve_game(game).P)
     said, checks = (
         hfa("verify", *AT_15, "--weights", file).out,

@@ -79,7 +79,7 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 
 
 def difference(p: Parameters, dynamics: str, change: Callable[[State], State]) -> float:
-    """Largest error of V', α', q' beside the rigid body's, relative to the rate or, near zero, to its scale."""
+    """Largest error of V', α', q' against the rigid body's, relative to the rate or, near zero, to its scale."""
     worst, scales = 0.0, np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
     for x, u, winds in cases(change):
         found = rates(x, u, p, VARIANTS[dynamics], winds)

@@ -1,4 +1,4 @@
-"""Parameters files: what is written is read back bit for bit, and every wrong file is refused in one line."""
+"""Parameters files: a written file is read back bit for bit, and every wrong file is refused in one line."""
 
 from __future__ import annotations
 

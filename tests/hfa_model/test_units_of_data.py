@@ -1,4 +1,4 @@
-"""Numbers of a report in SI, by what stands beside them: lists of units, names of quantities, a unit in brackets."""
+"""Numbers of a report in SI, by their declared units: lists of units, names of quantities, a unit in brackets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The variants beside the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202, written out from the page."""
+"""The variants compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202, as printed."""
 
 from __future__ import annotations
 

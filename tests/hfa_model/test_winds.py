@@ -1,4 +1,4 @@
-"""Wind at each panel: beside the Euler-Lagrange equations, seen from the ground, and the uniform updraft in it."""
+"""Wind at each panel: against the Euler-Lagrange equations, seen from the ground, and the uniform updraft."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Declarations of users' files: what is right comes back as declared, what is wrong is one line with its place."""
+"""Declarations of users' files: right values come back as declared, wrong ones are one line with their place."""
 
 from __future__ import annotations
 

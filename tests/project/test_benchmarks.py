@@ -1,4 +1,4 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that show what is stored.
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that show the stored results.
 
 Nothing here asserts a time.
 """

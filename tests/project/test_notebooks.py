@@ -49,7 +49,7 @@ def words(text: str) -> str:
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
-    """What the cells say today and what is stored, where they differ."""
+    """Cells whose output today differs from the stored one."""
     names: dict[str, Any] = {"__name__": "__main__"}
     found = []
     for number, (source, outputs) in enumerate(cells, start=1):

@@ -1,4 +1,4 @@
-"""The wheel: our packages by name with their data, and nothing else that lies beside them."""
+"""The wheel: our packages by name with their data, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run `hfa` in this process (fast) or as its users do, and hold what it said."""
+"""Run `hfa` in this process (fast) or as its users do, and keep its output."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def unchecked_hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO 
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings, nothing else.
 
-    Those of `trim` and `linearize` stand in their report.
+    Those of `trim` and `linearize` are in their report.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err
@@ -79,7 +79,7 @@ def written_json(words: tuple[str, ...]) -> list[Path]:
 
 
 def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
-    """`hfa words...` as a process of its own, in a folder."""
+    """`hfa words...` as a child process, in a folder."""
     done = subprocess.run(
         [SCRIPT, *words],
         cwd=folder,

@@ -2,7 +2,7 @@
 
 A ```python block is run; a ```text block right after it is what it prints. In a ```console block, lines that begin
 with "$ " are commands, and the lines after a command are what it prints; "# exit 1" at the end of a command is its
-exit code. A line "..." stands for any number of lines, and the last line, which names where an output comes from, may
+exit code. A line "..." matches any number of lines, and the last line, which names where an output comes from, may
 be left out. The blocks of one document run in order, in one folder and one namespace; blocks in other languages, or in
 none, are not run.
 """
@@ -41,7 +41,7 @@ def blocks_of(document: str) -> list[Block]:
 
 
 def difference(expected: str, actual: str) -> str:
-    """Empty when the actual output is what is expected, with "..." for any lines; else a readable comparison."""
+    """Empty when the actual output is the expected one, with "..." for any lines; else a readable comparison."""
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
     said = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())

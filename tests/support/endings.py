@@ -82,7 +82,7 @@ def run(folder: Path, *words: str, number: signal.Signals | None = None, after: 
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """File -> what is in it, without when and by which words it was made."""
+    """File -> its content without date and command."""
     # The digest of a store is also of its provenance; the others are what a kill may leave.
     left, files = ("temporary", "digest", "session"), [path for path in sorted(folder.rglob("*")) if path.is_file()]
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}

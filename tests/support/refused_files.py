@@ -1,4 +1,4 @@
-"""What is said of a file that is wrong."""
+"""Messages about wrong files."""
 
 from __future__ import annotations
 

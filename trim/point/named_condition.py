@@ -27,7 +27,7 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
 
     [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the variable's name
     with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
-    likewise. BadInputError names the file, the entry and what is wrong with it.
+    likewise. BadInputError names the file, the entry and the fault.
     """
     data = read_named("condition", name, NAMED, "trim.conditions", _FILE)
     model = usual.model

@@ -59,7 +59,7 @@ def test_a_monte_carlo() -> None:
 
 
 def test_memory_that_threads_share_is_noticed() -> None:
-    """What `cached_per_thread` is for, with the fault that it prevents planted by hand."""
+    """`cached_per_thread` prevents a fault, which is planted here."""
 
     def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:
         def chunk(number: int) -> Rows:
