@@ -82,6 +82,26 @@ def aircraft_loads(
     variant: Variant,
     air: Air = 0.0,
 ) -> Loads[Quantity]:
+    """The loads of the panels (`panel_loads`) and their sums (`sum_of_panels`).
+
+    air: a uniform updraft, ft/s, positive up, or the wind at each panel, whose drag takes the speed of the aircraft
+    through the panel's own air.
+    """
+    winds = winds_of(air)
+    speeds = [x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)]
+    center = panel_loads(center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p)
+    return sum_of_panels(x, u, center, outer, p, variant)
+
+
+def sum_of_panels(
+    x: State[Quantity],
+    u: Input[Quantity],
+    center: PanelLoads[Quantity],
+    outer: PanelLoads[Quantity],
+    p: Parameters[Quantity],
+    variant: Variant,
+) -> Loads[Quantity]:
     """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),
@@ -90,14 +110,9 @@ def aircraft_loads(
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
     The lever l of the outer panels' forward force and the projection π of their section moment are the
-    variant's (`variants.py`). air: a uniform updraft, ft/s, positive up, or the wind at each panel, whose drag takes
-    the speed of the aircraft through the panel's own air. Lift and drag stay the forces across and along the path
-    over ground. Source: Gibson et al. 2011, Eqs. 31-44.
+    variant's (`variants.py`). Lift and drag are the forces across and along the path over ground, in moving air too.
+    Source: Gibson et al. 2011, Eqs. 31-44.
     """
-    winds = winds_of(air)
-    speeds = [x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)]
-    center = panel_loads(center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p)
-    outer = panel_loads(outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p)
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward

@@ -12,13 +12,17 @@ relative to it the panel moves by h forward, o inward and w downward more, which
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
 from hfa_model.winds import Air, Wind, winds_of
+
+
+#: Of a panel through the air, along its own axes, ft/s: forward, toward the center, downward.
+Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
@@ -57,16 +61,26 @@ def angle_of_attack(x: State[Quantity], air: Air = 0.0) -> Quantity:
 
 
 def center_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
-    """u = V cos α + q z_c - w sin θ + h cos θ,  w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ
+    """The flow at the center panel."""
+    return flow_of(*center_velocity(x, p, air))
+
+
+def outer_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+    """The flow at an outer panel."""
+    return flow_of(*outer_velocity(x, p, air))
+
+
+def center_velocity(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Velocity:
+    """u = V cos α + q z_c - w sin θ + h cos θ,  v = 0,  w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ
 
     (Gibson et al. 2011, Eqs. 75-76; w and h of the center panel).
     """
     wind = winds_of(air).center
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
-    return flow_of(forward, 0.0, _hinge_descent(x, p, wind))
+    return forward, 0.0, _hinge_descent(x, p, wind)
 
 
-def outer_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+def outer_velocity(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Velocity:
     """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
 
@@ -78,7 +92,7 @@ def outer_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> F
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
     normal = hinge * cos_eta - wind.outward * sin_eta - p.panel_span / 2 * x.dihedral_rate
-    return flow_of(forward, hinge * sin_eta + wind.outward * cos_eta, normal)
+    return forward, hinge * sin_eta + wind.outward * cos_eta, normal
 
 
 def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
