@@ -152,15 +152,19 @@ def _units_of(words: list[str]) -> contextlib.AbstractContextManager[None]:
 
 @contextlib.contextmanager
 def _aircraft_of(words: list[str]) -> Iterator[None]:
-    """The user's own aircraft that --aircraft names, whose names and units the other options have; its file is run."""
-    named = _values_of("--aircraft", words) if words[:1] and words[0] in WITH_AIRCRAFT else []
-    if not named:
+    """The user's own aircraft that --aircraft names, whose names and units the other options have; its file is run.
+    Or the HFA as `--dynamics unsteady` has it, with more states than seven."""
+    general = words[:1] and words[0] in WITH_AIRCRAFT
+    named = _values_of("--aircraft", words) if general else []
+    lagging = not named and general and _values_of("--dynamics", words)[-1:] == ["unsteady"]
+    if not named and not lagging:
         yield
         return
     from hfa_cli.options.argument_types import OWN
+    from hfa_model.unsteady import UNSTEADY
     from hfa_support.model import load_model
 
-    token = OWN.set(load_model(named[-1]))
+    token = OWN.set(UNSTEADY if lagging else load_model(named[-1]))
     try:
         yield
     finally:

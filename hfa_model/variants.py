@@ -25,7 +25,7 @@ import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
-from hfa_support.errors import refuse_unknown
+from hfa_support.errors import BadInputError, refuse_unknown
 
 
 @dataclass(frozen=True)
@@ -97,5 +97,7 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 def variant_named(name: str) -> Variant:
     """Look a variant up; BadInputError names the choices."""
+    if name == "unsteady":
+        raise BadInputError("the unsteady dynamics have more than seven states; this takes published or newton")
     refuse_unknown("unknown dynamics", name, VARIANTS)
     return VARIANTS[name]

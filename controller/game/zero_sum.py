@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.array_file import checked_matrix
 from hfa_model.printed_matrices import published_data
+from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.fields import ByValue, Shown
 
@@ -112,9 +113,10 @@ class Game(ByValue, Shown):
 def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any) -> Game:
     """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
 
-    `changes` replaces any of them. With a model of another size than the paper's six states and five inputs, Q and R
-    must be given.
+    `changes` replaces any of them. A linear model with more than the paper's six states has weight 0 and no
+    disturbance on the others; with anything else than six states and five inputs Q and R must be given.
     """
+    states = getattr(A, "states", LINEAR_STATES)
     if B is None:
         model: Any = A
         if not hasattr(model, "B"):
@@ -124,9 +126,13 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
         refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
     settings = published_data()["game"]
     A = checked_matrix("A", A, LARGEST)
+    E, Q = np.eye(len(A)), np.diag(settings["Q_diag"]).astype(float)
+    if len(states) > len(Q) and set(LINEAR_STATES) <= set(states):
+        E = E[:, [states.index(name) for name in LINEAR_STATES]]
+        Q = E @ Q @ E.T
     defaults = {
-        "E": np.eye(len(A)),
-        "Q": np.diag(settings["Q_diag"]).astype(float),
+        "E": E,
+        "Q": Q,
         "R": np.diag(settings["R_diag"]).astype(float),
         "delta": settings["delta"],
     }

@@ -134,13 +134,13 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
 
 def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     """Variable or parameter -> its range, of --dihedral and of --hold."""
-    if OWN.get() is not None:
+    if arguments.aircraft is not None:
         options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
     ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
     held = arguments.hold or {}
     ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
     if not ranges:
         raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
-    if OWN.get() is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
+    if arguments.aircraft is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
         warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
     return ranges

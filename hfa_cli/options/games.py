@@ -17,7 +17,7 @@ from controller.game.array_file import MATRIX_FILES, PlantNames
 from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import disturbance_weight, input_file, parsed
+from hfa_cli.options.argument_types import OWN, disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
@@ -89,7 +89,7 @@ def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = LIN
 
 def game_of(arguments: argparse.Namespace) -> NamedGame:
     """The game that the options name."""
-    if getattr(arguments, "aircraft", None) is not None:
+    if OWN.get() is not None and arguments.model is None:
         return _game_of_own(arguments)
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
@@ -117,21 +117,26 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
 
 def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
     """The game on the linear model of the user's own aircraft, its weights by nominal values unless given."""
-    options.refuse(arguments, ("model", "design"), "does not go with --aircraft; leave one out")
+    what = "--aircraft" if arguments.aircraft is not None else "--dynamics unsteady"
+    options.refuse(arguments, ("model", "design"), f"does not go with {what}; leave one out")
     own = options.own_of(arguments)
     assert own is not None
     model = linearize(own, options.operating_point_of(arguments, own))
+    units, warnings = (model.state_units, model.input_units), (*model.point.warnings, *model.kinks)
+    asked = weights_of(arguments, model.state_units)
+    if arguments.aircraft is None:
+        game = published_game(model, **asked)
+        origin = f"the aircraft at dihedral {math.degrees(model.point.states.dihedral):g} deg, {own.title}"
+        return NamedGame(game, model.states, model.inputs, *units, origin, warnings)
     weights = {
         name: np.diag([own.signals[each].nominal ** -2.0 for each in names])
         for name, names in (("Q", model.states), ("R", model.inputs))
     }
     usual: dict[str, Any] = {**weights, "delta": math.inf}
-    asked = weights_of(arguments, model.state_units)
     missing = [name for name in usual if name not in asked]
     note = f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)"
     game = Game(model.A, model.B, np.eye(len(model.A)), **(usual | asked))
-    notes = (*model.point.warnings, *model.kinks, *[note] * bool(missing))
-    return NamedGame(game, model.states, model.inputs, model.state_units, model.input_units, own.name, notes)
+    return NamedGame(game, model.states, model.inputs, *units, own.name, (*warnings, *[note] * bool(missing)))
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:

@@ -25,6 +25,7 @@ from hfa_cli.options.argument_types import (
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.unsteady import UNSTEADY, unsteady
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
@@ -61,18 +62,22 @@ def add_own(parser: argparse.ArgumentParser) -> None:
 def own_of(arguments: argparse.Namespace) -> Model | None:
     """The user's own aircraft, with the parameters that --hold names; None is the HFA."""
     own: Model | None = getattr(arguments, "aircraft", None)
+    held = {name: value for name, value in (getattr(arguments, "hold", None) or {}).items() if isinstance(value, float)}
     if own is None:
-        return None
+        if OWN.get() is None:
+            return None
+        effects = {name: value for name, value in held.items() if name in UNSTEADY.parameters}
+        return unsteady(parameters_of(arguments).values).with_parameters(**effects)
     refuse(arguments, ("dihedral", "parameters"), "belongs to the HFA; hold variables and parameters with --hold")
     if arguments.dynamics != DEFAULT_DYNAMICS:
         raise BadInputError("--dynamics belongs to the HFA; leave it out with --aircraft")
-    held = {name: value for name, value in (arguments.hold or {}).items() if name in own.parameters}
-    return own.with_parameters(**{name: value for name, value in held.items() if isinstance(value, float)})
+    return own.with_parameters(**{name: value for name, value in held.items() if name in own.parameters})
 
 
 def add_aircraft(parser: argparse.ArgumentParser) -> None:
     """--dynamics, --parameters."""
-    equations = "published (regenerates the printed matrices; default) or newton (exact mechanics, the same air loads)"
+    equations = "published (regenerates the printed matrices; default), newton (exact mechanics, the same air loads) "
+    equations += "or unsteady (newton with air that has mass and memory, and tails that feel pitch rate)"
     add_value(parser, "--dynamics", str, "VARIANT", equations, default=DEFAULT_DYNAMICS)
     add_parameters(parser)
 
@@ -91,7 +96,7 @@ def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = 
         one_angle,
         "DEG",
         "dihedral angle, degrees",
-        required=dihedral_required and OWN.get() is None,
+        required=dihedral_required and (OWN.get() or HFA).schedule == "dihedral",
     )
     add_flight(parser)
 
@@ -179,7 +184,7 @@ def _workers(text: str) -> int | str:
 
 def condition_of(arguments: argparse.Namespace) -> TrimCondition:
     """The flight that the options name: a named condition, changed by --hold, --free and --limit."""
-    return flight_of(arguments).at(None if OWN.get() else arguments.dihedral)
+    return flight_of(arguments).at(arguments.dihedral)
 
 
 def flight_of(arguments: argparse.Namespace, *, dihedral_is_free: bool = True) -> TrimCondition:

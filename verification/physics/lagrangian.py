@@ -23,7 +23,7 @@ from hfa_model.vectors import Input, Quantity, State
 from hfa_model.winds import Air, Winds, winds_of
 
 
-class _Panel(NamedTuple):
+class Panel(NamedTuple):
     """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in its axes."""
 
     position: ca.SX
@@ -39,13 +39,20 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: 
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
-    panels = _panels(r, v, p)
-    kinetic = sum(_kinetic_energy(panel, r, v, p) for panel in panels)
+    panels = panels_at(r, v, p)
+    kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels)
+    force = _generalized_force(panels, r, v, u, density, p, winds_of(air))
+    return euler_lagrange(x, kinetic, force, panels, r, v, p)
+
+
+def euler_lagrange(
+    x: State, kinetic: ca.SX, force: ca.SX, panels: tuple[Panel, ...], r: ca.SX, v: ca.SX, p: Parameters
+) -> State:
+    """dX/dt of these energies and generalized forces."""
     potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
-    force = _generalized_force(panels, r, v, u, density, p, winds_of(air))
     # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR loses.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
@@ -54,12 +61,12 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: 
 def mechanical_energy(x: State, p: Parameters) -> ca.SX:
     """T + U of a state, ft lbf: what free flight without air and dampers conserves."""
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
-    panels = _panels(r, v, p)
-    energy = sum(_kinetic_energy(panel, r, v, p) + _potential_energy(panel, p) for panel in panels)
-    return _at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
+    panels = panels_at(r, v, p)
+    energy = sum(kinetic_energy(panel, r, v, p) + _potential_energy(panel, p) for panel in panels)
+    return at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
 
 
-def _panels(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
+def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
     """Center, right and left panel; a wing hinges at half a span and its center lies half a span further out."""
     sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
     body = ca.vertcat(ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta))
@@ -77,26 +84,26 @@ def _panels(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[_Panel, _Panel, _Panel]:
         arm = side * p.panel_span / 2
         offset = ca.vertcat(0, arm, 0) + lean @ ca.vertcat(0, arm, 0)
         wing_spin = lean.T @ spin + ca.vertcat(roll_rate, 0, 0)
-        wings.append(_Panel(origin + body @ offset, body @ lean, wing_spin))
-    return _Panel(origin, body, spin), wings[0], wings[1]
+        wings.append(Panel(origin + body @ offset, body @ lean, wing_spin))
+    return Panel(origin, body, spin), wings[0], wings[1]
 
 
-def _velocity(panel: _Panel, r: ca.SX, v: ca.SX) -> ca.SX:
+def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
     return ca.jtimes(panel.position, r, v)
 
 
-def _kinetic_energy(panel: _Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    velocity = _velocity(panel, r, v)
+def kinetic_energy(panel: Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+    velocity = velocity_of(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
 
 
-def _potential_energy(panel: _Panel, p: Parameters) -> ca.SX:
+def _potential_energy(panel: Panel, p: Parameters) -> ca.SX:
     return -p.panel_mass * p.gravity * panel.position[2]
 
 
 def _generalized_force(
-    panels: tuple[_Panel, _Panel, _Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, winds: Winds
+    panels: tuple[Panel, Panel, Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, winds: Winds
 ) -> ca.SX:
     # The drag law takes the speed of the aircraft, that is of the common center of mass, through a panel's air.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
@@ -107,16 +114,16 @@ def _generalized_force(
         air = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
         speed = ca.norm_2(velocity if winds.ground_drag else velocity - air)
         loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
-        force += _virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
+        force += virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force
 
 
-def _flow(panel: _Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
-    along = panel.axes.T @ (_velocity(panel, r, v) - air)
+def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
+    along = panel.axes.T @ (velocity_of(panel, r, v) - air)
     return flow_of(along[0], along[1], along[2])
 
 
-def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+def virtual_work(panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
     """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's moment."""
     wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
     tail = ca.vertcat(0, 0, loads.tail_downward)
@@ -128,7 +135,7 @@ def _virtual_work(panel: _Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, 
 
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
     """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its path angle."""
-    center = sum(panel.position for panel in _panels(r, v, p)) / 3
+    center = sum(panel.position for panel in panels_at(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)
     velocity_rate = ca.jtimes(velocity, r, v) + ca.jtimes(velocity, v, acceleration)
     speed = ca.norm_2(velocity)
@@ -142,10 +149,10 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
         dihedral=v[3],
         dihedral_rate=acceleration[3],
     )
-    return State(*(_at_state(rate, x, r, v, p) for rate in rates))
+    return State(*(at_state(rate, x, r, v, p) for rate in rates))
 
 
-def _at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
     """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the center of mass."""
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
