@@ -14,7 +14,7 @@ from .parameters import (
     save_parameters as save_parameters,
 )
 from .printed_matrices import PublishedModel as PublishedModel, published_models as published_models
-from .unsteady import LAG_STATES as LAG_STATES, UNSTEADY as UNSTEADY, unsteady as unsteady
+from .unsteady import LAG_STATES as LAG_STATES, UNSTEADY as UNSTEADY, unsteady_model as unsteady_model
 from .variants import VARIANTS as VARIANTS, Newton as Newton, Published as Published
 from .vectors import (
     DEGREE as DEGREE,

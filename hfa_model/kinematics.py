@@ -20,7 +20,6 @@ from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
 from hfa_model.winds import Air, Wind, winds_of
 
-
 #: Of a panel through the air, along its own axes, ft/s: forward, toward the center, downward.
 Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 

@@ -9,7 +9,8 @@ Each effect has a parameter, 1 as it should be and 0 without it; without any the
 | `lift_lag` | lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones, NACA 681) |
 | `gust_lag` | lift follows air that rises or moves outward with Küssner's function; a headwind acts at once |
 | `finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail `tail_aspect_ratio` |
-| `downwash` | 2 C_L / (π Λ) at the tails, C_L the mean of the three wings, later by l_b / V (first order) |
+| `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first order); a lifting \
+line has 1.71 times that at the center tail, 1.52 times at the outer ones |
 
 The lags are those of two dimensions, and loads of the lag states keep the lift of steady flight: a trim is that of
 quasi-steady loads. The air's density counts as constant along the path. Nothing here was fitted: all other
@@ -30,12 +31,19 @@ from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
-from hfa_model.kinematics import Velocity, airspeed, center_height, center_velocity, flow_of, outer_height
-from hfa_model.kinematics import outer_velocity
+from hfa_model.kinematics import (
+    Velocity,
+    airspeed,
+    center_height,
+    center_velocity,
+    flow_of,
+    outer_height,
+    outer_velocity,
+)
 from hfa_model.outputs import Moment, Watched
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Newton
-from hfa_model.vectors import STATE_SIGNALS, STATES, Quantity, State
+from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
 from hfa_model.winds import Winds, winds_named
 from hfa_support.model import Model, Signal
 
@@ -58,6 +66,8 @@ _LAGS = tuple(f"lag_{strip}_{i}" for strip in STRIPS for i in (1, 2))
 _GUSTS = tuple(f"gust_{strip}_{i}" for strip in STRIPS if strip != "tip" for i in (1, 2))
 #: States beside the seven: angles that follow those of a strip's motion and control, of its gust, and the downwash.
 LAG_STATES = (*_LAGS, *_GUSTS, "downwash")
+#: The states of the game: the paper's six and the lags; wind alone moves the states of gusts.
+GAME_STATES = (*LINEAR_STATES, *_LAGS, "downwash")
 EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span", "downwash_share")
 
 
@@ -89,7 +99,8 @@ class UnsteadyEquations:
         """Rates by state, outputs by name."""
         winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
         # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
-        still = Winds(*(each._replace(updraft=0.0, outward=0.0) for each in winds[:2]))
+        calm = [each._replace(updraft=0.0, outward=0.0) for each in (winds.center, winds.outer)]
+        still = Winds(calm[0], calm[1])
         air = density(x.altitude)
         motion = (center_velocity(x, p, still), outer_velocity(x, p, still))
         center = _flown("center", motion[0], center_velocity(x, p, winds), x, u, p, winds, air)
@@ -129,14 +140,10 @@ def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantit
     return sum(share * (angle - getattr(x, f"{kind}_{strip}_{i}")) for share, i in pairs)
 
 
-def lag_rates(
-    kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity
-) -> dict[str, Quantity]:
+def lag_rates(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity) -> dict[str, Quantity]:
     """z_i' = b_i (V/b) (a - z_i); half_chords: V/b, 1/s."""
     names = [f"{kind}_{strip}_{i}" for i in (1, 2)]
-    return {
-        name: rate * half_chords * (angle - getattr(x, name)) for name, rate in zip(names, lag.rates, strict=True)
-    }
+    return {name: rate * half_chords * (angle - getattr(x, name)) for name, rate in zip(names, lag.rates, strict=True)}
 
 
 def _flown(
@@ -202,7 +209,7 @@ def _with_apparent_mass(
     mass: list[list[Quantity]] = [[0.0] * 3 for _ in range(3)]
     heights = center_height(x.dihedral, p), outer_height(x.dihedral, p)
     for number, (panel, count) in enumerate((("center", 1), ("outer", 2))):
-        (u, _, w), turn, wind = motion[number], _turn(panel, x), still[number]
+        (u, _, w), turn, wind = motion[number], _turn(panel, x), (still.center, still.outer)[number]
         center = panel == "center"
         lean, bend = (1.0, 0.0) if center else (cos_eta, sin_eta)
         # w' = t . (w_b', q', η'') + what follows from the velocities.
@@ -272,7 +279,7 @@ def _solved(A: list[list[Quantity]], b: list[Quantity]) -> list[Quantity]:
 def _signals() -> dict[str, Signal]:
     values = default_parameters().values._asdict()
     own = {name: each._replace(start=float(values[name])) for name, each in HFA.parameters.items()}
-    effects = {name: Signal("1", 1.0, 0.0, 1.0, start=1.0) for name in EFFECTS}
+    effects = {name: Signal("1", 1.0, 0.0, 2.0, start=1.0) for name in EFFECTS}
     # The parameters do not say how the area of a tail is spread: 20 ft by 2 ft are assumed.
     return {**own, **effects, "tail_aspect_ratio": Signal("1", 10.0, 0.1, 1000.0, start=10.0)}
 
@@ -291,6 +298,6 @@ UNSTEADY = replace(
 )
 
 
-def unsteady(parameters: Parameters | None = None, **effects: float) -> Model:
-    """`UNSTEADY` with other parameters of the aircraft and of the effects: unsteady(apparent_mass=0.0)."""
+def unsteady_model(parameters: Parameters | None = None, **effects: float) -> Model:
+    """`UNSTEADY` with other parameters of the aircraft and of the effects: unsteady_model(apparent_mass=0.0)."""
     return UNSTEADY.with_parameters(**({} if parameters is None else parameters._asdict()), **effects)

@@ -136,6 +136,8 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     """Variable or parameter -> its range, of --dihedral and of --hold."""
     if arguments.aircraft is not None:
         options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
+    elif OWN.get() is not None:
+        options.refuse(arguments, ("game",), "is of six states; hfa solve has the game of --dynamics unsteady")
     ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
     held = arguments.hold or {}
     ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}

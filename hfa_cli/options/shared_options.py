@@ -25,7 +25,7 @@ from hfa_cli.options.argument_types import (
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
-from hfa_model.unsteady import UNSTEADY, unsteady
+from hfa_model.unsteady import UNSTEADY, unsteady_model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
@@ -67,7 +67,7 @@ def own_of(arguments: argparse.Namespace) -> Model | None:
         if OWN.get() is None:
             return None
         effects = {name: value for name, value in held.items() if name in UNSTEADY.parameters}
-        return unsteady(parameters_of(arguments).values).with_parameters(**effects)
+        return unsteady_model(parameters_of(arguments).values).with_parameters(**effects)
     refuse(arguments, ("dihedral", "parameters"), "belongs to the HFA; hold variables and parameters with --hold")
     if arguments.dynamics != DEFAULT_DYNAMICS:
         raise BadInputError("--dynamics belongs to the HFA; leave it out with --aircraft")

@@ -12,7 +12,7 @@ panel loads, the thrust and the hinge dampers.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -46,7 +46,7 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: 
 
 
 def euler_lagrange(
-    x: State, kinetic: ca.SX, force: ca.SX, panels: tuple[Panel, ...], r: ca.SX, v: ca.SX, p: Parameters
+    x: State, kinetic: Any, force: ca.SX, panels: tuple[Panel, ...], r: ca.SX, v: ca.SX, p: Parameters
 ) -> State:
     """dX/dt of these energies and generalized forces."""
     potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
@@ -89,10 +89,12 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
 
 
 def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
+    """Of its center of mass over ground."""
     return ca.jtimes(panel.position, r, v)
 
 
 def kinetic_energy(panel: Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+    """T of one panel, ft lbf."""
     velocity = velocity_of(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2

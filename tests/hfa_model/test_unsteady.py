@@ -1,0 +1,197 @@
+"""The unsteady dynamics: `newton` without its effects, energies, Theodorsen, Wagner, Küssner, the steady limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from random_points import random_points
+from scipy import special
+
+import hfa_model.unsteady as source
+from hfa_model import LAG_STATES, STATES, UNSTEADY, VARIANTS, Input, Parameters, State, unsteady_model
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates
+from hfa_model.unsteady import EFFECTS, KUESSNER, WAGNER, Lag
+from hfa_model.winds import DISTURBANCES, winds_named
+from hfa_support import Model
+from trim import find_operating_point, linearize
+from trim.point.condition import usual_condition
+from verification.physics.unsteady_energy import derived_unsteady
+
+DEGREES = np.pi / 180
+
+
+def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """States with lag states, inputs, and winds, far wider than any trim."""
+    rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
+    lags, winds = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES))), rng.uniform(-6, 6, (count, len(DISTURBANCES)))
+    return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
+
+
+def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
+    plain = unsteady_model(parameters, **dict.fromkeys(EFFECTS, 0.0))
+    named = plain.layout.record
+    for x, u, w in points(200, 3):
+        vectors = [named(*each) for each in zip("xupw", (each.tolist() for each in (x, u, plain.p, w)), strict=True)]
+        found = plain.equations(*vectors)[0]
+        winds = winds_named(tuple(DISTURBANCES), w.tolist())
+        expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds)
+        assert_allclose([float(found[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11)
+
+
+def derivations(model: Model = UNSTEADY) -> ca.Function:
+    """(x, u, p, w) -> the rates of the model, those by energies, dE/dt of the model and the power, without wind."""
+    vectors = [*model.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
+    x, u, p, w = (model.layout.record(*each) for each in zip("xupw", map(ca.vertsplit, vectors), strict=True))
+    mine = ca.vertcat(*(model.equations(x, u, p, w)[0][name] for name in model.states))
+    derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
+    other = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
+    thin, still = ca.SX.sym("density"), winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
+    energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
+    calm = ca.substitute(mine, vectors[3], 0)
+    balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], calm), energetic.power)
+    return ca.Function("both", vectors, [mine, other, ca.substitute(balance, thin, density(x.altitude))])
+
+
+def worst(both: ca.Function, effects: np.ndarray | None = None) -> tuple[float, float]:
+    """Largest relative error of a rate, and of the power."""
+    found = []
+    for number, (x, u, w) in enumerate(points(100, 5)):
+        p = UNSTEADY.p.copy()
+        if effects is not None:
+            p[18:24] = effects[number % len(effects)]
+        mine, other, (growth, power) = (np.array(each).ravel() for each in both(x, u, p, w))
+        found.append((np.abs((mine - other) / (1 + np.abs(other))).max(), abs(growth - power) / (1e3 + abs(power))))
+    most = np.max(found, axis=0)
+    return float(most[0]), float(most[1])
+
+
+def test_energies_give_the_same_rates_and_the_power_of_the_loads() -> None:
+    """Euler-Lagrange with the energy of the carried air, each effect on its own and several; dE/dt = power."""
+    both = derivations()
+    assert max(worst(both)) < 1e-11
+    some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
+    assert max(worst(both, some)) < 1e-11
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        {"mass": lambda plate: plate.mass * (1 + 1e-7)},
+        {"aft": lambda plate: plate.aft * (1 + 1e-7)},
+        {"span": lambda plate: plate.span * (1 + 1e-5)},
+        {"half_chord": lambda plate: plate.half_chord * (1 + 1e-4)},
+    ],
+    ids=lambda planted: next(iter(planted)),
+)
+def test_energies_see_a_planted_error(
+    planted: dict[str, Callable[[Any], Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, changed = next(iter(planted.items()))
+    plates = source._plates
+    monkeypatch.setattr(
+        source, "_plates", lambda p, air: tuple(each._replace(**{name: changed(each)}) for each in plates(p, air))
+    )
+    assert min(worst(derivations(replace(UNSTEADY, name="planted")))) > 1e-10
+
+
+@cache
+def half_chords() -> tuple[np.ndarray, float]:
+    """A of the linear model at 10 deg, and V/b of the center wing, 1/s."""
+    point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
+    model = linearize(UNSTEADY, point, outputs=("alpha_air_center",), disturbances=("updraft_center",))
+    flow = float(point.states.speed) / (UNSTEADY.parameters["chord"].start / 2)
+    rows = [model.states.index(f"{kind}_center_{i}") for kind in ("lag", "gust") for i in (1, 2)]
+    return np.hstack([model.A[rows][:, rows], model.A[rows][:, [model.states.index("alpha")]], model.E[rows]]), flow
+
+
+def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
+    """Lift per angle of the center wing at reduced frequencies k, from the rows of its lag states in A and E."""
+    table, flow = half_chords()
+    rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
+    A, b = table[np.ix_(rows, rows)], table[rows, column]
+    steady = -np.linalg.solve(A, b)
+    z = np.array([np.linalg.solve(1j * each * flow * np.eye(2) - A, b) for each in k]) / steady
+    return 1 - (1 - z) @ np.array(lag.shares)
+
+
+def theodorsen(k: np.ndarray) -> np.ndarray:
+    """C(k) = H1 / (H1 + i H0), Hankel functions of the second kind."""
+    return special.hankel2(1, k) / (special.hankel2(1, k) + 1j * special.hankel2(0, k))
+
+
+def sears(k: np.ndarray) -> np.ndarray:
+    """Sears's function with the gust's phase at the leading edge."""
+    of_the_middle = (special.j0(k) - 1j * special.j1(k)) * theodorsen(k) + 1j * special.j1(k)
+    return of_the_middle * np.exp(-1j * k)
+
+
+def test_theodorsen() -> None:
+    """Jones's two lags are within 0.015 of C(k) from k = 0.05 to 2, 2.4 % of it."""
+    k = np.linspace(0.05, 2.0, 400)
+    error = np.abs(response("lag", WAGNER, k) - theodorsen(k))
+    assert error.max() < 0.015
+    assert (error / np.abs(theodorsen(k))).max() < 0.024
+    planted = WAGNER._replace(shares=(0.185, 0.315))
+    assert np.abs(response("lag", planted, k) - theodorsen(k)).max() > 0.02
+
+
+def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
+    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 400, where f is within 0.02 of its end."""
+    k = np.linspace(1e-6, 400.0, 400_001)
+    parts = (of(k).real - end) / k
+    return np.array([end + 2 / np.pi * np.trapezoid(parts * np.sin(k * each), k) for each in s])
+
+
+@pytest.mark.parametrize(
+    ("of", "end", "lag", "most"),
+    [(theodorsen, 0.5, WAGNER, 0.0066), (sears, 0.0, KUESSNER, 0.078)],
+    ids=["wagner", "kuessner"],
+)
+def test_steps_in_motion_and_gust(of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float) -> None:
+    s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
+    exact = step(of, end, s)
+
+    def off(lag: Lag) -> float:
+        approximation = 1 - sum(a * np.exp(-b * s) for a, b in zip(*lag, strict=True))
+        return float(np.abs(approximation - exact).max())
+
+    assert off(lag) < most
+    assert off(lag._replace(rates=(2 * lag.rates[0], lag.rates[1]))) > most
+
+
+@pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
+def test_the_steady_limit(degrees: float) -> None:
+    """A trim is that of quasi-steady loads with finite span and downwash; every lag state has what it follows."""
+    condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
+    whole = find_operating_point(UNSTEADY, condition)
+    slow = find_operating_point(
+        unsteady_model(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0), condition
+    )
+    assert_allclose(whole.inputs, slow.inputs, rtol=1e-10, atol=1e-11)
+    strips = {name: getattr(whole.states, name) for name in LAG_STATES}
+    assert all(strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12) for name in source.STRIPS)
+    assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
+    assert strips["gust_outer_1"] == pytest.approx(0.0)
+    infinite = find_operating_point(unsteady_model(finite_span=0.0), condition)
+    assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
+
+
+@pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
+def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
+    """2 C_L / (π Λ) is that of the far wake. A tail length behind the wing, in the plane of the wake, Biot and Savart
+    give more, for the bound vortex is near: a known deviation. Γ = sqrt(1 - y²), y = cos t, lengths in half spans."""
+    ahead = UNSTEADY.parameters["boom_length"].start / (1.5 * UNSTEADY.parameters["panel_span"].start)
+    t = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    y, away = np.cos(t), np.cos(t) - across
+    bound = np.pi * np.mean(np.sin(t) ** 2 * ahead / (ahead**2 + away**2) ** 1.5)
+    sheet = 2 * np.pi + np.pi * np.mean((ahead / np.hypot(ahead, away) - 1) * y / away)
+    assert (bound + sheet) / (2 * np.pi) == pytest.approx(share, abs=0.01)
+    assert UNSTEADY.parameters["downwash_share"].max >= share
