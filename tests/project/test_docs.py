@@ -69,7 +69,7 @@ def assert_is_that_of_the_documents(picture: Path) -> None:
 
 
 #: Examples that declare an aircraft; tests/trim/test_own_models.py holds their numbers.
-AIRCRAFT = ("f16", "navion")
+AIRCRAFT = ("f16", "gtm", "navion")
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in AIRCRAFT]
 
 

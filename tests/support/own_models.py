@@ -14,6 +14,7 @@ from trim.point.operating_point import OperatingPoint
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import navion as navion
 from f16 import F16 as F16
+from gtm import GTM as GTM
 from navion import NAVION as NAVION
 
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
-from own_models import F16, NAVION, navion, trimmed
+from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa_support import BadInputError, Model, Signal
 from trim import linearize
@@ -70,6 +70,15 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(navion, "C_LQ", 0.0)
     monkeypatch.setattr(navion, "C_NBETA", 0.0701)
     assert max(off().values()) <= 0.005
+
+
+def test_trim_and_modes_of_the_gtm() -> None:
+    """The stated trim, to the four digits that the coefficients have, and load factor one in level flight."""
+    point = trimmed(GTM)
+    found = [point.values[each] for each in ("alpha", "elevator", "throttle")]
+    np.testing.assert_allclose(found, [0.04924, 0.04892, 14.33], rtol=0.01)
+    assert GTM.outputs_at(point.states, point.inputs)["load_factor"] == pytest.approx(1.0, abs=1e-12)
+    assert [mode.name for mode in linear(GTM, point).modes] == ["short period", "phugoid"]
 
 
 def test_rates_of_the_book() -> None:
