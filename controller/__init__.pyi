@@ -1,8 +1,8 @@
 """How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
 
 from .design.controllers import design_controller as design_controller
-from .design.design import Actuator as Actuator, Design as Design, load_design as load_design
-from .design.design_model import DesignModel as DesignModel, design_model as design_model
+from .design.design import load_design as load_design
+from .design.design_model import design_model as design_model
 from .design.scheduled_controller import (
     ScheduledController as ScheduledController,
     load_controller as load_controller,
@@ -10,29 +10,16 @@ from .design.scheduled_controller import (
 )
 from .flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
 from .flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
-from .flight.gusts import (
-    Dryden as Dryden,
-    OneMinusCosine as OneMinusCosine,
-)
-from .flight.monte_carlo import MonteCarlo as MonteCarlo, stream_monte_carlo as stream_monte_carlo
+from .flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
+from .flight.monte_carlo import MonteCarlo as MonteCarlo
 from .flight.nonlinear_flight import fly as fly
 from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
-from .game.basis import Basis as Basis, basis as basis
-from .game.critic_file import History as History, load_critic as load_critic, load_history as load_history
-from .game.learning_result import LearningResult as LearningResult
+from .game.basis import basis as basis
+from .game.critic_file import History as History, load_critic as load_critic
 from .game.model_file import load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game
-from .laws.certified import CertifiedSettings as CertifiedSettings
-from .laws.integral_rl import IrlSettings as IrlSettings
-from .laws.learn import LAWS as LAWS, learn as learn
-from .laws.run import Process as Process, Run as Run, run as run
-from .policy.gain_table import GainTable as GainTable
+from .laws.learn import learn as learn
+from .laws.run import Process as Process, run as run
 from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
-from .policy.servo_policy import servo_law as servo_law
-from .policy.signals import (
-    CommandedStates as CommandedStates,
-    CommandSteps as CommandSteps,
-    Harmonic as Harmonic,
-    Signal as Signal,
-)
+from .policy.signals import CommandSteps as CommandSteps, Signal as Signal
 from .training_data.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -6,22 +6,19 @@ from .atmosphere import density as density
 from .dynamics import rates_from_loads as rates_from_loads
 from .parameters import (
     Parameters as Parameters,
-    ParameterSet as ParameterSet,
     default_parameters as default_parameters,
     load_parameters as load_parameters,
     named_parameters as named_parameters,
     sample_parameters as sample_parameters,
     save_parameters as save_parameters,
 )
-from .printed_matrices import PublishedModel as PublishedModel, published_models as published_models
+from .printed_matrices import published_models as published_models
 from .unsteady import LAG_STATES as LAG_STATES, UNSTEADY as UNSTEADY, unsteady_model as unsteady_model
-from .variants import VARIANTS as VARIANTS, Newton as Newton, Published as Published
+from .variants import VARIANTS as VARIANTS, Published as Published
 from .vectors import (
     DEGREE as DEGREE,
-    INPUT_UNITS as INPUT_UNITS,
     INPUTS as INPUTS,
     LINEAR_STATES as LINEAR_STATES,
-    STATE_UNITS as STATE_UNITS,
     STATES as STATES,
     Input as Input,
     State as State,

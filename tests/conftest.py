@@ -29,7 +29,8 @@ from known_models import exact_gain, game_at, model_at
 from made_once import share
 
 from controller import Game
-from hfa_model import VARIANTS, Aircraft, Parameters, ParameterSet, default_parameters
+from hfa_model import VARIANTS, Aircraft, Parameters, default_parameters
+from hfa_model.parameters import ParameterSet
 from trim import OperatingPoint
 
 sys.dont_write_bytecode = False  # as above, for this process

@@ -1,18 +1,10 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-from .identification.identify import run_identification as run_identification
 from .linear.compare import compare as compare, regenerate as regenerate
 from .linear.entry_bands import entry_bands as entry_bands
-from .linear.linear_model import (
-    LinearModel as LinearModel,
-    level_model as level_model,
-    linearize as linearize,
-)
-from .linear.modes import modes_of as modes_of, track_modes as track_modes
+from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
+from .linear.modes import modes_of as modes_of
 from .point.condition import (
-    CONTROL_LIMITS as CONTROL_LIMITS,
-    LEVEL_FLIGHT as LEVEL_FLIGHT,
-    STATE_LIMITS as STATE_LIMITS,
     TrimCondition as TrimCondition,
     level_flight as level_flight,
     release as release,
@@ -28,6 +20,4 @@ from .point.solve import TrimError as TrimError, find_operating_point as find_op
 from .point.trim_figure import trim_figure as trim_figure
 from .point.trim_report import trim_report as trim_report
 from .sweeps.points import trim_points as trim_points
-from .sweeps.stored_sweep import stream_sweep as stream_sweep
 from .sweeps.sweep import sweep as sweep
-from .sweeps.sweep_plan import Steps as Steps, SweepPlan as SweepPlan

@@ -2,28 +2,23 @@
 
 from .checker.checker import check_certificate as check_certificate
 from .critic.candidate import (
-    Candidate as Candidate,
     from_gain as from_gain,
     from_stored as from_stored,
     from_value as from_value,
     from_weights as from_weights,
 )
-from .critic.check_result import CriticCheck as CriticCheck, check_report as check_report
+from .critic.check_result import check_report as check_report
 from .critic.critic_check import check_critic as check_critic, check_history as check_history
 from .critic.critic_errors import relative_error as relative_error
 from .enclosures.trim_branch import Family as Family
 from .exact_solution import (
-    GameSolution as GameSolution,
     OutputGame as OutputGame,
     analyse_game as analyse_game,
     bounded_real_gain as bounded_real_gain,
     disk_margin as disk_margin,
     exosystem_feedforward as exosystem_feedforward,
-    loop_margins as loop_margins,
     minimum_delta as minimum_delta,
     minimum_output_delta as minimum_output_delta,
-    paper_reference as paper_reference,
-    simulate as simulate,
     solve_discounted as solve_discounted,
     solve_game as solve_game,
     solve_games as solve_games,
@@ -31,15 +26,10 @@ from .exact_solution import (
 )
 from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
-from .page.main_job import JudgedCritic as JudgedCritic, judged_critic as judged_critic
 from .physics.lagrangian import mechanical_energy as mechanical_energy
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
 from .proof.rate_proof import prove_rate as prove_rate
 from .proof.schedule_proof import prove_schedule as prove_schedule
 from .proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
-from .regeneration.regeneration import (
-    RegeneratedPair as RegeneratedPair,
-    Regeneration as Regeneration,
-    regenerate_all as regenerate_all,
-)
-from .validation.comparison import Validation as Validation, released_trims as released_trims, validate as validate
+from .regeneration.regeneration import regenerate_all as regenerate_all
+from .validation.comparison import released_trims as released_trims, validate as validate

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_model import INPUTS, LINEAR_STATES
+from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from hfa_support.reporting.figure import enlarge_first_second, new_figure
 from studies.section5.claims import flights_of
 from studies.section5.configuration import Configuration

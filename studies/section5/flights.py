@@ -10,25 +10,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller import (
-    Basis,
-    FlownLaw,
-    Game,
-    Harmonic,
-    LearningResult,
-    Signal,
-    Stack,
-    basis,
-    learn,
-    published_game,
-    random_pool,
-)
+from controller import FlownLaw, Game, Signal, Stack, basis, learn, published_game, random_pool
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
+from controller.game.basis import Basis
+from controller.game.learning_result import LearningResult
 from controller.policy.learned_gain import baseline_weights
 from controller.policy.policies import Memoryless, Seen, gain_constants
-from controller.policy.signals import zero
+from controller.policy.signals import Harmonic, zero
 from controller.riccati.feedforward import exosystem
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_support.errors import refuse_unknown
@@ -39,7 +29,8 @@ from studies.section5.metrics import Critic, flight_metrics, learning_metrics, r
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
-from verification import GameSolution, exosystem_feedforward, solve_game
+from verification import exosystem_feedforward, solve_game
+from verification.exact_solution import GameSolution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
 CASE_I, CASE_II = 15.0, 5.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller import Game, LearningResult, basis
+from controller import Game, basis
+from controller.game.learning_result import LearningResult
 from controller.laws.certify import abscissa, positivity
 from controller.policy.learned_gain import baseline_gain
 from controller.training_data.recording import natural_spread

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller import Basis, Game
+from controller import Game
 from controller.flight.simulation import Flight
+from controller.game.basis import Basis
 from controller.game.learning_result import settled_at
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from controller import (
-    Actuator,
     ActuatorFault,
-    CommandedStates,
     CommandSteps,
     FlownLaw,
     Game,
@@ -24,12 +22,13 @@ from controller import (
     flight_envelope,
     gain_law,
     published_game,
-    servo_law,
 )
+from controller.design.design import Actuator
 from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly_law, tracked
 from controller.flight.plants import NonlinearPlant
 from controller.policy.learned_gain import learned_value
-from controller.policy.servo_policy import MeasuredOutputs
+from controller.policy.servo_policy import MeasuredOutputs, servo_law
+from controller.policy.signals import CommandedStates
 from hfa_model import Aircraft
 from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report

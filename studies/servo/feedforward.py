@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller import Actuator, Design, DesignModel, ScheduledController, design_controller
+from controller import ScheduledController, design_controller
 from controller.design.controllers import Value
-from controller.design.design import ACTUATORS, actuators_of, design_of
+from controller.design.design import ACTUATORS, Actuator, Design, actuators_of, design_of
+from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from controller.design.servo_loop import servo_loop, servo_plant
 from controller.export.exported_loop import commandable

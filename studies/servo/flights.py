@@ -11,24 +11,24 @@ import casadi as ca
 import numpy as np
 
 from controller import (
-    Actuator,
     ActuatorFault,
     Actuators,
     CommandSteps,
-    DesignModel,
     Envelope,
     Game,
     OneMinusCosine,
     Scenario,
     ScheduledController,
     flight_envelope,
-    servo_law,
 )
+from controller.design.design import Actuator
+from controller.design.design_model import DesignModel
 from controller.design.scheduled_controller import COMMAND_SIGNALS
 from controller.design.servo_loop import ServoLoop
 from controller.export.exported_loop import commandable
 from controller.flight.nonlinear_flight import fly_law
 from controller.flight.plants import NonlinearPlant
+from controller.policy.servo_policy import servo_law
 from controller.riccati.frequency_response import square_root, swept_gain
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input, State
 from hfa_model.kinematics import angle_of_attack
@@ -37,7 +37,8 @@ from hfa_support import NoSolutionError, Report
 from hfa_support.reporting.text import Table
 from studies.servo.feedforward import Feedforward, command_rates
 from studies.servo.tuning import InGust
-from trim import CONTROL_LIMITS, LinearModel, level_model
+from trim import LinearModel, level_model
+from trim.point.condition import CONTROL_LIMITS
 
 #: s, of the record of a flight through commands. The response to commands held in a step is exact.
 RECORD = 0.1

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Design, ScheduledController
+from controller import ScheduledController
 from controller.design.controllers import controller_at, controller_table
+from controller.design.design import Design
 from controller.design.servo_loop import corner_loops, servo_loop, servo_plant
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import Aircraft

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller import CommandSteps, DesignModel, FlownLaw, ScheduledController, design_model, load_design
+from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
 from controller.design.design import SHORT_PERIOD
+from controller.design.design_model import DesignModel
 from controller.policy.policies import Seen, Unvaried
 from controller.policy.servo_policy import DihedralTable, MeasuredOutputs
 from controller.policy.signals import COMMAND_FILTER

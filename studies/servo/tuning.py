@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Actuator
-from controller.design.design import NAMED, read_design
+from controller.design.design import NAMED, Actuator, read_design
 from hfa_model import VARIANTS
 from hfa_support import BadInputError
 from hfa_support.files import read_toml, write_text

@@ -14,8 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Basis, Game, LearningResult, Run, Stack, basis, random_pool
+from controller import Game, Stack, basis, random_pool
+from controller.game.basis import Basis
+from controller.game.learning_result import LearningResult
 from controller.laws.certify import conclude
+from controller.laws.run import Run
 from controller.training_data.bellman_equations import StackEquations
 from controller.training_data.recording import choose
 from hfa_support import BadInputError, NoSolutionError

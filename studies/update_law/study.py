@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Game, LearningResult, learn, published_game, random_pool, run
-from controller.game.learning_result import settled_at
+from controller import Game, learn, published_game, random_pool, run
+from controller.game.learning_result import LearningResult, settled_at
 from hfa_model import published_models
 from hfa_support import NoSolutionError
 from hfa_support.jsonable import jsonable

@@ -11,17 +11,8 @@ import pytest
 from cli import answer, hfa
 
 from hfa_cli.main import COMMANDS, DONE, FAILED
-from hfa_model import (
-    INPUT_UNITS,
-    INPUTS,
-    LINEAR_STATES,
-    STATE_UNITS,
-    STATES,
-    Parameters,
-    default_parameters,
-    load_parameters,
-    save_parameters,
-)
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Parameters, default_parameters, load_parameters, save_parameters
+from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from trim.point.condition import BALANCED
 
 LINEAR_MODEL_KEYS = {

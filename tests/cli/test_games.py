@@ -15,9 +15,11 @@ from game_files import AT_15, HISTORY, LABELS, QUICK, SMALL, small
 from known_models import game_at
 from scipy.io import loadmat, savemat
 
-from controller import LAWS, Game
+from controller import Game
+from controller.laws.learn import LAWS
 from hfa_cli.main import DONE, FAILED
-from hfa_model import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_model import INPUTS, LINEAR_STATES
+from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from verification import solve_game
 
 # Solve.

@@ -14,9 +14,8 @@ from project import ROOT
 
 from hfa_cli.commands import identify
 from hfa_model import default_parameters, load_parameters
-from trim import run_identification
 from trim.identification.identification_result import Identification
-from trim.identification.identify import ALTERNATIVES, save_fit
+from trim.identification.identify import ALTERNATIVES, run_identification, save_fit
 
 COMMITTED = ROOT / "hfa_model"
 FILE = "parameters.toml"

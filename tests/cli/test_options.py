@@ -19,7 +19,7 @@ from hfa_cli.options.argument_types import angle, quantity
 from hfa_cli.options.ranges import Span, array_of, value_range
 from hfa_cli.progress import ProgressLine
 from hfa_support.jobs.store import open_store
-from trim import Steps
+from trim.sweeps.sweep_plan import Steps
 
 
 def test_degrees_become_radians_and_nothing_else_does() -> None:

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import VARIANTS, Input, Newton, Parameters, State, Winds, density
+from hfa_model import VARIANTS, Input, Parameters, State, Winds, density
 from hfa_model.aerodynamics import panel_loads
 from hfa_model.dynamics import rates
 from hfa_model.kinematics import flow_of
+from hfa_model.variants import Newton
 from hfa_model.vectors import RATE_SCALES
 from hfa_model.winds import DISTURBANCES, winds_named
 

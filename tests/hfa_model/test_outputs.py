@@ -9,9 +9,10 @@ import pytest
 from known_models import model_at
 from random_points import random_points
 
-from hfa_model import STATE_UNITS, STATES, Aircraft, Input, Parameters, State
+from hfa_model import STATES, Aircraft, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of, unit_of
+from hfa_model.vectors import STATE_UNITS
 from trim import find_operating_point, level_flight
 
 

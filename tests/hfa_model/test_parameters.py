@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from refused_files import refusal
 
-from hfa_model import Parameters, ParameterSet, default_parameters, load_parameters, named_parameters, save_parameters
-from hfa_model.parameters import FIELDS
+from hfa_model import Parameters, default_parameters, load_parameters, named_parameters, save_parameters
+from hfa_model.parameters import FIELDS, ParameterSet
 from hfa_support import BadInputError
 
 

@@ -7,14 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model import (
-    LINEAR_STATES,
-    STATES,
-    Aircraft,
-    Parameters,
-    ParameterSet,
-    sample_parameters,
-)
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, sample_parameters
+from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import LinearModel, entry_bands, find_operating_point, level_flight, linearize, trim_points
 from trim.linear.entry_bands import Bands

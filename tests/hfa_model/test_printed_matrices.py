@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import PublishedModel, published_models
+from hfa_model import published_models
+from hfa_model.printed_matrices import PublishedModel
 
 
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")

@@ -8,7 +8,8 @@ import math
 
 import pytest
 
-from hfa_model import ParameterSet, named_parameters
+from hfa_model import named_parameters
+from hfa_model.parameters import ParameterSet
 from hfa_model.provenance import Provenance, changed_parameters, parameter_hash
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import STATES, VARIANTS, Input, Newton, Parameters, State, Wind, Winds, density, kinematics
+from hfa_model import STATES, VARIANTS, Input, Parameters, State, Wind, Winds, density, kinematics
 from hfa_model.dynamics import rates, state_rates, symbols
-from hfa_model.variants import Variant
+from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
 from hfa_model.winds import DISTURBANCES, winds_named
 from verification.physics.lagrangian import lagrangian_rates

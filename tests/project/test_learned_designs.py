@@ -12,10 +12,12 @@ from learning_samples import abscissa, random_start
 from project import ROOT
 from reference_riccati import relative_error
 
-from controller import Actuator, Design, Game, basis, design_model, learn, load_design
+from controller import Game, basis, design_model, learn, load_design
+from controller.design.design import Actuator, Design
 from controller.training_data.recording import natural_spread
 from hfa_model import Aircraft
-from verification import GameSolution, OutputGame, solve_game
+from verification import OutputGame, solve_game
+from verification.exact_solution import GameSolution
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
 DELTA = 200.0

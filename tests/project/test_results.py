@@ -17,6 +17,7 @@ import trim
 import verification
 from controller.policy.gain_table import GainTable
 from trim.identification.identify import fit
+from verification.page.main_job import judged_critic
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -66,7 +67,7 @@ def results() -> dict[str, Any]:
     aircraft, condition = hfa_model.Aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
     point = trim.find_operating_point(aircraft, condition)
     model = trim.linearize(aircraft, point)
-    game, critic = controller.published_game(model), verification.judged_critic(model)
+    game, critic = controller.published_game(model), judged_critic(model)
     family, gain = verification.Family(aircraft), verification.solve_game(game).K
     gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]))
     regeneration = verification.regenerate_all(aircraft)

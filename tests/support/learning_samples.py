@@ -9,7 +9,9 @@ import numpy as np
 from game_samples import game_models
 from reference_riccati import Reference, reference_solution, relative_error
 
-from controller import Basis, Game, LearningResult, basis, random_pool
+from controller import Game, basis, random_pool
+from controller.game.basis import Basis
+from controller.game.learning_result import LearningResult
 from controller.training_data.bellman_equations import StackEquations
 
 QUADRATIC = basis("quadratic", 6)

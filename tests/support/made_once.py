@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller import Game, LearningResult
+from controller import Game
+from controller.game.learning_result import LearningResult
 
 
 class _Shared:

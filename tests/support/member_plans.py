@@ -7,17 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from controller import (
-    Game,
-    Harmonic,
-    MonteCarlo,
-    Scenario,
-    Signal,
-    Uncertainty,
-    flight_envelope,
-    gain_law,
-)
-from controller.policy.signals import zero
+from controller import Game, MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
+from controller.policy.signals import Harmonic, zero
 from hfa_model import default_parameters
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.update_law.published_law import PublishedSettings, published_law

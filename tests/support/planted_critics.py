@@ -11,7 +11,9 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from controller import Game, basis
-from verification import Candidate, GameSolution, from_gain, from_value, from_weights, solve_game
+from verification import from_gain, from_value, from_weights, solve_game
+from verification.critic.candidate import Candidate
+from verification.exact_solution import GameSolution
 
 #: Radians in a degree.
 DEGREE = math.pi / 180.0

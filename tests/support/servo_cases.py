@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from controller import Design, load_design
+from controller import load_design
+from controller.design.design import Design
 
 A_Z = "vertical_acceleration_short_period"
 

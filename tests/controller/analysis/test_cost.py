@@ -9,7 +9,8 @@ from game_samples import INITIAL, failed_names
 from controller import Game
 from controller.analysis.cost import cost_checks, cost_matrix, saddle_checks, simulated_cost
 from hfa_support import NoSolutionError
-from verification import simulate, solve_game
+from verification import solve_game
+from verification.exact_solution import simulate
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:

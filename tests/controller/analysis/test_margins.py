@@ -18,7 +18,8 @@ from controller.analysis.solution_report import Loop
 from controller.riccati.balancing import in_units
 from controller.riccati.frequency_response import best_scaling, bounded_real_gain, scaled_norm
 from hfa_support import NoSolutionError
-from verification import disk_margin, loop_margins, minimum_delta, solve_game
+from verification import disk_margin, minimum_delta, solve_game
+from verification.exact_solution import loop_margins
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

@@ -7,8 +7,9 @@ import pytest
 from known_models import model_at
 from servo_cases import A_Z, measured_servo
 
-from controller import Design, design_model, load_design
+from controller import design_model, load_design
 from controller.design.controllers import LinearController, controller_at, design_controller
+from controller.design.design import Design
 from controller.design.servo_loop import servo_plant
 from controller.riccati.output_feedback import closed_loop
 from hfa_model import Aircraft

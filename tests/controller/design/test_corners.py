@@ -9,8 +9,9 @@ import pytest
 from controllers import small_controller
 from known_models import model_at
 
-from controller import Actuator, ScheduledController, load_design
+from controller import ScheduledController, load_design
 from controller.design.controllers import design_controller
+from controller.design.design import Actuator
 from controller.design.servo_loop import check_corners, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from refused_files import refusal
 
-from controller import Actuator, load_design
-from controller.design.design import NAMED, signal_unit
+from controller import load_design
+from controller.design.design import NAMED, Actuator, signal_unit
 from hfa_support import BadInputError
 
 DESIGNS = Path(__file__).parents[3] / "controller" / "designs"

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from known_models import model_at, released_simulation
 
-from controller import Actuator, Design, DesignModel, Game, design_model, load_design, published_game
-from controller.design.design import SHORT_PERIOD
+from controller import Game, design_model, load_design, published_game
+from controller.design.design import SHORT_PERIOD, Actuator, Design
+from controller.design.design_model import DesignModel
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import LINEAR_STATES, Aircraft
 from hfa_model.outputs import moment_of, outputs_of

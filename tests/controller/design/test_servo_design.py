@@ -8,7 +8,8 @@ from known_models import model_at
 from scipy.linalg import block_diag, eigvals
 from servo_cases import A_Z
 
-from controller import Design, design_controller, design_model, load_design
+from controller import design_controller, design_model, load_design
+from controller.design.design import Design
 from controller.design.servo_loop import check_corners
 from hfa_model import Aircraft
 

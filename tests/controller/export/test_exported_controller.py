@@ -11,7 +11,7 @@ import pytest
 from c_files import called, compiled, footprint, needs_gcc
 from controllers import small_controller
 
-from controller import CommandSteps, ScheduledController, servo_law
+from controller import CommandSteps, ScheduledController
 from controller.export.exported_loop import (
     HEADER,
     SOURCE,
@@ -20,7 +20,7 @@ from controller.export.exported_loop import (
     longest_step,
 )
 from controller.policy.policies import Seen
-from controller.policy.servo_policy import ServoPolicy
+from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model import LINEAR_STATES, Aircraft
 from hfa_support.files import write_texts
 from trim import OperatingPoint

@@ -10,11 +10,13 @@ import pytest
 from c_files import needs_gcc, ran
 from controllers import integrating_controller, small_controller
 
-from controller import Actuators, CommandedStates, CommandSteps, Scenario, ScheduledController, servo_law
+from controller import Actuators, CommandSteps, Scenario, ScheduledController
 from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, SOURCE, c_controller_texts, controller_example
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
+from controller.policy.servo_policy import servo_law
+from controller.policy.signals import CommandedStates
 from hfa_model import STATES, Aircraft, Input
 from hfa_support.files import write_texts
 from trim import OperatingPoint

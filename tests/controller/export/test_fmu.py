@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from controllers import integrating_controller
 
-from controller import Actuators, CommandedStates, CommandSteps, Scenario, Signal, servo_law
+from controller import Actuators, CommandSteps, Scenario, Signal
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
 from controller.export.fmu import description, write_fmu
@@ -20,7 +20,8 @@ from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import GainPolicy, gain_constants
-from controller.policy.signals import zero
+from controller.policy.servo_policy import servo_law
+from controller.policy.signals import CommandedStates, zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
 from trim import OperatingPoint

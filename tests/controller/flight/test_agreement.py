@@ -8,14 +8,16 @@ from cli import assert_refused, hfa
 from flight_cases import SMALL, FlownCase, flown, signal
 from scipy.integrate import solve_ivp
 
-from controller import Actuators, Dryden, FlownLaw, Harmonic, OneMinusCosine, Scenario, Signal
+from controller import Actuators, Dryden, FlownLaw, OneMinusCosine, Scenario, Signal
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
+from controller.policy.signals import Harmonic
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.vectors import STATE_SCALES
-from trim import CONTROL_LIMITS, find_operating_point, level_flight
+from trim import find_operating_point, level_flight
+from trim.point.condition import CONTROL_LIMITS
 
 N = len(LINEAR_STATES)
 #: Parts of 1 ft/s, 1 deg and 1 deg/s at once; large enough that rounding does not show.

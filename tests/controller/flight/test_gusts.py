@@ -12,19 +12,9 @@ from random_points import random_points
 from controller import Dryden, OneMinusCosine
 from controller.flight.gusts import Gust
 from controller.flight.integrator import RungeKutta, integrate
-from hfa_model import (
-    STATES,
-    VARIANTS,
-    Input,
-    Newton,
-    Parameters,
-    State,
-    aircraft_loads,
-    density,
-    rates_from_loads,
-)
+from hfa_model import STATES, VARIANTS, Input, Parameters, State, aircraft_loads, density, rates_from_loads
 from hfa_model.dynamics import rates
-from hfa_model.variants import Variant
+from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
 from hfa_support import BadInputError
 from verification.physics.lagrangian import lagrangian_rates

@@ -11,20 +11,10 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller import (
-    Actuators,
-    MonteCarlo,
-    OneMinusCosine,
-    Scenario,
-    Uncertainty,
-    flight_envelope,
-    fly,
-    gain_law,
-    stream_monte_carlo,
-)
+from controller import Actuators, MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import monte_carlo
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members
+from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members, stream_monte_carlo
 from controller.flight.plants import NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
@@ -35,7 +25,8 @@ from hfa_support import BadInputError
 from hfa_support.jobs.store import Store, open_store
 from hfa_support.native import machine_code as generated
 from studies.section5.critic_policy import CriticPolicy, critic_law
-from trim import CONTROL_LIMITS, find_operating_point, level_flight
+from trim import find_operating_point, level_flight
+from trim.point.condition import CONTROL_LIMITS
 
 ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from controller import Basis, basis
-from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS
+from controller import basis
+from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS, Basis
 from hfa_model import LINEAR_STATES
 
 SIZES = {"quadratic": 21, "quadratic+linear": 27, "quadratic+quartic": 27, "paper": 25}

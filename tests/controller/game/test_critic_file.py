@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from game_files import stored
 
-from controller import Game, History, load_history
+from controller import Game, History
+from controller.game.critic_file import load_history
 from hfa_support import BadInputError
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.

@@ -20,9 +20,16 @@ from learning_samples import (
 )
 from reference_riccati import reference_solution, relative_error
 
-from controller import CertifiedSettings, Game, Stack, basis, learn, random_pool, record, run
+from controller import Game, Stack, basis, learn, random_pool, record, run
 from controller.game.basis import BASES
-from controller.laws.certified import after, certified_law, decay_rate, discount_at, fraction_to_reach
+from controller.laws.certified import (
+    CertifiedSettings,
+    after,
+    certified_law,
+    decay_rate,
+    discount_at,
+    fraction_to_reach,
+)
 from controller.training_data.recording import probing_flight
 from hfa_model import VARIANTS
 from hfa_support import NoSolutionError

@@ -10,9 +10,9 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, assert_exact, build, lq, published, stable_game, start_at_the_edge
 from reference_riccati import reference_solution, relative_error
 
-from controller import CertifiedSettings, Game, basis, learn, random_pool, record
+from controller import Game, basis, learn, random_pool, record
 from controller.laws import certified
-from controller.laws.certified import CertifiedLaw, Point, certified_law, stabilizing_step
+from controller.laws.certified import CertifiedLaw, CertifiedSettings, Point, certified_law, stabilizing_step
 from controller.laws.law_settings import MOST_SAMPLES
 from controller.training_data.bellman_equations import LQ, PartialGame, StackEquations, newton_step
 from hfa_support import BadInputError, NoSolutionError

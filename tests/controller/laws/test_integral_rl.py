@@ -10,8 +10,8 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
-from controller import IrlSettings, basis, learn, random_pool, run
-from controller.laws.integral_rl import IntegralLearning, integral_learning
+from controller import basis, learn, random_pool, run
+from controller.laws.integral_rl import IntegralLearning, IrlSettings, integral_learning
 from controller.training_data.recording import probing_flight
 from hfa_support import BadInputError, NoSolutionError
 

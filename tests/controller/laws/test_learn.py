@@ -11,10 +11,12 @@ import pytest
 from learning_samples import PUBLISHED, published, stable_game
 from reference_riccati import reference_solution, relative_error
 
-from controller import LAWS, CertifiedSettings, Game, LearningResult, learn, random_pool, run
+from controller import Game, learn, random_pool, run
 from controller.game.basis import BASES
+from controller.game.learning_result import LearningResult
 from controller.laws import run as runner
-from controller.laws.certified import certified_law
+from controller.laws.certified import CertifiedSettings, certified_law
+from controller.laws.learn import LAWS
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError

@@ -11,20 +11,12 @@ from controllers import integrating_controller, small_controller
 from known_models import model_at
 from scipy.integrate import solve_ivp
 
-from controller import (
-    Actuators,
-    CommandedStates,
-    CommandSteps,
-    Scenario,
-    ScheduledController,
-    flight_envelope,
-    fly,
-    servo_law,
-)
+from controller import Actuators, CommandSteps, Scenario, ScheduledController, flight_envelope, fly
 from controller.flight.nonlinear_flight import NonlinearFlight, tracked, tracking_table
 from controller.flight.plants import LinearizedAircraft
 from controller.policy.policies import Seen
-from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
+from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
+from controller.policy.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
 from hfa_support import BadInputError
 from trim import OperatingPoint, linearize

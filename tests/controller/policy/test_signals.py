@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from controller import CommandedStates, CommandSteps, Harmonic, Signal
+from controller import CommandSteps, Signal
+from controller.policy.signals import CommandedStates, Harmonic
 from hfa_model import LINEAR_STATES
 from hfa_support import BadInputError
 

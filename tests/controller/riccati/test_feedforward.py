@@ -14,7 +14,8 @@ from controller import Game
 from controller.analysis.linear_flight import LinearFlight
 from controller.riccati.feedforward import Exosystem, exosystem
 from hfa_support import BadInputError
-from verification import exosystem_feedforward, paper_reference, simulate, solve_game
+from verification import exosystem_feedforward, solve_game
+from verification.exact_solution import paper_reference, simulate
 
 MODELS = sorted(game_models())
 ZERO = np.zeros(6)

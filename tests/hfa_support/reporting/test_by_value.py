@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, ParameterSet, published_models
+from hfa_model import Aircraft, published_models
+from hfa_model.parameters import ParameterSet
 from trim import (
     LinearModel,
     OperatingPoint,

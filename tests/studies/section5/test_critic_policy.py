@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from flight_cases import seen
 
-from controller import Harmonic, Signal, basis as basis_of, published_game, random_pool
+from controller import Signal, basis as basis_of, published_game, random_pool
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop
-from controller.policy.signals import zero
+from controller.policy.signals import Harmonic, zero
 from hfa_model import published_models
 from hfa_support import BadInputError
 from studies.section5.critic_policy import CriticPolicy, forcing

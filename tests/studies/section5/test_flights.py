@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from project import ROOT
 
-from controller import Harmonic, Signal
+from controller import Signal
 from controller.policy import paper_flight
+from controller.policy.signals import Harmonic
 from studies.section5.configuration import section5_configuration
 from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
@@ -31,7 +32,8 @@ from studies.section5.flights import (
     simulate_plan,
 )
 from studies.section5.metrics import TRACKED
-from verification import paper_reference, simulate, solve_game
+from verification import solve_game
+from verification.exact_solution import paper_reference, simulate
 
 #: Ten times the paper's step: the gains are smooth, and a flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}

@@ -15,14 +15,8 @@ import pytest
 from known_models import model_at
 from project import ROOT
 
-from controller import (
-    Actuator,
-    ActuatorFault,
-    CommandSteps,
-    Dryden,
-    flight_envelope,
-    save_controller,
-)
+from controller import ActuatorFault, CommandSteps, Dryden, flight_envelope, save_controller
+from controller.design.design import Actuator
 from controller.flight.nonlinear_flight import fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.policy.servo_policy import ServoPolicy

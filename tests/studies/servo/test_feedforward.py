@@ -18,7 +18,8 @@ from scipy.linalg import expm
 from scipy.optimize import minimize
 from servo_cases import A_Z, measured_servo
 
-from controller import Actuator, ScheduledController, load_controller, load_design
+from controller import ScheduledController, load_controller, load_design
+from controller.design.design import Actuator
 from controller.design.servo_loop import servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError

@@ -16,11 +16,9 @@ from scipy.optimize import minimize_scalar
 from servo_cases import measured_servo
 
 from controller import (
-    Actuator,
     ActuatorFault,
     Actuators,
     CommandSteps,
-    DesignModel,
     Game,
     OneMinusCosine,
     Scenario,
@@ -28,11 +26,13 @@ from controller import (
     design_model,
     flight_envelope,
     load_design,
-    servo_law,
 )
+from controller.design.design import Actuator
+from controller.design.design_model import DesignModel
 from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
+from controller.policy.servo_policy import servo_law
 from controller.riccati.gare_schur import quick_solution
 from hfa_model import INPUTS, STATES, Aircraft, Input
 from studies.servo import flights

@@ -15,7 +15,8 @@ import pytest
 from project import ROOT
 from servo_cases import A_Z, write_tuning
 
-from controller import Actuator, load_design
+from controller import load_design
+from controller.design.design import Actuator
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from studies.servo import search

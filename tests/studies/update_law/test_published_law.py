@@ -10,7 +10,8 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, LearningResult, basis, run
+from controller import Game, basis, run
+from controller.game.learning_result import LearningResult
 from hfa_model.printed_matrices import published_data
 from hfa_support import BadInputError, NoSolutionError
 from studies.update_law.published_law import (

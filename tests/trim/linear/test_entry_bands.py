@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from hfa_model import Aircraft, Parameters, ParameterSet
+from hfa_model import Aircraft, Parameters
+from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import entry_bands, find_operating_point, level_flight, linearize
 from trim.linear.entry_bands import Bands, bands_known

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import INPUTS, STATES, Aircraft, Parameters, PublishedModel, published_models
+from hfa_model import INPUTS, STATES, Aircraft, Parameters, published_models
+from hfa_model.printed_matrices import PublishedModel
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES, STATE_SCALES
 from hfa_support import BadInputError
 from trim import LinearModel, compare, find_operating_point, level_flight, linearize, regenerate

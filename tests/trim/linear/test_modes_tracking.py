@@ -7,7 +7,8 @@ import pytest
 
 from hfa_model import Aircraft
 from hfa_model.vectors import STATE_SCALES
-from trim import sweep, track_modes
+from trim import sweep
+from trim.linear.modes import track_modes
 
 STATES = ("alpha", "pitch_rate", "speed")
 #: Three shapes, far from parallel in units of `STATE_SCALES`.

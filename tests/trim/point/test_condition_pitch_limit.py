@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hfa_model import STATES, Aircraft
-from trim import STATE_LIMITS, TrimError, find_operating_point, level_flight, release
+from trim import TrimError, find_operating_point, level_flight, release
+from trim.point.condition import STATE_LIMITS
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 #: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.

@@ -10,8 +10,8 @@ import pytest
 from hfa_model import STATES, Aircraft
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
 from hfa_support import BadInputError, NoSolutionError
-from trim import CONTROL_LIMITS, OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
-from trim.point.condition import BALANCED
+from trim import OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
+from trim.point.condition import BALANCED, CONTROL_LIMITS
 
 BASE = level_flight(float(np.radians(15.0)))
 LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)

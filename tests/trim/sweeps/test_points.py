@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, Parameters, ParameterSet, save_parameters
+from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, Parameters, save_parameters
+from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
-from trim import LEVEL_FLIGHT, TrimError, find_operating_point, level_flight, linearize, release, sweep, trim_points
-from trim.point.condition import LIMITS
+from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep, trim_points
+from trim.point.condition import LEVEL_FLIGHT, LIMITS
 from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED
 from trim.sweeps.stored_sweep import run_points

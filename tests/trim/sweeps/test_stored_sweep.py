@@ -11,10 +11,13 @@ import xarray
 import zarr
 
 from hfa_cli.options.ranges import value_range
-from hfa_model import DEGREE, INPUTS, STATE_UNITS, STATES, Aircraft, Parameters
+from hfa_model import DEGREE, INPUTS, STATES, Aircraft, Parameters
+from hfa_model.vectors import STATE_UNITS
 from hfa_support import BadInputError
-from trim import LEVEL_FLIGHT, Steps, SweepPlan, find_operating_point, level_flight, release, stream_sweep, sweep
-from trim.sweeps.stored_sweep import status_counts
+from trim import find_operating_point, level_flight, release, sweep
+from trim.point.condition import LEVEL_FLIGHT
+from trim.sweeps.stored_sweep import status_counts, stream_sweep
+from trim.sweeps.sweep_plan import Steps, SweepPlan
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})

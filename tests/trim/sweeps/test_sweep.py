@@ -12,8 +12,6 @@ from hfa_model import DEGREE, STATES, Aircraft
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
-    LEVEL_FLIGHT,
-    SweepPlan,
     TrimCondition,
     TrimError,
     find_operating_point,
@@ -25,9 +23,10 @@ from trim import (
     sweep,
     trim_points,
 )
-from trim.point.condition import BALANCED
+from trim.point.condition import BALANCED, LEVEL_FLIGHT
 from trim.sweeps.points import condition_at, is_square
 from trim.sweeps.sweep import Sweep
+from trim.sweeps.sweep_plan import SweepPlan
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})

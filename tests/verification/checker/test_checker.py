@@ -13,7 +13,8 @@ from proof_cases import ORIGIN, exact_table, family, forge
 
 from hfa_model import INPUTS, STATES, Aircraft
 from hfa_support import BadInputError
-from trim import LEVEL_FLIGHT, release
+from trim import release
+from trim.point.condition import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_rate, prove_schedule
 from verification.arithmetic import PRECISION
 from verification.checker import checker

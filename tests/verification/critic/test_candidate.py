@@ -12,11 +12,12 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15, stored
 
-from controller import Game, LearningResult, basis
+from controller import Game, basis
+from controller.game.learning_result import LearningResult
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
-from verification import Candidate, from_gain, from_value, from_weights, solve_game
-from verification.critic.candidate import from_run
+from verification import from_gain, from_value, from_weights, solve_game
+from verification.critic.candidate import Candidate, from_run
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -11,9 +11,9 @@ from game_files import stored
 from game_samples import failed_names, game_models
 from planted_critics import other_root
 
-from controller import Game, LearningResult, basis
+from controller import Game, basis
 from controller.game.basis import BASES
-from controller.game.learning_result import Excitation
+from controller.game.learning_result import Excitation, LearningResult
 from hfa_cli.main import DONE, FAILED
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_critic, from_gain, from_value, from_weights, solve_game

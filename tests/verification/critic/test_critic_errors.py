@@ -15,7 +15,8 @@ from game_samples import failed_names, game_models
 from controller import Game, basis
 from controller.riccati.balancing import balanced_units
 from hfa_model import INPUTS, LINEAR_STATES
-from verification import Candidate, check_critic, from_gain, from_value, from_weights, solve_game
+from verification import check_critic, from_gain, from_value, from_weights, solve_game
+from verification.critic.candidate import Candidate
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import (
     ORDINARY_DEVIATIONS,

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from planted_critics import weights_of
 
-from controller import Game, History, LearningResult, basis, learn
-from controller.game.learning_result import settled_at
+from controller import Game, History, basis, learn
+from controller.game.learning_result import LearningResult, settled_at
 from hfa_support import BadInputError
-from verification import CriticCheck, check_history, solve_game
-from verification.critic.check_result import check_figure
+from verification import check_history, solve_game
+from verification.critic.check_result import CriticCheck, check_figure
 from verification.critic.critic_check import worthless_start
 
 NAMES = ("x",) * 6, ("u",) * 5

@@ -9,7 +9,8 @@ from known_models import game_at
 from planted_critics import NAMED, UNNAMED, candidate_of, gain, value, weights_of
 
 from controller import Game, basis
-from verification import Candidate, check_critic, from_gain, from_value, from_weights, solve_game
+from verification import check_critic, from_gain, from_value, from_weights, solve_game
+from verification.critic.candidate import Candidate
 from verification.critic.critic_check import LIMIT
 from verification.critic.diagnosis import diagnose
 

@@ -16,7 +16,8 @@ from proof_cases import family
 from hfa_model import Aircraft, default_parameters
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.linear_table import LinearTable
-from trim import LEVEL_FLIGHT, level_model, release
+from trim import level_model, release
+from trim.point.condition import LEVEL_FLIGHT
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import ParameterSet
+from hfa_model.parameters import ParameterSet
 from verification.page.main_job import MainJob, main_job
 
 

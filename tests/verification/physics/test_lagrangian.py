@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import STATES, Input, Newton, Parameters, Published, State, aircraft_loads, density, rates_from_loads
+from hfa_model import STATES, Input, Parameters, Published, State, aircraft_loads, density, rates_from_loads
 from hfa_model.dynamics import by_name, state_rates, symbols
-from hfa_model.variants import Variant
+from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES, Quantity
 from verification import mechanical_energy
 from verification.physics.lagrangian import lagrangian_rates

@@ -11,7 +11,8 @@ import pytest
 from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family, forge
 
-from controller import Actuator, ScheduledController
+from controller import ScheduledController
+from controller.design.design import Actuator
 from controller.policy.gain_table import GainTable
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_support import BadInputError

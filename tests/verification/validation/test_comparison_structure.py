@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Newton, Parameters, Published, State, dynamics, published_models
+from hfa_model import Aircraft, Parameters, Published, State, dynamics, published_models
 from hfa_model.aerodynamics import Loads
-from hfa_model.variants import Variant
+from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import Quantity
 from trim import compare, regenerate
-from verification import Validation, released_trims, validate
-from verification.validation.comparison import _model_at
+from verification import released_trims, validate
+from verification.validation.comparison import Validation, _model_at
 
 #: Where the released simulation flies at 30 ft/s, deg.
 ANGLES = range(0, 50, 5)
