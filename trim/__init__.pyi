@@ -4,6 +4,7 @@ from .linear.compare import compare as compare, regenerate as regenerate
 from .linear.entry_bands import entry_bands as entry_bands
 from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
 from .linear.modes import modes_of as modes_of
+from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
 from .point.condition import (
     TrimCondition as TrimCondition,
     level_flight as level_flight,

@@ -1,0 +1,160 @@
+"""Linear models that vary: between the points of a sweep, and along a flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import ROUNDING, Table
+from trim.sweeps.sweep import Sweep, run_plan
+
+if TYPE_CHECKING:
+    from hfa_model.aircraft import Aircraft
+    from hfa_support.model import Model
+
+_QUANTITIES = ("states", "inputs", "A", "B")
+
+
+class Interpolated(NamedTuple):
+    """At N points: X0 (N, n), U0 (N, m), A (N, k, k), B (N, k, m) of the sweep's k states; without N at one point."""
+
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+
+
+class Worst(NamedTuple):
+    """The largest error of an interpolation in a quantity, relative to its largest entry there in nominal units."""
+
+    quantity: str
+    error: float
+    place: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InterpolatedModel(Reported):
+    """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
+
+    BadInputError when a variable has fewer than two values, or a point of the sweep has no trim.
+    """
+
+    sweep: Sweep
+
+    def __post_init__(self) -> None:
+        """Name what cannot be interpolated."""
+        for name, count in zip(self.sweep.variables, self.sweep.plan.sizes, strict=True):
+            if self.sweep.plan.samples or count < 2:
+                raise BadInputError(f"{name} has one value in the sweep; models are interpolated over two or more")
+        for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
+            if reason:
+                raise BadInputError(f"no trim at {self._place(values)}, so there is nothing to interpolate: {reason}")
+
+    @cached_property
+    def axes(self) -> tuple[np.ndarray, ...]:
+        """The values of each variable, ascending."""
+        return tuple(np.unique(column) for column in self.sweep.values.T)
+
+    def at(self, **values: float | np.ndarray) -> Interpolated:
+        """At values of all variables, numbers or arrays (N,); BadInputError outside of the grid."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        if {*values} != {*self.sweep.variables}:
+            raise BadInputError(f"give {', '.join(self.sweep.variables)}, by name")
+        asked = np.stack(np.broadcast_arrays(*(values[name] for name in self.sweep.variables)), axis=-1)
+        for name, axis, column in zip(self.sweep.variables, self.axes, np.moveaxis(asked, -1, 0), strict=True):
+            if not np.all((axis[0] <= column) & (column <= axis[-1])):
+                ends = (self.sweep.model.describe(name, end) for end in axis[[0, -1]])
+                raise BadInputError(f"{name} lies outside of the sweep, which goes from {' to '.join(ends)}")
+        order = np.lexsort(self.sweep.values.T[::-1])
+        found = []
+        for name in _QUANTITIES:
+            table = getattr(self.sweep, name)[order]
+            table = table.reshape(*map(len, self.axes), *table.shape[1:])
+            found.append(
+                RegularGridInterpolator(self.axes, table)(asked).reshape(
+                    *asked.shape[:-1], *table.shape[len(self.axes) :]
+                )
+            )
+        return Interpolated(*found)
+
+    @cached_property
+    def errors(self) -> list[Worst]:
+        """Of each quantity the worst error at the middles of all cells, where each is trimmed and linearized anew.
+
+        NoSolutionError when the middle of a cell has no trim.
+        """
+        middles = dict(zip(self.sweep.variables, ((axis[1:] + axis[:-1]) / 2 for axis in self.axes), strict=True))
+        full = len(self.sweep.model_states) == len(self.sweep.model.states)
+        exact = run_plan(replace(self.sweep.plan, axes=middles), full=full)
+        if not exact.trimmed.all():
+            raise NoSolutionError(
+                f"no trim at {self._place(exact.values[int(np.argmin(exact.trimmed))])}, between points"
+            )
+        near = self.at(**dict(zip(exact.variables, exact.values.T, strict=True)))
+        found = []
+        for name, scale in zip(_QUANTITIES, self._scales, strict=True):
+            here = getattr(exact, name) / scale
+            axes = tuple(range(1, here.ndim))
+            errors = np.abs(getattr(near, name) / scale - here).max(axis=axes) / np.abs(here).max(axis=axes)
+            worst = int(np.argmax(errors))
+            place = dict(zip(exact.variables, exact.values[worst].tolist(), strict=True))
+            found.append(Worst(name, float(errors[worst]), place))
+        return found
+
+    def report(self) -> Report:
+        """The grid, and the measured error of each quantity."""
+        model, sweep = self.sweep.model, self.sweep
+        grid = ", ".join(f"{len(axis)} of {name}" for name, axis in zip(sweep.variables, self.axes, strict=True))
+        shown = [f"{each.error if each.error > ROUNDING else 0.0:.2g}" for each in self.errors]
+        places = [self._place(list(each.place.values())) for each in self.errors]
+        rows = list(zip(_QUANTITIES, shown, places, strict=True))
+        table = Table(("interpolated", "worst relative error", "at"), rows)
+        return Report(f"{model.title} interpolated over {grid}; errors at the middles of the cells", [table])
+
+    @property
+    def _scales(self) -> tuple[np.ndarray, ...]:
+        """One scaled unit of each quantity's entries."""
+        model, sweep = self.sweep.model, self.sweep
+        states = np.array([each.nominal for each in model.states.values()])
+        inputs = np.array([each.nominal for each in model.inputs.values()])
+        rates = np.array([[model.rate_scale(name)] for name in sweep.model_states])
+        return states, inputs, rates / [model.states[name].nominal for name in sweep.model_states], rates / inputs
+
+    def _place(self, values: np.ndarray | list[float]) -> str:
+        names = zip(self.sweep.variables, values, strict=True)
+        return ", ".join(f"{name} {self.sweep.model.describe(name, value)}" for name, value in names)
+
+
+class Along(NamedTuple):
+    """Along N states of a flight: the rates f (N, n), A = ∂f/∂x (N, n, n) and B = ∂f/∂u (N, n, m)."""
+
+    rates: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+
+
+def models_along(aircraft: Aircraft | Model, states: np.ndarray, inputs: np.ndarray) -> Along:
+    """Exact linear models at states (N, n) and inputs (N, m) that need not balance: of small deviations δx from a
+    flight, δx' = A(t) δx + B(t) δu. BadInputError when a shape is wrong or a derivative is not finite."""
+    model = aircraft.model
+    n, m = len(model.states), len(model.inputs)
+    x, u = np.atleast_2d(np.asarray(states, dtype=float)), np.atleast_2d(np.asarray(inputs, dtype=float))
+    if x.shape[1:] != (n,) or u.shape != (len(x), m):
+        raise BadInputError(f"states {x.shape} and inputs {u.shape} must be (N, {n}) and (N, {m})")
+    function = model.functions(()).map(len(x))
+    found = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))
+    rates, A, B = (np.array(found[i]).reshape(n, len(x), -1).transpose(1, 0, 2) for i in (0, 2, 3))
+    whole = np.concatenate([rates, A, B], axis=2)
+    if not np.isfinite(whole).all():
+        first = int(np.argmin(np.isfinite(whole).all(axis=(1, 2))))
+        at = dict(zip((*model.states, *model.inputs), (*x[first], *u[first]), strict=True))
+        raise BadInputError(
+            f"state {first} of the flight: {model.not_finite(rates[first, :, 0], at, list(model.states))}"
+        )
+    return Along(rates[:, :, 0], A, B)
