@@ -51,8 +51,8 @@ class Game(ByValue, Shown):
             matrix = getattr(self, name)
             if matrix.shape != shape:
                 raise BadInputError(f"{name} is {_shape(matrix)}; with this A and B it must be {shape[0]} x {shape[1]}")
-        _check_definite("Q", self.Q, strictly=False)
-        _check_definite("R", self.R, strictly=True)
+        check_definite("Q", self.Q, strictly=False)
+        check_definite("R", self.R, strictly=True)
         object.__setattr__(self, "delta", _delta_of(self.delta))
 
     def __hash__(self) -> int:
@@ -151,7 +151,7 @@ def _delta_of(delta: float) -> float:
     return float(delta)
 
 
-def _check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
+def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     """BadInputError unless symmetric and positive semidefinite, or, strictly, definite by more than rounding.
 
     Definiteness is judged in units in which the diagonal is 1: weights of very different size are not singular.

@@ -11,7 +11,7 @@ from controller import design_model, load_design
 from controller.design.controllers import LinearController, controller_at, design_controller
 from controller.design.design import Design
 from controller.design.servo_loop import servo_plant
-from controller.riccati.output_feedback import closed_loop
+from controller.riccati.generalized_plant import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
 from verification import OutputGame, solve_game, solve_output_feedback
@@ -54,7 +54,7 @@ def test_output_feedback_has_the_poles_of_the_central_controller(published_aircr
     problem = OutputGame(built.game(), built.C, built.D, built.V)
     exact = solve_output_feedback(problem)
     loop, found = whole(published_aircraft, design, "output")
-    poles = np.linalg.eigvals(closed_loop(problem, (exact.Ak, exact.Bk, exact.Ck))[0])
+    poles = np.linalg.eigvals(closed_loop(problem.plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
     same_poles(loop, poles)
     assert found.delta_min < delta
 

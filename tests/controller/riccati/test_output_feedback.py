@@ -12,8 +12,8 @@ from known_models import model_at
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, design_model, load_design
-from controller.riccati import output_feedback
-from controller.riccati.output_feedback import closed_loop
+from controller.riccati import generalized_plant
+from controller.riccati.generalized_plant import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
 from verification import OutputGame, minimum_delta, minimum_output_delta, solve_game, solve_output_feedback
@@ -107,15 +107,15 @@ def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game
     assert excess == sorted(excess, reverse=True)
     assert -2e-6 < excess[-1] < 1e-3
     seen = solve_output_feedback(OutputGame(game, np.eye(n), np.zeros((n, m)), 1e-10 * np.eye(n)))
-    np.testing.assert_array_equal(seen.X, solve_game(game).P)
+    assert relative_error(seen.X, solve_game(game).P) < 1e-12
 
 
 def test_what_is_known_to_pass_through_changes_nothing(servo: OutputGame) -> None:
     """D u is known to the controller: the loop is that of D = 0."""
     D = np.array([[0.3, -0.1], [0.0, 0.2], [1.0, 0.0]])
     plain, through = solve_output_feedback(servo), solve_output_feedback(replace(servo, D=D))
-    one = closed_loop(servo, (plain.Ak, plain.Bk, plain.Ck))[0]
-    other = closed_loop(replace(servo, D=D), (through.Ak, through.Bk, through.Ck))[0]
+    one = closed_loop(servo.plant, (plain.Ak, plain.Bk, plain.Ck, plain.Dk))[0]
+    other = closed_loop(replace(servo, D=D).plant, (through.Ak, through.Bk, through.Ck, through.Dk))[0]
     np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
 
 
@@ -124,7 +124,7 @@ def hinfsyn(problem: OutputGame) -> tuple[float, float]:
     pytest.importorskip("slycot")
     game = problem.game
     (n, m), p, k = game.B.shape, len(problem.C), game.E.shape[1]
-    paid = np.vstack([output_feedback.square_root(game.Q), np.zeros((m, n)), problem.C])
+    paid = np.vstack([generalized_plant.square_root(game.Q), np.zeros((m, n)), problem.C])
     through = np.zeros((n + m + p, k + p + m))
     through[n : n + m, k + p :], through[n + m :, k : k + p] = np.sqrt(game.R), np.sqrt(problem.V)
     into = np.hstack([game.E, np.zeros((n, p)), game.B])
@@ -182,13 +182,13 @@ def test_python_control_fails_on_the_servo_and_no_loop_of_its_goes_below(servo: 
 def test_a_planted_error_in_the_controller_is_seen(
     servo: OutputGame, smallest: float, monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
-    right = output_feedback.central_controller
+    right = generalized_plant.central_controller
 
     def wrong(*arguments):
-        parts = dict(zip(("Ak", "Bk", "Ck"), right(*arguments), strict=True))
+        parts = dict(zip(("Ak", "Bk", "Ck", "Dk"), right(*arguments), strict=True))
         return tuple((1.3 if name == part else 1.0) * value for name, value in parts.items())
 
-    monkeypatch.setattr(output_feedback, "central_controller", wrong)
+    monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match=r"the controller is not certified: "):
         solve_output_feedback(servo.with_delta(1.001 * smallest))
 
@@ -211,13 +211,13 @@ def test_wrong_shapes_are_refused(servo: OutputGame) -> None:
         replace(servo, C=np.zeros((3, 4)))
     with pytest.raises(BadInputError, match="no output is measured"):
         replace(servo, C=servo.C[:0], D=servo.D[:0], V=servo.V[:0, :0])
-    with pytest.raises(BadInputError, match="R is not positive definite"):
-        solve_output_feedback(replace(servo, V=np.zeros((3, 3))))
+    with pytest.raises(BadInputError, match="V is not positive definite"):
+        replace(servo, V=np.zeros((3, 3)))
 
 
 def test_the_derivations_are_compared_relative_to_their_response() -> None:
     """K = c b / (s + 1) for both but for one part in a thousand, whatever its size."""
     for size in (1e-6, 1.0, 1e6):
-        one = (-np.eye(1), np.eye(1), size * np.eye(1))
-        other = (-np.eye(1), np.eye(1), 1.001 * size * np.eye(1))
-        assert output_feedback._response_difference(one, other) == pytest.approx(1e-3, rel=1e-9)
+        one = (-np.eye(1), np.eye(1), size * np.eye(1), np.zeros((1, 1)))
+        other = (*one[:2], 1.001 * one[2], one[3])
+        assert generalized_plant._response_difference(one, other) == pytest.approx(1e-3, rel=1e-9)

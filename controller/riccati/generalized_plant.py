@@ -1,0 +1,493 @@
+"""H-infinity control of a generalized plant, as `hinfsyn` takes it: state or output feedback, certified.
+
+x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u;  wanted: ‖z‖ < δ ‖w‖ for every w.
+
+Completing the squares in u and then in w makes each Riccati equation that of a `Game`, which is solved and certified as
+any other: [C1 D11] is split into what u can cancel and the rest, whose feedthrough D becomes a change of A, B1 and C1.
+Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2; Glover and Doyle 1988.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.array_file import checked_matrix
+from controller.game.zero_sum import LARGEST, Game
+from controller.riccati.balancing import RANK, balanced_units, in_units, normal_form, spectrum
+from controller.riccati.certificate import Certificate, relative_residual
+from controller.riccati.frequency_response import square_root
+from controller.riccati.gare import GameSolution, solve_certified
+from controller.riccati.gare_schur import quick_solution, schur_solution
+from controller.riccati.smallest_delta import dependence, has_value
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.text import eigenvalue_text
+
+#: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
+DERIVATIONS_AGREE = 1e-8
+TOLERANCE = 1e-6
+#: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
+_CLEAR = 1e-4
+#: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
+_BELIEVED = 1e-9
+#: An eigenvalue of the bounded-real Hamiltonian with |Re λ| up to this part of |λ| may lie on the imaginary axis.
+_MAYBE_ON_AXIS = 1e-3
+#: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis too.
+_NEAR_AXIS = 1e-6
+
+#: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero on the axis.
+_OBSTACLES = (
+    (
+        "no input reaches {}, which is not stable; change B2",
+        "z does not show {}, which does not decay (a zero from u to z on the imaginary axis); let z weigh it",
+    ),
+    (
+        "the sensors do not see {}, which is not stable; measure more",
+        "the disturbance does not reach {}, which does not decay, so its estimate would never settle; "
+        "let the disturbance enter there",
+    ),
+)
+
+#: Ak, Bk, Ck, Dk.
+Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
+Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+class _Side(NamedTuple):
+    """x' = A x + E w + B u, z = C x + D w + N u: of the plant, or of its transpose, which is the filter's."""
+
+    A: np.ndarray
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    N: np.ndarray
+
+    def reduced(self) -> tuple[np.ndarray, ...]:
+        """N⁺, and A, E, C, D of the problem that is left with u = v - N⁺ (C x + D w): there v is paid for apart."""
+        Q, R = np.linalg.qr(self.N, mode="complete")
+        m = self.N.shape[1]
+        past, rest = np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
+        into = self.B @ past
+        return past, self.A - into @ self.C, self.E - into @ self.D, rest @ self.C, rest @ self.D
+
+    def game(self, delta: float) -> Game:
+        """The game whose Riccati equation is this side's."""
+        _, A, E, C, D = self.reduced()
+        A, E, Q = _without_feedthrough(A, E, C, D, delta)
+        return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
+
+    def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
+        """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
+        past, _, E, C, D = self.reduced()
+        F1 = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2)
+        return F1, -past @ (self.C + self.D @ F1) - np.linalg.solve(self.N.T @ self.N, self.B.T @ X)
+
+    @property
+    def feedthrough(self) -> float:
+        """σ_max of what w reaches in z at once, whatever u does."""
+        return float(np.linalg.norm(self.reduced()[4], 2)) if min(self.reduced()[4].shape) else 0.0
+
+
+def _without_feedthrough(A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float) -> Triple:
+    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z = C x + D w has."""
+    if not D.any() or math.isinf(delta):
+        return A, E, C.T @ C
+    free = np.eye(D.shape[1]) - D.T @ D / delta**2
+    root = np.linalg.cholesky(free)
+    Q = C.T @ np.linalg.solve(np.eye(len(D)) - D @ D.T / delta**2, C)
+    return A + E @ np.linalg.solve(free, D.T @ C) / delta**2, np.linalg.solve(root, E.T).T, Q
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GeneralizedPlant(Shown):
+    """The plant of the module's equations; without C2 every state is measured and nothing else (state feedback).
+
+    A: (n, n), B1: (n, k), B2: (n, m), C1: (r, n), D12: (r, m), C2: (p, n), D21: (p, k); D11: (r, k) and D22: (p, m)
+    are 0 where not given. BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
+    """
+
+    A: np.ndarray
+    B1: np.ndarray
+    B2: np.ndarray
+    C1: np.ndarray
+    D12: np.ndarray
+    C2: Any = None
+    D21: Any = None
+    D11: Any = None
+    D22: Any = None
+
+    def __post_init__(self) -> None:
+        """Check everything once, so that no solver has to."""
+        n, k, m = np.shape(self.A)[0], np.shape(self.B1)[-1], np.shape(self.B2)[-1]
+        r, p = np.shape(self.C1)[0], 0 if self.C2 is None else np.shape(self.C2)[0]
+        shapes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "D11": (r, k)}
+        if self.C2 is None and (self.D21 is not None or self.D22 is not None):
+            raise BadInputError("there is a D21 or D22 and no C2; give C2, or none of them for state feedback")
+        if self.C2 is not None:
+            shapes |= {"C2": (p, n), "D21": (p, k), "D22": (p, m)}
+        for name, shape in shapes.items():
+            given = getattr(self, name)
+            if given is None and name == "D21":
+                raise BadInputError("there is no D21; with C2 every measurement needs noise of its own in D21")
+            matrix = checked_matrix(name, np.zeros(shape) if given is None else given, LARGEST)
+            if matrix.shape != shape:
+                raise BadInputError(f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}")
+            object.__setattr__(self, name, matrix)
+        if 0 in (n, m) or (p == 0 and self.C2 is not None):
+            raise BadInputError("a plant needs a state, an input u, and with C2 an output y")
+        _check_rank("D12", self.D12, "column", "a cost of its own in z", "u")
+        if self.D21 is not None:
+            _check_rank("D21", self.D21.T, "row", "noise of its own from w", "y")
+
+    @cached_property
+    def sides(self) -> tuple[_Side, ...]:
+        """The control side, and with measurements the filter side."""
+        control = _Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
+        if self.C2 is None:
+            return (control,)
+        return control, _Side(self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D11.T, self.D21.T)
+
+    @property
+    def floor(self) -> float:
+        """No δ up to this will do, because of D11 alone."""
+        if self.C2 is None:
+            return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
+        return max(side.feedthrough for side in self.sides)
+
+    def transposed(self) -> GeneralizedPlant:
+        """The plant whose controller is the transpose of this one's."""
+        return GeneralizedPlant(
+            self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D21.T, self.B2.T, self.D12.T, self.D11.T, self.D22.T
+        )
+
+    def in_units(self, units: np.ndarray) -> GeneralizedPlant:
+        """The same in the state y, x_i = u_i y_i; units: (n,)."""
+        rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
+        columns = {name: getattr(self, name) * units for name in ("C1", "C2") if getattr(self, name) is not None}
+        return replace(self, **rows | columns | {"A": rows["A"] * units})
+
+
+def _check_rank(name: str, matrix: np.ndarray, kind: str, lacking: str, signal: str) -> None:
+    sizes = np.linalg.norm(matrix, axis=0)
+    empty = np.flatnonzero(sizes == 0.0)
+    if empty.size:
+        raise BadInputError(
+            f"{name} has only zeros in {kind} {empty[0] + 1}: every {signal} needs {lacking}; give it some"
+        )
+    values = np.linalg.svd(matrix / sizes, compute_uv=False)
+    rank = int(np.sum(values > RANK * values[0]))
+    if rank < matrix.shape[1]:
+        raise BadInputError(
+            f"{name} has rank {rank} and {matrix.shape[1]} {kind}s: every {signal} needs {lacking}; give more"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputFeedback(Shown):
+    """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
+
+    X, Y: (n, n), stabilizing solutions of the control and the filter equation. coupling: ρ(X Y) / δ², below 1.
+    checks: of the two equations' certificates, the coupling, the closed loop and the second derivation.
+    """
+
+    Ak: np.ndarray
+    Bk: np.ndarray
+    Ck: np.ndarray
+    Dk: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    delta: float
+    coupling: float
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateFeedback(Shown):
+    """u = -K x with the stabilizing solution P, the worst disturbance w = L x, and what certifies them."""
+
+    P: np.ndarray
+    K: np.ndarray
+    disturbance_gain: np.ndarray
+    delta: float
+    checks: tuple[Check, ...]
+
+
+def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
+    """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2 optimal one.
+
+    Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) < δ².
+    NoSolutionError names the one that fails, the mode that violates an assumption, or the check.
+    """
+    check_modes(plant)
+    _check_floor(plant, delta)
+    solved = [_solved(side.game(delta), name) for side, name in zip(plant.sides, ("control", "filter"), strict=False)]
+    X, checks = solved[0].P, _named("control", solved[0].certificate)
+    # The controller is made and checked in balanced units; x̂ has the user's.
+    u = balanced_units(plant.sides[0].game(math.inf))
+    squared, there = np.outer(u, u), plant.in_units(u)
+    if plant.C2 is None:
+        L, F = there.sides[0].policies(X * squared, delta)
+        loop = there.A + there.B2 @ F, there.B1, there.C1 + there.D12 @ F, there.D11
+        checks += _refused(loop_checks(*loop, delta))
+        return StateFeedback(P=X, K=-F / u, disturbance_gain=L / u, delta=delta, checks=checks)
+    Y = solved[1].P
+    checks += _named("filter", solved[1].certificate)
+    radius = _radius(X, Y)
+    if not radius < delta**2:
+        raise NoSolutionError(
+            f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
+            "ask for a larger delta, or measure more"
+        )
+    X_there, Y_there = X * squared, Y / squared
+    controller = central_controller(there, X_there, Y_there, delta)
+    other = central_controller(there.transposed(), Y_there, X_there, delta)
+    apart = _response_difference(controller, (other[0].T, other[2].T, other[1].T, other[3].T))
+    reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
+    checks += _refused(
+        (
+            below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
+            *loop_checks(*closed_loop(there, controller), delta),
+            at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason),
+        )
+    )
+    Ak, Bk, Ck, Dk = controller
+    Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
+    return OutputFeedback(Ak, Bk, Ck, Dk, X=X, Y=Y, delta=delta, coupling=radius / delta**2, checks=checks)
+
+
+def central_controller(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> Controller:
+    """From X and Y, whatever they are: nothing is certified.
+
+    With F1, F2 of X, L1, L2 of Y and Z = (I - δ⁻² Y X)⁻¹, D22 = 0:  Ck = F2 - Dk (C2 + D21 F1),
+    Bk = Z ((B2 + L1 D12) Dk - L2),  Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1), and Dk the best against D11 alone.
+    """
+    control, filter_ = plant.sides
+    F1, F2 = control.policies(X, delta)
+    L1, L2 = (each.T for each in filter_.policies(Y, delta))
+    seen = plant.C2 + plant.D21 @ F1
+    Dk = _feedthrough(plant, delta)
+    Bk = np.linalg.solve(np.eye(len(X)) - Y @ X / delta**2, (plant.B2 + L1 @ plant.D12) @ Dk - L2)
+    Ak, Ck = plant.A + plant.B1 @ F1 + plant.B2 @ F2 - Bk @ seen, F2 - Dk @ seen
+    # What u does to y at once is known, and taken off.
+    known = np.eye(len(Dk)) + Dk @ plant.D22
+    if np.linalg.cond(known) > 1.0 / RANK:
+        raise NoSolutionError("the central controller and D22 make an algebraic loop without a solution; change delta")
+    Ck, Dk = np.linalg.solve(known, Ck), np.linalg.solve(known, Dk)
+    return Ak - Bk @ plant.D22 @ Ck, Bk - Bk @ plant.D22 @ Dk, Ck, Dk
+
+
+def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
+    """Dk that makes D11 + D12 Dk D21 smallest, and with it the controller central: in orthonormal axes of z and w
+
+    -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12 of the four blocks D11 D12 D21 D22 of D11, the last what u and y both reach.
+    """
+    m, p = plant.D12.shape[1], len(plant.D21)
+    (U, R), (V, S) = (np.linalg.qr(each, mode="complete") for each in (plant.D12, plant.D21.T))
+    D = U.T @ plant.D11 @ V
+    a, b, c, d = D[m:, p:], D[m:, :p], D[:m, p:], D[:m, :p]
+    inner = -d - c @ a.T @ np.linalg.solve(np.eye(len(a)) - a @ a.T / delta**2, b) / delta**2
+    return np.asarray(np.linalg.solve(R[:m], np.linalg.solve(S[:p], inner.T).T))
+
+
+def closed_loop(plant: GeneralizedPlant, controller: Controller) -> Controller:
+    """A, B, C, D from w to z of plant and controller, states [x; x̂]."""
+    Ak, Bk, Ck, Dk = controller
+    n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
+    u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y by the states, and by w
+    y = np.hstack([plant.C2, np.zeros((len(plant.C2), len(Ak)))]) + plant.D22 @ u
+    u_w = n @ Dk @ plant.D21
+    y_w = plant.D21 + plant.D22 @ u_w
+    A = np.vstack([plant.B2 @ u, Bk @ y])
+    A[: len(plant.A), : len(plant.A)] += plant.A
+    A[len(plant.A) :, len(plant.A) :] += Ak
+    C = plant.D12 @ u
+    C[:, : len(plant.A)] += plant.C1
+    return A, np.vstack([plant.B1 + plant.B2 @ u_w, Bk @ y_w]), C, plant.D11 + plant.D12 @ u_w
+
+
+def loop_checks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float) -> tuple[Check, ...]:
+    """The closed loop is stable and, by the bounded-real lemma, of gain below δ."""
+    abscissa = spectrum(A).abscissa
+    found = [below("closed_loop_abscissa", abscissa, 0.0, f"the closed loop has a pole at {abscissa:.3g} 1/s")]
+    if math.isfinite(delta):
+        kept = abscissa < 0.0 and loop_gain_is_below(A, B, C, D, delta)
+        reason = f"the closed loop's gain from disturbance to what is paid for is not below delta = {delta:.6g}"
+        found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
+    return tuple(found)
+
+
+def loop_gain_is_below(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> bool:
+    """Whether T = C (sI - A)⁻¹ B + D, A Hurwitz, has a gain below the level.
+
+    |T(jω)| passes through the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is evaluated at
+    each eigenvalue that rounding may have moved off the axis, between each two, below and above. (How far the
+    Hamiltonian is from an eigenvalue on the axis says little here: near δ_min |T| is nearly δ at every frequency.)
+    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
+    """
+    if D.size and not np.linalg.norm(D, 2) < level:
+        return False
+    loop, into, Q = _without_feedthrough(A, B, C, D, level)
+    ratio = math.sqrt((np.linalg.norm(into @ into.T) or 1.0) / (np.linalg.norm(Q) or 1.0))
+    H = np.block([[loop, into @ into.T / (level * ratio)], [-Q * (ratio / level), -loop.T]])
+    found = spectrum(H).eigenvalues
+    near = np.unique(np.abs(found.imag[np.abs(found.real) <= _MAYBE_ON_AXIS * np.abs(found)]))
+    poles = np.abs(np.linalg.eigvals(A))
+    points = np.concatenate([[0.0], near, poles, [2.0 * max(poles.max(), near.max(initial=0.0))]])
+    points = np.unique(points)
+    points = np.concatenate([points, (points[1:] + points[:-1]) / 2.0])
+    resolvent = 1j * points[:, None, None] * np.eye(len(A)) - A
+    T = C @ np.linalg.solve(resolvent, np.broadcast_to(B, (len(points), *B.shape))) + D
+    return bool(np.linalg.norm(T, 2, axis=(1, 2)).max() < level)
+
+
+class PlantDeltaMin(NamedTuple):
+    """Smallest δ of a plant, bracketed: refused < δ_min <= value, and the condition that ends there.
+
+    value / refused <= 1 + 1e-6, or more where rounding hides the minimum; both are 0 where no δ is refused.
+    """
+
+    value: float
+    refused: float
+    condition: str
+
+
+def minimum_plant_delta(plant: GeneralizedPlant) -> PlantDeltaMin:
+    """Bisection of log δ on the conditions of `solve_plant`, to 1e-6 relative; NoSolutionError when no δ will do."""
+    check_modes(plant)
+    found = _conditions(plant, math.inf)
+    if found[0] is False:
+        raise NoSolutionError(f"no delta will do: even without disturbance the {found[1]} fails; check the scaling")
+    upper = max(1.0, 2.0 * plant.floor)
+    while (found := _conditions(plant, upper))[0] is not True:
+        upper *= 4.0
+        if upper > 1e12:
+            raise NoSolutionError(f"no delta up to 1e12 will do: {found[1]}; check the scaling")
+    lower = upper / 4.0
+    while (found := _conditions(plant, lower))[0]:
+        lower, upper = lower / 4.0, lower
+        if upper < 1e-12:
+            return PlantDeltaMin(0.0, 0.0, "none")
+    condition = found[1]
+    while upper > lower * (1.0 + TOLERANCE):
+        middle = math.sqrt(lower * upper)
+        held, said = _conditions(plant, middle)
+        lower, upper, condition = (lower, middle, condition) if held else (middle, upper, said)
+    share = TOLERANCE
+    while _conditions(plant, lower)[0] is not False:  # rounding hides which it is
+        if share > 1.0:
+            return PlantDeltaMin(upper, 0.0, condition)
+        lower, share = lower / (1.0 + share), 2.0 * share
+    return PlantDeltaMin(upper, lower, condition)
+
+
+def check_modes(plant: GeneralizedPlant) -> None:
+    """u reaches and y sees every mode that is not stable; neither u to z nor w to y has a zero on the imaginary axis.
+
+    NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing solution.
+    """
+    for side, (unreached, hidden) in zip(plant.sides, _OBSTACLES, strict=False):
+        form = normal_form(side.game(math.inf))
+        size = float(np.linalg.norm(form.A, 2)) or 1.0
+        for value in np.linalg.eigvals(form.A):
+            near = abs(value.real) <= _NEAR_AXIS * size
+            for at in (value, 1j * value.imag) if near else (value,):
+                text = f"the mode with eigenvalue {eigenvalue_text(at)}"
+                if at.real >= -RANK * size and dependence(form.A, at, form.B.T, size) <= RANK:
+                    raise NoSolutionError(unreached.format(text))
+                if abs(at.real) <= RANK * size and dependence(form.A.T, at, form.Q, size) <= RANK:
+                    raise NoSolutionError(hidden.format(text))
+
+
+def _check_floor(plant: GeneralizedPlant, delta: float) -> None:
+    if not delta > plant.floor:
+        raise NoSolutionError(
+            f"the feedthrough condition fails: D11 alone lets {plant.floor:.6g} past every controller and delta is "
+            f"{delta:.6g}; ask for a larger delta"
+        )
+
+
+def _solved(game: Game, which: str) -> GameSolution:
+    try:
+        return solve_certified(game)
+    except NoSolutionError as error:
+        raise NoSolutionError(f"the {which} Riccati equation: {error}; ask for a larger delta") from error
+
+
+def _named(which: str, certificate: Certificate) -> tuple[Check, ...]:
+    return tuple(check._replace(name=f"{which}_{check.name}") for check in certificate.checks)
+
+
+def _refused(checks: tuple[Check, ...]) -> tuple[Check, ...]:
+    """The checks; NoSolutionError with the first that failed."""
+    for check in checks:
+        if not check.ok:
+            raise NoSolutionError(f"the controller is not certified: {check.reason}")
+    return checks
+
+
+def _response_difference(one: Controller, other: Controller) -> float:
+    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the controllers' own frequencies."""
+    poles = np.abs(np.linalg.eigvals(one[0]))
+    grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
+    apart = 0.0
+    for omega in grid:
+        first, second = (C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D for A, B, C, D in (one, other))
+        apart = max(apart, float(np.linalg.norm(first - second) / (np.linalg.norm(first) or 1.0)))
+    return apart
+
+
+def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str]:
+    """Whether the conditions hold, None where rounding hides it, and the first that does not; no certificates."""
+    if not delta > plant.floor * (1.0 + 1e-9):
+        return False, "feedthrough condition"
+    games = [side.game(delta) for side in plant.sides]
+    for which, game in zip(("control", "filter"), games, strict=False):
+        if not (found := has_value(game)):
+            return found, f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
+    if len(games) == 1 or math.isinf(delta):
+        return True, ""
+    for solution in (quick_solution, schur_solution):
+        X, Y = (_believed(game, solution) for game in games)
+        if X is None or Y is None:
+            continue
+        radius, limit = _radius(X, Y), delta**2
+        if solution is schur_solution or abs(radius - limit) > _CLEAR * limit:
+            return (True, "") if radius < limit else (False, "coupling condition")
+    return None, "accuracy of a Riccati solution"
+
+
+def _believed(game: Game, solution: Callable[[Game], np.ndarray]) -> np.ndarray | None:
+    """The stabilizing solution with a small residual, or None."""
+    with suppress(NoSolutionError):
+        P, units = solution(game), balanced_units(game)
+        residual = relative_residual(in_units(game, units), P * np.outer(units, units))
+        if residual <= _BELIEVED and spectrum(game.A - game.S @ P).abscissa < 0.0:
+            return P
+    return None
+
+
+def _radius(X: np.ndarray, Y: np.ndarray) -> float:
+    """ρ(XY), real and not negative for X, Y >= 0, in whatever units."""
+    half = scaled_root(Y)
+    product = half.T @ X @ half
+    return float(np.linalg.eigvalsh((product + product.T) / 2.0)[-1])
+
+
+def scaled_root(M: np.ndarray) -> np.ndarray:
+    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M, whatever they are.
+
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by row, and no small
+    entry is lost beside a large one.
+    """
+    d = np.sqrt(np.diag(M).clip(0.0))
+    safe = np.where(d > 0.0, d, 1.0)
+    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))
