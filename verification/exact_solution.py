@@ -10,6 +10,11 @@ from controller.riccati.feedforward import (
 from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain, disk_margin as disk_margin
 from controller.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
 from controller.riccati.gare_batch import solve_games as solve_games
+from controller.riccati.generalized_plant import (
+    GeneralizedPlant as GeneralizedPlant,
+    minimum_plant_delta as minimum_plant_delta,
+    solve_plant as solve_plant,
+)
 from controller.riccati.output_feedback import (
     OutputGame as OutputGame,
     minimum_output_delta as minimum_output_delta,

@@ -24,7 +24,8 @@ from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, regular_file
 from hfa_support.reporting.unit_system import si_factor, si_unit
 
 #: Of a plant, in files beside A.csv, and of a critic: what a .csv or .npy file without names in it holds by its own.
-PLANT, CRITIC = ("A", "B", "E", "Q", "R", "delta"), ("W", "P", "K", "weights")
+PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+CRITIC = ("W", "P", "K", "weights")
 #: Entries whose words are printed: names of states and inputs, and their units.
 _PRINTED = ("states", "inputs", "state_labels", "input_labels", "state_units", "input_units")
 #: Header of a .csv with several matrices.

@@ -55,8 +55,11 @@ def stored_game(
     Q: np.ndarray | None = None,
     R: np.ndarray | None = None,
     delta: float | None = None,
+    found: dict[str, Any] | None = None,
 ) -> StoredGame:
     """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
+
+    found: what `read_arrays` has read of it already.
 
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
     fit six states and five inputs only; where the file names the aircraft's states in m/s, the same game in m/s.
@@ -64,24 +67,31 @@ def stored_game(
     A structure with A and B is read where the file has neither beside it.
     Raises BadInputError, one line that names the file.
     """
-    found = read_arrays(path)
+    found = read_arrays(path) if found is None else found
     with said_of(path):
         game = _game_in(found, Q=Q, R=R, delta=delta)
     return game._replace(notes=tuple(f"{path}: {note}" for note in game.notes))
 
 
-def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
+def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
+    """The entries of a plant in continuous time, from the one structure that has the needed ones where the file itself
+    has none of them, and what to know of it."""
     notes: list[str] = []
-    if "A" not in found and "B" not in found:
-        plants = [name for name, value in found.items() if isinstance(value, dict) and {"A", "B"} <= set(value)]
+    if not needed & set(found):
+        plants = [name for name, value in found.items() if isinstance(value, dict) and needed <= set(value)]
         if len(plants) == 1:
             found = found[plants[0]]
-            notes.append(f"A and B are read from its structure {plants[0]}")
+            notes.append(f"{' and '.join(sorted(needed))} are read from its structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
     dt = np.asarray(stored.pop("dt", None), dtype=object)  # of python-control: 0 or None for continuous time
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         said = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
         raise BadInputError(f"dt is {said}, a model in discrete time; give x' = A x + B u, dt = 0")
+    return stored, notes
+
+
+def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
+    stored, notes = entries_of(found, {"A", "B"})
     given = {key: stored[key] for key in MODEL_KEYS if key in stored}
     if "disturbances" in stored:
         given.pop("E", None)  # the wind's column in a file of `hfa linearize`; the game of such a file is the paper's
@@ -114,11 +124,17 @@ def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
                 f"the model has {size} {of} and the {key} of the paper is for {count}; give {key} in the file or as an "
                 "argument"
             )
-    try:
-        (given["delta"],) = np.ravel(numbers_in("delta", given["delta"])).tolist()  # of MATLAB a 1 x 1 matrix
-    except ValueError as error:
-        raise BadInputError("delta must be one number") from error
+    given["delta"] = one_number("delta", given["delta"])
     return StoredGame(Game(**given), tuple(notes), names, _provenance(stored))
+
+
+def one_number(name: str, value: Any) -> float:
+    """Of MATLAB a 1 x 1 matrix. BadInputError where it is not one number."""
+    try:
+        (number,) = np.ravel(numbers_in(name, value)).tolist()
+    except ValueError as error:
+        raise BadInputError(f"{name} must be one number") from error
+    return float(number)
 
 
 def _of_the_paper(names: dict[str, tuple[str, ...]], n: int, m: int) -> dict[str, Any]:

@@ -12,13 +12,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import checked_matrix
+from controller.game.array_file import checked_matrix, found_in, read_arrays
+from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import RANK, balanced_units, in_units, normal_form, spectrum
 from controller.riccati.certificate import Certificate, relative_residual
@@ -26,14 +28,15 @@ from controller.riccati.frequency_response import square_root
 from controller.riccati.gare import GameSolution, solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
 from controller.riccati.smallest_delta import dependence, has_value
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.text import eigenvalue_text
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
 DERIVATIONS_AGREE = 1e-8
-TOLERANCE = 1e-6
+#: Of delta_min, relative.
+TOLERANCE = 2.5e-7
 #: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
 _CLEAR = 1e-4
 #: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
@@ -174,6 +177,43 @@ class GeneralizedPlant(Shown):
         rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
         columns = {name: getattr(self, name) * units for name in ("C1", "C2") if getattr(self, name) is not None}
         return replace(self, **rows | columns | {"A": rows["A"] * units})
+
+
+def plant_of(system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
+    """Of a state-space system with A, B, C, D, whose last outputs are y and whose last inputs are u (`hinfsyn`)."""
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    r, k = len(C) - measurements, B.shape[1] - inputs
+    rest = {"C2": C[r:], "D21": D[r:, :k], "D22": D[r:, k:]} if measurements else {}
+    return GeneralizedPlant(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], D11=D[:r, :k], **rest)
+
+
+class StoredPlant(NamedTuple):
+    """The plant of a file, its delta or None, and what to know of it."""
+
+    plant: GeneralizedPlant
+    delta: float | None
+    notes: tuple[str, ...]
+
+
+def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> StoredPlant | None:
+    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22, delta; None where the
+    file has no B2 and is another plant. found: what `read_arrays` has read of it already. BadInputError names the file.
+    """
+    found = read_arrays(path) if found is None else found
+    inner = [value for value in found.values() if isinstance(value, dict) and "B2" in value]
+    if "B2" not in found and not inner:
+        return None
+    names = [field.name for field in fields(GeneralizedPlant)]
+    with said_of(path):
+        stored, notes = entries_of(found, {"A", "B2"})
+        for name in names[:5]:
+            if name not in stored:
+                raise BadInputError(f"there is no {name}; a plant with B2 holds {', '.join(names)}{found_in(stored)}")
+        unused = sorted(set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"})
+        notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
+        plant = GeneralizedPlant(**{name: stored[name] for name in names if name in stored})
+        delta = one_number("delta", stored["delta"]) if "delta" in stored else None
+    return StoredPlant(plant, delta, tuple(f"{path}: {note}" for note in notes))
 
 
 def _check_rank(name: str, matrix: np.ndarray, kind: str, lacking: str, signal: str) -> None:
@@ -328,7 +368,7 @@ def loop_checks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delt
 def loop_gain_is_below(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> bool:
     """Whether T = C (sI - A)⁻¹ B + D, A Hurwitz, has a gain below the level.
 
-    |T(jω)| passes through the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is evaluated at
+    |T(jω)| passes the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is evaluated at
     each eigenvalue that rounding may have moved off the axis, between each two, below and above. (How far the
     Hamiltonian is from an eigenvalue on the axis says little here: near δ_min |T| is nearly δ at every frequency.)
     Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
@@ -352,7 +392,7 @@ def loop_gain_is_below(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarra
 class PlantDeltaMin(NamedTuple):
     """Smallest δ of a plant, bracketed: refused < δ_min <= value, and the condition that ends there.
 
-    value / refused <= 1 + 1e-6, or more where rounding hides the minimum; both are 0 where no δ is refused.
+    value / refused <= 1 + `TOLERANCE`, or more where rounding hides the minimum; both are 0 where no δ is refused.
     """
 
     value: float
@@ -361,11 +401,14 @@ class PlantDeltaMin(NamedTuple):
 
 
 def minimum_plant_delta(plant: GeneralizedPlant) -> PlantDeltaMin:
-    """Bisection of log δ on the conditions of `solve_plant`, to 1e-6 relative; NoSolutionError when no δ will do."""
+    """Bisection of log δ on the conditions of `solve_plant`, to `TOLERANCE`; NoSolutionError when no δ will do."""
     check_modes(plant)
     found = _conditions(plant, math.inf)
     if found[0] is False:
-        raise NoSolutionError(f"no delta will do: even without disturbance the {found[1]} fails; check the scaling")
+        raise NoSolutionError(
+            f"rounding hides the solution of the {found[1]} without disturbance: some costs in D12 or noises in D21 "
+            "are too small beside the rest; make them larger or check the scaling"
+        )
     upper = max(1.0, 2.0 * plant.floor)
     while (found := _conditions(plant, upper))[0] is not True:
         upper *= 4.0

@@ -1,6 +1,7 @@
 """The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations of its policies.
 
-A design with sensors is solved from their measurements too.
+A design with sensors is solved from their measurements too. A --model with B1, B2, C1, D12 and optionally C2, D21, D11,
+D22 is a generalized plant, as `hinfsyn` takes it: the controller with a gain below delta, by default 1.01 delta_min.
 """
 
 from __future__ import annotations
@@ -8,10 +9,12 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from controller.analysis.solution_report import analyse_game, output_report, solution_report
+from controller.analysis.solution_report import analyse_game, output_report, plant_report, solution_report
+from controller.game.array_file import read_arrays
+from controller.riccati.generalized_plant import StoredPlant, stored_plant
 from controller.riccati.output_feedback import OutputGame
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.games import add_game, game_of
+from hfa_cli.options.games import add_game, game_of, refuse_of_the_aircraft
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine, say_notes
 
@@ -24,9 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
-    named = game_of(arguments)
-    found = analyse_game(named.game, ProgressLine("solve"))
-    report = solution_report(found, *named.names).with_data(**named.labels())
+    alone = arguments.model is not None and arguments.dihedral is None and arguments.aircraft is None
+    found = read_arrays(arguments.model) if alone else None
+    if alone and (stored := stored_plant(arguments.model, found)) is not None:
+        return _solve_plant(arguments, stored)
+    named = game_of(arguments, found)
+    analysed = analyse_game(named.game, ProgressLine("solve"))
+    report = solution_report(analysed, *named.names).with_data(**named.labels())
     built = named.built
     if built is not None and built.sensors:
         problem = OutputGame(named.game, built.C, built.D, built.V)
@@ -34,4 +41,14 @@ def run(arguments: argparse.Namespace) -> int:
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
     show(report, arguments, target=arguments.output)
     say_notes(named.warnings)
+    return 0
+
+
+def _solve_plant(arguments: argparse.Namespace, stored: StoredPlant) -> int:
+    refuse_of_the_aircraft(arguments)
+    options.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+    delta = stored.delta if arguments.delta is None else arguments.delta
+    report = plant_report(stored.plant, delta, str(arguments.model)).with_data(warnings=list(stored.notes))
+    show(report, arguments, target=arguments.output)
+    say_notes(stored.notes)
     return 0

@@ -88,18 +88,15 @@ def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = LIN
     return found
 
 
-def game_of(arguments: argparse.Namespace) -> NamedGame:
-    """The game that the options name."""
+def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) -> NamedGame:
+    """The game that the options name; found: what has been read of --model already."""
     if OWN.get() is not None and arguments.model is None:
         return _game_of_own(arguments)
     if (arguments.model is None) == (arguments.dihedral is None):
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     if arguments.model is not None:
-        of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
-        of_the_aircraft += ("units",) * hasattr(arguments, "units")
-        of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
-        options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-        game, notes, names, provenance = stored_game(arguments.model, **weights_of(arguments))
+        refuse_of_the_aircraft(arguments)
+        game, notes, names, provenance = stored_game(arguments.model, found=found, **weights_of(arguments))
         n, m = game.B.shape
         plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
         labels = plain | {"input_units": ("",) * m} | names
@@ -114,6 +111,14 @@ def game_of(arguments: argparse.Namespace) -> NamedGame:
     game = published_game(model.A, model.B, **weights_of(arguments))
     units = model.state_units, model.input_units
     return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings))
+
+
+def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
+    """BadInputError where an option of the aircraft comes with --model."""
+    of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
+    of_the_aircraft += ("units",) * hasattr(arguments, "units")
+    of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
+    options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
 
 
 def _game_of_own(arguments: argparse.Namespace) -> NamedGame:

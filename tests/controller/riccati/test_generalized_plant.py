@@ -1,0 +1,291 @@
+"""Generalized plants: against slycot, Octave, the general Riccati equations and 60 digits; what is refused, by name."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from cli import hfa
+from reference_riccati import reference_solution, relative_error
+
+from controller import Game
+from controller.riccati import generalized_plant
+from controller.riccati.generalized_plant import central_controller, closed_loop, plant_of, stored_plant
+from hfa_support import BadInputError, NoSolutionError
+from verification import GeneralizedPlant, minimum_delta, minimum_plant_delta, solve_game, solve_plant
+
+DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}
+DOUBLE |= {"C1": [[1.0, 0.0], [0.0, 0.0]], "D12": [[0.0], [1.0]], "C2": [[1.0, 0.0]], "D21": [[0.0, 0.1]]}
+
+
+def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
+    rng = np.random.default_rng(seed)
+    n, m, p = int(rng.integers(2, 9)), int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    r, k = m + int(rng.integers(0, 4)), p + int(rng.integers(0, 4))
+    sizes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "C2": (p, n), "D21": (p, k)}
+    matrices = {name: rng.standard_normal(shape) for name, shape in sizes.items()}
+    through = {"D11": feedthrough * rng.standard_normal((r, k)), "D22": feedthrough * rng.standard_normal((p, m))}
+    return GeneralizedPlant(**matrices, **through)
+
+
+def of_slycot(plant: GeneralizedPlant) -> float:
+    """The smallest gain that SLICOT's SB10AD finds."""
+    slycot = pytest.importorskip("slycot")
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
+    sizes = len(plant.A), B.shape[1], len(C), plant.B2.shape[1], len(plant.C2)
+    return float(slycot.sb10ad(*sizes, 1e4, plant.A, B, C, D, gtol=1e-10)[0])
+
+
+def gain_of(plant: GeneralizedPlant, found: Any) -> float:
+    """The gain of the closed loop by SLICOT's AB13DD, which shares nothing with ours."""
+    slycot = pytest.importorskip("slycot")
+    A, B, C, D = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
+    E = np.eye(len(A))
+    return float(slycot.ab13dd("C", "I", "N", "D", len(A), B.shape[1], len(C), A, E, B, C, D, tol=1e-10)[0])
+
+
+@pytest.mark.parametrize("seed", [3, 8, 22, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(100, 130))])
+def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
+    """Where slycot stops above ours its answer is improved: our loop has the smaller gain, by slycot's own norm."""
+    plant = random_plant(seed, seed % 3)
+    smallest, theirs = minimum_plant_delta(plant), of_slycot(plant)
+    if smallest.value == 0.0:
+        assert theirs < 1e-6
+        return
+    assert smallest.refused < smallest.value
+    assert theirs >= smallest.refused * (1.0 - 1e-6)
+    found = solve_plant(plant, 1.001 * smallest.value)
+    assert gain_of(plant, found) < 1.001 * smallest.value
+    if theirs > 1.001 * smallest.value:
+        assert gain_of(plant, found) < theirs
+    else:
+        assert theirs == pytest.approx(smallest.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> None:
+    """With R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0), as the book has them (Theorem 17.1), and as games."""
+    plant = random_plant(seed)
+    delta = 1.2 * minimum_plant_delta(plant).value
+    found: Any = solve_plant(plant, delta)
+    transposed = plant.transposed()
+    for each, X in ((plant, found.X), (transposed, found.Y)):
+        B, D = np.hstack([each.B1, each.B2]), np.hstack([each.D11, each.D12])
+        k, m = each.B1.shape[1], each.B2.shape[1]
+        R = D.T @ D - np.diag(np.repeat([delta**2, 0.0], [k, m]))
+        crossed = X @ B + each.C1.T @ D
+        terms = each.A.T @ X + X @ each.A, each.C1.T @ each.C1, -crossed @ np.linalg.solve(R, crossed.T)
+        assert np.abs(sum(terms)).max() <= 1e-10 * max(np.abs(term).max() for term in terms)
+        reference = reference_solution(each.sides[0].game(delta))
+        assert reference.exists
+        assert relative_error(X, reference.P) < 1e-10
+
+
+def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
+    n, m = game.B.shape
+    root = np.sqrt(np.diag(game.Q))
+    C1, D12 = np.vstack([np.diag(root), np.zeros((m, n))]), np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
+    plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
+    assert minimum_plant_delta(plant).value == pytest.approx(minimum_delta(game).value, rel=3e-6)
+    found, exact = solve_plant(plant, game.delta), solve_game(game)
+    assert relative_error(found.K, exact.K) < 1e-10
+    assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: int) -> None:
+    """With cross terms and D11, whose whole size bounds delta: the gain does not see w."""
+    plant = random_plant(seed, 0.3)
+    state = replace(plant, C2=None, D21=None, D22=None)
+    smallest, (n, k) = minimum_plant_delta(state), plant.B1.shape
+    assert smallest.value >= np.linalg.norm(plant.D11, 2)
+    r, D21 = len(plant.C1), np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
+    noisy = GeneralizedPlant(
+        plant.A, np.hstack([plant.B1, np.zeros((n, n))]), plant.B2, plant.C1, plant.D12, np.eye(n), D21,
+        np.hstack([plant.D11, np.zeros((r, n))]),
+    )  # fmt: skip
+    assert smallest.value == pytest.approx(minimum_plant_delta(noisy).value, rel=1e-4)
+    found: Any = solve_plant(state, 1.01 * smallest.value)
+    loop = control.ss(plant.A - plant.B2 @ found.K, plant.B1, plant.C1 - plant.D12 @ found.K, plant.D11)
+    assert control.linfnorm(loop)[0] < 1.01 * smallest.value
+    assert loop.poles().real.max() < 0.0
+
+
+def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
+    plant = random_plant(8)
+    smallest = minimum_plant_delta(plant).value
+    without = replace(plant, D22=np.zeros_like(plant.D22))
+    assert minimum_plant_delta(without).value == pytest.approx(smallest, rel=2e-6)
+    loops = []
+    for each in (plant, without):
+        found: Any = solve_plant(each, 2.0 * smallest)
+        loops.append(closed_loop(each, (found.Ak, found.Bk, found.Ck, found.Dk)))
+    for one, other in zip(*loops, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("part", ["Ak", "Bk", "Ck", "Dk"])
+def test_a_planted_error_in_the_controller_is_seen(monkeypatch: pytest.MonkeyPatch, part: str) -> None:
+    def wrong(*arguments):
+        parts = dict(zip(("Ak", "Bk", "Ck", "Dk"), central_controller(*arguments), strict=True))
+        return tuple((1.01 if name == part else 1.0) * value for name, value in parts.items())
+
+    plant = random_plant(8)
+    delta = 1.001 * minimum_plant_delta(plant).value
+    monkeypatch.setattr(generalized_plant, "central_controller", wrong)
+    with pytest.raises(NoSolutionError, match="the controller is not certified: "):
+        solve_plant(plant, delta)
+
+
+def test_a_gain_that_is_too_large_is_seen() -> None:
+    """A resonance far narrower than any grid: its peak is 1/(2 zeta), at 1 rad/s."""
+    A, B, C = np.array([[0.0, 1.0], [-1.0, -2e-7]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    peak = 1.0 / 2e-7
+    for D, inside, outside in ((np.zeros((1, 1)), 1.001, 0.999), (np.array([[1e6]]), 1.05, 1.01)):
+        assert generalized_plant.loop_gain_is_below(A, B, C, D, inside * peak)
+        assert not generalized_plant.loop_gain_is_below(A, B, C, D, outside * peak)
+
+
+def transfer(numerators: list, denominators: list) -> Any:
+    return control.tf2ss(control.tf(numerators, denominators))
+
+
+def with_noise(system: Any, size: float) -> GeneralizedPlant:
+    """The system with one y and one u, and noise of its own on y."""
+    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
+    k = B.shape[1] - 1
+    B, D = np.insert(B, k, 0.0, axis=1), np.insert(D, k, 0.0, axis=1)
+    D[-1, k] = size
+    return plant_of(control.ss(A, B, C, D), 1, 1)
+
+
+def python_control_367() -> Any:
+    """A mass, spring and damper, as its user gave it to hinfsyn: y has no direct part of w."""
+    damped = [1.0, 12.0, 20.0]
+    return transfer(
+        [[[-1.0], [-1.0]], [[0.0], [1.0]], [[-1.0], [-1.0]]],
+        [[[1.0, 1.0], damped], [[1.0], [1.0]], [[1.0, 1.0], damped]],
+    )
+
+
+def octave_13() -> Any:
+    """A mass moved by force, the four blocks each its own plant: unstable modes that u moves and y does not see."""
+    one = control.ss(DOUBLE["A"], DOUBLE["B2"], [[1.0, 0.0]], 0.0)
+    A = np.kron(np.eye(4), one.A)
+    B, C = np.zeros((8, 2)), np.zeros((3, 8))
+    B[[1, 5], 0], B[[3, 7], 1] = 1.0, 1.0
+    C[0, [0, 2]], C[2, [4, 6]] = 1.0, 1.0
+    return control.ss(A, B, C, [[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+
+
+def octave_14(weighted: bool = True) -> Any:
+    """The mass once, the weight 10 (s + 1) / (s + 100) on u: y has no direct part of w."""
+    plain = control.ss(
+        DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0], [1.0, 0.0]], [[0, 0], [0, 1], [0, 0]]
+    )
+    weight = control.tf2ss(control.tf([10.0, 10.0], [1.0, 100.0]))
+    one = control.ss([], [], [], [[1.0]])
+    return control.append(one, weight, one) * plain if weighted else plain
+
+
+def test_the_plants_of_public_issues_are_refused_by_name() -> None:
+    for system in (python_control_367(), octave_13(), octave_14()):
+        with pytest.raises(BadInputError, match="D21 has only zeros in row 1: every y needs noise of its own from w"):
+            plant_of(system, 1, 1)
+    no_cost = control.ss(DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2)))
+    with pytest.raises(BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"):
+        plant_of(no_cost, 1, 1)
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue \+?-?0\.0000"):
+        minimum_plant_delta(with_noise(octave_13(), 0.1))
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.1])
+@pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
+def test_the_plants_of_public_issues_with_noise_agree_with_slycot_and_octave(system: Any, size: float) -> None:
+    plant = with_noise(system(), size)
+    smallest = minimum_plant_delta(plant).value
+    assert of_slycot(plant) == pytest.approx(smallest, rel=1e-6)
+    assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
+    if shutil.which("octave"):
+        assert of_octave(plant) == pytest.approx(smallest, rel=1e-4)
+
+
+def of_octave(plant: GeneralizedPlant) -> float:
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
+    text = ",".join("[" + ";".join(" ".join(map(repr, row)) for row in M.tolist()) + "]" for M in (plant.A, B, C, D))
+    words = f"pkg load control; [K, N, info] = hinfsyn(ss({text}), 1, 1); printf('%.12g', info.gamma)"
+    done = subprocess.run(["octave", "--quiet", "--eval", words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"octave has no hinfsyn: {done.stderr[:80]}")
+    return float(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"C1": [[0.0, 0.0], [0.0, 0.0]]},
+            r"z does not show the mode with eigenvalue .*a zero from u to z on the imag",
+        ),
+        ({"B1": [[0.0, 0.0], [0.0, 0.0]]}, r"the disturbance does not reach the mode with eigenvalue"),
+        ({"B2": [[0.0], [0.0]]}, r"no input reaches the mode with eigenvalue"),
+        ({"C2": [[0.0, 0.0]]}, r"the sensors do not see the mode with eigenvalue"),
+        ({"C2": [[0.0, 1.0]]}, r"the sensors do not see the mode with eigenvalue"),
+        ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue .*1\.0000i"),
+    ],
+)
+def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
+    plant = GeneralizedPlant(**DOUBLE | changes)
+    for solve in (minimum_plant_delta, lambda each: solve_plant(each, 1e3)):
+        with pytest.raises(NoSolutionError, match=words):
+            solve(plant)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"B2": [[1.0]]}, r"B2 has shape \(1, 1\); with the other matrices it must be \(2, 1\)"),
+        ({"D12": [[0.0, 1.0]]}, "D12 has shape"),
+        ({"D12": [[0.0, 0.0], [1.0, 2.0]], "B2": np.eye(2)}, "D12 has rank 1 and 2 columns"),
+        ({"C2": np.eye(2), "D21": [[0.0, 1.0], [0.0, 1.0]]}, "D21 has rank 1 and 2 rows"),
+        ({"D21": None}, "there is no D21"),
+        ({"C2": None}, "no C2"),
+        ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
+    ],
+)
+def test_plants_that_are_none_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInputError, match=words):
+        GeneralizedPlant(**DOUBLE | changes)
+
+
+def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> None:
+    path = tmp_path / "plant.json"
+    path.write_text(json.dumps(DOUBLE), "utf-8")
+    data = json.loads(hfa("solve", "--model", str(path), "--json").out)
+    smallest = minimum_plant_delta(GeneralizedPlant(**DOUBLE)).value
+    assert (data["feedback"], data["delta_min"], data["certificate"]["ok"]) == ("output", smallest, True)
+    assert data["delta"] == pytest.approx(1.01 * smallest)
+    assert [np.shape(data[name]) for name in ("Ak", "Bk", "Ck", "Dk")] == [(2, 2), (2, 1), (1, 2), (1, 1)]
+    np.savez(tmp_path / "state.npz", **{name: DOUBLE[name] for name in ("A", "B1", "B2", "C1", "D12")}, delta=3.0)
+    state = hfa("solve", "--model", str(tmp_path / "state.npz"))
+    assert "State feedback u = -K x" in state.out
+    assert "delta 3," in state.out
+    assert stored_plant(tmp_path / "state.npz").delta == 3.0
+    for words, said, code in (
+        (("--delta", "1"), "delta = 1 is below delta_min = 1.286", 1),
+        (("--Q", "1,1"), "--Q is in C1 and D12 of a generalized plant", 2),
+        (("--design", "paper"), "--design belongs to the aircraft", 2),
+    ):
+        refused = hfa("solve", "--model", str(path), *words)
+        assert refused.code == code
+        assert said in refused.err
+        assert refused.err.count("\n") == 1
