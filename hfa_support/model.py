@@ -172,13 +172,27 @@ class Model:
         return tuple(dict.fromkeys((*self.variables, *self.outputs)))
 
     @cached_property
+    def rates(self) -> dict[str, Signal]:
+        """The rates of the states, which a trim can impose too: speed_dot of speed, unless that name is declared."""
+        return {
+            f"{name}_dot": Signal(self.rate_unit(name), self.rate_scale(name))
+            for name in self.states
+            if f"{name}_dot" not in self.signals
+        }
+
+    def refuse_unheld(self, what: str, name: str, also: Sequence[str] = ()) -> None:
+        """BadInputError unless a trim can impose the name: `holdable`, the rate of a state, or one of the others."""
+        if name not in self.rates:
+            refuse_unknown(what, name, dict.fromkeys((*self.holdable, *also)))
+
+    @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of each state, input and output."""
         return {name: (each.min, each.max) for name, each in self.signals.items() if name not in self.parameters}
 
     def unit(self, name: str) -> str:
         """Unit of whatever has a name."""
-        return self.signals[name].unit
+        return (self.signals.get(name) or self.rates[name]).unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
         """Their units, in order."""

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         outputs=arguments.outputs,
         claims=arguments.claims,
         flight=_flight_of(arguments),
-        start=arguments.start,
+        start=options.start_of(arguments),
         progress=ProgressLine("report"),
     )
     report = stated(main_report(job), arguments)

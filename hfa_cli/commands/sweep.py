@@ -96,9 +96,9 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool)
     condition, own = options.swept_condition_of(arguments), options.own_of(arguments)
     random = arguments.samples or 0, arguments.seed or 0
     if own is not None:
-        return SweepPlan(axes, None, own, *random, condition, arguments.start)
+        return SweepPlan(axes, None, own, *random, condition, options.start_of(arguments))
     parameters = options.parameters_of(arguments).values
-    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, arguments.start)
+    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, options.start_of(arguments))
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:

@@ -13,7 +13,6 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TypeVar
 
-from hfa_model.parameters import FIELDS
 from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.model import Model
@@ -69,12 +68,16 @@ def in_unit(unit: str, text: str) -> float:
 
 
 def _unit(name: str) -> str:
-    """Internal unit of a name; those of parameters are not shown in degrees."""
-    if (own := OWN.get()) is not None:
-        return own.unit(name) if name in own.signals else "1"
-    if name in UNITS:
-        return UNITS[name]
-    return str(getattr(FIELDS, name).unit) if name in FIELDS._fields else "1"
+    """Internal unit of a name, "1" of one that is not known; those of parameters are not shown in degrees."""
+    model = OWN.get()
+    if model is None:
+        if name in UNITS:
+            return UNITS[name]
+        from hfa_model.aircraft import HFA
+
+        model = HFA
+    known = {**model.rates, **model.signals}
+    return known[name].unit if name in known else "1"
 
 
 def span(name: str, text: str) -> tuple[float, float]:

@@ -7,6 +7,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,8 +114,18 @@ def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any]
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
     add_named(parser, "--hold", kind, f"NAME={form}", about)
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
-    saved = parsed(lambda text: load_operating_point(Path(text), OWN.get() or HFA))
-    add_value(parser, "--start", saved, "FILE", "begin from a saved operating point (.json)")
+    about = "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE"
+    add_value(parser, "--start", parsed(_start), "FILE", about)
+
+
+def _start(text: str) -> OperatingPoint | dict[str, float]:
+    """A saved operating point, or the values of some variables."""
+    if "=" not in text or Path(text).exists():
+        return load_operating_point(Path(text), OWN.get() or HFA)
+    words = dict(word.partition("=")[::2] for word in text.split(","))
+    for name in words:
+        refuse_unknown("no variable is called", name, (OWN.get() or HFA).variables)
+    return {name: quantity(name, word) for name, word in words.items()}
 
 
 def add_output(parser: argparse.ArgumentParser, *also: str, what: str = "") -> None:
@@ -211,9 +222,17 @@ def changed_condition(
     usual = arguments.condition or _usual()
     if (own := OWN.get()) is not None:
         for name in hold:
-            refuse_unknown(f"--hold names nothing of {own.name}:", name, (*own.holdable, *own.parameters))
+            own.refuse_unheld(f"--hold names nothing of {own.name}:", name, tuple(own.parameters))
     hold = {name: value for name, value in hold.items() if name not in usual.model.parameters or OWN.get() is None}
-    return release(usual, free=free, hold=hold, limits=arguments.limit)
+    changed = release(usual, free=free, hold=hold, limits=arguments.limit)
+    if isinstance(arguments.start, dict):
+        changed = replace(changed, begin={**changed.begin, **arguments.start})
+    return changed
+
+
+def start_of(arguments: argparse.Namespace) -> OperatingPoint | None:
+    """The saved point that --start names."""
+    return arguments.start if isinstance(arguments.start, OperatingPoint) else None
 
 
 def _usual() -> TrimCondition:
@@ -243,7 +262,7 @@ def operating_point_of(arguments: argparse.Namespace, aircraft: Aircraft | Model
         begins = f"the search begins at {typed}" if arguments.start is None else "the search begins at --start"
         warnings.warn(f"dihedral is free: {begins}", stacklevel=2)
     try:
-        return find_operating_point(aircraft, condition, arguments.start)
+        return find_operating_point(aircraft, condition, start_of(arguments))
     except TrimError as error:
         if not (advice := freed_alpha(arguments, aircraft, condition)):
             raise
@@ -255,7 +274,7 @@ def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condi
     if "alpha" not in condition.imposed:
         return ""
     try:
-        point = find_operating_point(aircraft, release(condition, free=("alpha",)), arguments.start)
+        point = find_operating_point(aircraft, release(condition, free=("alpha",)), start_of(arguments))
     except NoSolutionError:
         return ""
     held, found = (

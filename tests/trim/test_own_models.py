@@ -14,9 +14,12 @@ from cli import assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa_support import BadInputError, Model, Signal
-from trim import linearize
+from trim import TrimError, find_operating_point, linearize, release
+from trim.point.condition import usual_condition
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import other_trims
+from trim.point.trim_report import trim_report
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator, aileron, rudder.
 TRIMS = [
@@ -99,6 +102,72 @@ def test_python_control_agrees() -> None:
     own = linearize(model, point, full=True)
     np.testing.assert_allclose(peer.A, own.A, rtol=1e-4, atol=2e-3)
     np.testing.assert_allclose(peer.B, own.B, rtol=1e-4, atol=2e-3)
+
+
+def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
+    """One throttle, two speeds: the report names the other trim, and starting there selects it."""
+    usual = usual_condition(F16)
+    condition = release(usual, free=("speed",), hold={"throttle": 0.2})
+    front = find_operating_point(F16, condition)
+    (back,) = other_trims(F16, condition, front)
+    assert front.states.speed > 500 > 300 > back.states.speed
+    for point in (front, back):
+        held = release(usual, hold={"speed": point.states.speed})
+        begun = find_operating_point(F16, held, point)
+        assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
+    words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
+    said = re.search(r"Another trim: speed 225\.314 ft/s, .*, --start (\S+) selects the other", hfa(*words).out)
+    assert said
+    data = json.loads(hfa(*words, "--start", said[1], "--json").out)
+    assert data["operating_point"]["states"]["speed"] == pytest.approx(back.states.speed, rel=1e-9)
+    assert data["search"]["other_trims"][0]["speed"] == pytest.approx(front.states.speed, rel=1e-9)
+
+
+def test_states_without_balance_are_left_and_named() -> None:
+    """North, east and heading are in no equation: free or held, the trim is the same, and their rates are reported."""
+    done = hfa("trim", *OWN, *(word for name in ("north", "east", "yaw") for word in ("--free", name)), "--json")
+    data = json.loads(done.out)
+    assert data["search"]["idle"] == ["yaw", "north", "east"]
+    assert data["rates_left"]["north"] == pytest.approx(502.0)
+    assert data["operating_point"]["inputs"] == trimmed(F16).inputs._asdict()
+    assert data["variables"]["north"]["role"] == "left"
+
+
+def engine(x, u, p, w):
+    """Thrust only above half a throttle: below, the throttle moves nothing."""
+    return {"speed": ca.fmax(0, u.throttle - 0.5) * 40 - 1e-3 * x.speed**2, "at": x.speed}, {}
+
+
+def test_other_starts_cross_a_flat_region() -> None:
+    flat = Model(
+        name="sled",
+        states={"speed": Signal("m/s", 10.0), "at": Signal("m", 100.0)},
+        inputs={"throttle": Signal(min=0.0, max=1.0, start=0.1)},
+        equations=engine,
+        steady=("speed",),
+        trim={"speed": 60.0},
+    )
+    point = find_operating_point(flat, usual_condition(flat))
+    assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
+    assert point.started > 0
+    assert "other starts failed too" not in trim_report(flat, usual_condition(flat), point).text()
+    with pytest.raises(TrimError, match=r"\d other starts failed too"):
+        find_operating_point(flat, release(usual_condition(flat), hold={"speed": 200.0}))
+
+
+def test_rates_are_targets() -> None:
+    """The pull-up of the book typed, a rate that is released, and what is wrong with a name."""
+    pull_up = "--hold pitch_dot=17.188734 --hold xcg=.3 --limit throttle=0:1.1 --limit power=0:120"
+    data = json.loads(hfa("trim", *OWN, *pull_up.split(), "--json").out)
+    assert data["equations"]["pitch"]["imposed"] == pytest.approx(0.3, rel=1e-6)
+    assert data["operating_point"]["inputs"]["elevator"] == pytest.approx(-7.082, rel=6e-4)
+    held = json.loads(hfa("trim", *OWN, "--hold", "throttle=0.2", "--free", "speed_dot", "--json").out)
+    assert held["rates_left"]["speed"] > 1.0
+    assert "speed" not in held["equations"]
+    swept = json.loads(hfa("sweep", *OWN, "--hold", "speed_dot=-1:1:1", "--json").out)
+    throttle = [row[0] for row in swept["operating_inputs"]]
+    assert throttle == sorted(set(throttle))
+    assert_refused(hfa("trim", *OWN, "--hold", "spd_dot=1"), 2, "names nothing of F-16: 'spd_dot'")
 
 
 def simple(equations: object, **more: object) -> Model:

@@ -32,7 +32,8 @@ class TrimCondition:
 
     imposed: variable or output -> value. tables: likewise -> its values over the scheduling variable (of the HFA the
     dihedral angle, rad); `at` makes numbers of them. rates: state -> imposed value of its rate; zero for the steady
-    ones of the model unless given. A rate that is left out is not balanced. limits: name -> (lowest, highest); the
+    ones of the model unless given. A rate that is left out is not balanced. `at` and `release` take a rate by the name
+    of its state with _dot behind it. limits: name -> (lowest, highest); the
     model's for what is not named. begin: variable -> where the search for it begins. name: of a condition from a file.
     model: whose names these are. Internal units and radians. BadInputError when a name is unknown, a value is not
     finite or lies outside its limits, or a variable is named twice.
@@ -102,9 +103,14 @@ class TrimCondition:
         place = self.imposed.get(by, self.begin.get(by, 0.0)) if scheduled is None else scheduled
         own = {by: place} if by in self.imposed else {}
         values = {name: float(self.values_at(name, place)) for name in self.tables}
-        imposed = {**self.imposed, **values, **own, **(hold or {})}
+        own |= hold or {}
+        rates = {
+            **(self.rates or {}),
+            **{name.removesuffix("_dot"): own.pop(name) for name in self.model.rates if name in own},
+        }
+        imposed = {**self.imposed, **values, **own}
         begin = {**self.begin, by: place} if by in self.model.variables and by not in imposed else self.begin
-        return replace(self, imposed=imposed, begin=begin, tables={})
+        return replace(self, imposed=imposed, rates=rates, begin=begin, tables={})
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """What is imposed on a variable at one value of the scheduling variable or at many."""
@@ -147,6 +153,10 @@ class TrimCondition:
             for name, value in changes.get("imposed", {}).items()
         ]
         words += [f"{name} free" for name in changes.get("free", ())]
+        usual, rates = dict.fromkeys(self.model.steady, 0.0), self.rates or {}
+        changed = {f"{name}_dot": rate for name, rate in rates.items() if usual.get(name) != rate}
+        words += [f"{name} {describe(name, rate)}" for name, rate in changed.items()]
+        words += [f"{name}_dot free" for name in usual if name not in rates]
         words += [
             f"{name} within {describe(name, low)} and {describe(name, high)}"
             for name, (low, high) in changes.get("limits", {}).items()
@@ -200,19 +210,31 @@ def release(
 ) -> TrimCondition:
     """The same condition with the named variables set free, others held at the given values, and further limits.
 
-    The search for a variable set free begins at the value that it was held at.
+    The search for a variable set free begins at the value that it was held at. A rate (speed_dot) set free is not
+    balanced.
     """
     hold = dict(hold or {})
     for name in (*free, *hold):
-        refuse_unknown("unknown trim variable", name, condition.model.holdable)
+        condition.model.refuse_unheld("unknown trim variable", name)
     both = sorted(set(free) & set(hold))
     if both:
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
+    rates: dict[str, Any] = dict(condition.rates or {})
+    for name in condition.model.rates:
+        state = name.removesuffix("_dot")
+        if name in free:
+            rates.pop(state, None)
+        elif name in hold:
+            rates[state] = hold.pop(name)
+    for state, rate in rates.items():
+        if isinstance(rate, LinearTable):
+            raise BadInputError(f"{state}_dot is given over {condition.model.schedule}; give one number")
     tables = {**condition.tables, **{name: each for name, each in hold.items() if isinstance(each, LinearTable)}}
     values = {**condition.imposed, **{name: each for name, each in hold.items() if not isinstance(each, LinearTable)}}
     held_at = values | {name: float(table.values[0]) for name, table in tables.items()}
     return replace(
         condition,
+        rates=rates,
         imposed={name: each for name, each in values.items() if name not in free and hold.get(name, each) is each},
         tables={name: each for name, each in tables.items() if name not in free and hold.get(name, each) is each},
         limits={**condition.limits, **(limits or {})},

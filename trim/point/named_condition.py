@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.errors import BadInputError, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
 from hfa_support.schema import NUMBER, checked, read_named
@@ -40,7 +40,7 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
 def _variable(where: str, model: Model, key: str, also: Iterable[str] = ()) -> tuple[str, float]:
     """The variable that a key names, and the factor from its unit."""
     name = key.removesuffix("_deg")
-    refuse_unknown(f"{where}: unknown trim variable", name, dict.fromkeys((*model.holdable, *also)))
+    model.refuse_unheld(f"{where}: unknown trim variable", name, tuple(also))
     if name == key:
         return name, 1.0
     if not model.unit(name).startswith("rad"):

@@ -59,7 +59,8 @@ class OperatingPoint(Reported):
 
     states, inputs: in the units of the model. residuals: balanced equation -> residual, in its own unit.
     dynamics: name of the model, of the HFA's variant. status: `TRIMMED`, or `FAILED` when it comes with a
-    `TrimError`, which says why. model: whose names these are; of the HFA without its parameters.
+    `TrimError`, which says why. model: whose names these are; of the HFA without its parameters. started: 0 when the
+    search began at the usual point, else the number of the other point (`STARTS`) that led here.
     """
 
     states: State
@@ -68,6 +69,7 @@ class OperatingPoint(Reported):
     dynamics: str
     status: Status
     model: Model = field(default=HFA, compare=False)
+    started: int = field(default=0, compare=False)
 
     @property
     def scaled_residuals(self) -> dict[str, float]:

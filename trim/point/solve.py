@@ -1,11 +1,13 @@
-"""Solve a trim condition: scaled Newton on exact Jacobians, bounded least squares where that is not enough; or say why
-there is no solution."""
+"""Solve a trim condition: scaled Newton on exact Jacobians, bounded least squares where that is not enough, from
+several starts; the least effort where unknowns outnumber equations; or say why there is no solution."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -21,29 +23,80 @@ from trim.point.operating_point import BALANCE, OperatingPoint, Status
 _NOTHING = 1e-12
 #: What the effects of other variables may leave of the effect of one that moves nothing else, relative.
 _DEPENDENT = 1e-9
+#: Starting points that are tried beside the usual one, and how far they lie from it where there is no limit, in scaled
+#: units.
+STARTS, _FAR = 8, 10.0
+
+
+class _Equations(NamedTuple):
+    """(v, p) -> flat, whose parts are x, u, f, the outputs, and the derivatives of f (variables, n) and of the outputs
+    by v, the variables of a trim. felt: 1 where an entry of f or of the outputs (row) can feel a
+    variable (column) at all."""
+
+    bound: BoundFunction
+    parts: tuple[np.ndarray, ...]
+    felt: np.ndarray
 
 
 @cached_per_thread(maxsize=16)
-def _bound(layout: Layout, outputs: tuple[str, ...]) -> BoundFunction:
-    """(v, p) -> x, u, f, the outputs, and the derivatives of f and of the outputs by v, the variables of a trim."""
+def _equations(layout: Layout, outputs: tuple[str, ...]) -> _Equations:
     names = layout.variables
     v, (p,) = ca.SX.sym("v", len(names)), layout.symbols("p")
     parts = layout.in_variables(dict(zip(names, ca.vertsplit(v), strict=True)), p, outputs)
-    parts += [ca.densify(ca.jacobian(each, v)) for each in parts[2:]]
-    return BoundFunction(ca.Function("trim", [v, p], parts))
+    jacobians = [ca.jacobian(each, v) for each in parts[2:]]
+    felt = np.vstack([ca.DM(each.sparsity(), 1).full() for each in jacobians])
+    parts += map(ca.densify, jacobians)
+    bound = BoundFunction(ca.Function("trim", [v, p], [ca.vertcat(*map(ca.vec, parts))]))
+    split = np.split(bound.results[0], np.cumsum([each.numel() for each in parts])[:-1])
+    split[4:] = [each.reshape(len(names), -1) for each in split[4:]]
+    return _Equations(bound, tuple(split), felt)
+
+
+class _Found(NamedTuple):
+    """State, input, watched outputs; residuals (f - imposed) / scale, one an equation, and their derivatives by the
+    scaled unknowns."""
+
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
 
 
 @dataclass(frozen=True)
 class TrimProblem:
-    """f = imposed rates, y = imposed outputs of a model; unknowns and residuals in scaled units."""
+    """f = imposed rates, y = imposed outputs of a model; unknowns and residuals in scaled units. begin: the values of
+    the variables where the search begins."""
 
     model: Model
     condition: TrimCondition
+    begin: Mapping[str, float]
+
+    @cached_property
+    def _functions(self) -> _Equations:
+        return _equations(self.model.layout, self.watched)
+
+    @cached_property
+    def _rows(self) -> list[int]:
+        """Of the equations, among f and the watched outputs."""
+        (rates, outputs), states = self.condition.equations, list(self.model.states)
+        return [*map(states.index, rates), *range(len(states), len(states) + len(outputs))]
+
+    @cached_property
+    def idle(self) -> tuple[str, ...]:
+        """The variables that are not imposed and in no equation: a trim leaves them where the search begins."""
+        felt = dict(zip(self.model.variables, self._functions.felt[self._rows].max(axis=0), strict=True))
+        return tuple(name for name in self.condition.free if not felt[name])
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """The unknowns."""
+        return tuple(name for name in self.condition.free if name not in self.idle)
 
     @cached_property
     def scales(self) -> np.ndarray:
         """One scaled unit of each unknown."""
-        return np.array([self.model.signals[name].nominal for name in self.condition.free])
+        return np.array([self.model.signals[name].nominal for name in self.free])
 
     @cached_property
     def equations(self) -> tuple[str, ...]:
@@ -52,109 +105,97 @@ class TrimProblem:
         return (*rates, *outputs)
 
     @cached_property
-    def _row_scales(self) -> np.ndarray:
+    def row_scales(self) -> np.ndarray:
+        """One scaled unit of each equation."""
         model, (rates, outputs) = self.model, self.condition.equations
         return np.array([*map(model.rate_scale, rates), *(model.signals[name].nominal for name in outputs)])
 
     @cached_property
-    def _wanted(self) -> np.ndarray:
+    def wanted(self) -> np.ndarray:
+        """What each equation imposes."""
         (rates, outputs), condition = self.condition.equations, self.condition
         return np.array([*((condition.rates or {})[name] for name in rates), *(condition.imposed[y] for y in outputs)])
 
     @cached_property
     def watched(self) -> tuple[str, ...]:
         """Imposed outputs, and what else has limits: states that an output replaces, limited outputs."""
-        limited = (name for name, ends in self.model.limits.items() if np.isfinite(ends).any())
+        limited = (name for name, ends in self.model.limits.items() if not all(map(math.isinf, ends)))
         others = {*limited, *self.condition.limits} - {*self.model.variables, *self.condition.imposed}
         others -= set(self.model.disturbances)
         return (*self.condition.equations[1], *(name for name in self.model.limits if name in others))
 
-    def _evaluate(self, unknowns: np.ndarray) -> tuple[np.ndarray, ...]:
-        """x, u, f, watched outputs and the derivatives of both by the variables."""
-        bound = _bound(self.model.layout, self.watched)
-        free = dict(zip(self.condition.free, (unknowns * self.scales).tolist(), strict=True))
-        values = {**self.condition.imposed, **free}
-        bound.inputs[0][:] = [values[name] for name in self.model.variables]
+    @cached_property
+    def held(self) -> np.ndarray:
+        """The value of each variable that is imposed or idle, 0 of the unknowns."""
+        values = {name: self.begin[name] for name in self.idle} | dict(self.condition.imposed)
+        return np.array([values.get(name, 0.0) for name in self.model.variables])
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [self.model.variables.index(name) for name in self.free]
+
+    @cached_property
+    def _last(self) -> dict[bytes, _Found]:
+        return {}
+
+    def at(self, unknowns: np.ndarray) -> _Found:
+        """What is found at given unknowns (scaled). FloatingPointError where it is not finite."""
+        key = unknowns.tobytes()
+        if key in self._last:
+            return self._last[key]
+        bound, (x, u, f, y, by_f, by_y), _ = self._functions
+        bound.inputs[0][:] = self.held
+        bound.inputs[0][self._columns] = unknowns * self.scales
         bound.inputs[1][:] = self.model.p
         bound()
-        found = bound.results
         if self.model.check is not None:
-            self.model.check(record(tuple(self.model.states))(*found[0].tolist()))
-        if not all(np.isfinite(each).all() for each in found):
-            at = {name: values[name] for name in self.model.variables}
-            raise FloatingPointError(self.model.not_finite(found[2], at, list(self.model.states)))
+            self.model.check(record(tuple(self.model.states))(*x.tolist()))
+        if not np.isfinite(bound.results[0]).all():
+            at = dict(zip(self.model.variables, bound.inputs[0].tolist(), strict=True))
+            raise FloatingPointError(self.model.not_finite(f, at, list(self.model.states)))
+        value, slopes = np.concatenate([f, y])[self._rows], np.hstack([by_f, by_y])[self._columns][:, self._rows].T
+        scaled = slopes * self.scales / self.row_scales[:, None]
+        found = _Found(x.copy(), u.copy(), y.copy(), (value - self.wanted) / self.row_scales, scaled)
+        self._last.clear()
+        self._last[key] = found
         return found
 
-    def vectors(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """State and input at given unknowns (scaled)."""
-        x, u = self._evaluate(unknowns)[:2]
-        return x.copy(), u.copy()
+    @cached_property
+    def moved(self) -> np.ndarray:
+        """Which equations the unknowns can move."""
+        return np.asarray(self._functions.felt[np.ix_(self._rows, self._columns)].any(axis=1))
 
-    def linearization(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Scaled residual and its Jacobian with respect to the scaled unknowns."""
-        _, _, f, y, by_f, by_y = self._evaluate(unknowns)
-        (rates, outputs), variables = self.condition.equations, self.model.variables
-        rows = [list(self.model.states).index(name) for name in rates]
-        columns = [variables.index(name) for name in self.condition.free]
-        value = np.concatenate([f[rows], y[: len(outputs)]])
-        by = [each.reshape(len(variables), -1).T for each in (by_f, by_y)]
-        slopes = np.vstack([by[0][rows], by[1][: len(outputs)]])[:, columns]
-        return (value - self._wanted) / self._row_scales, slopes * self.scales / self._row_scales[:, None]
-
-    def residual(self, unknowns: np.ndarray) -> np.ndarray:
-        """(f - imposed) / scale, one entry an equation."""
-        return self.linearization(unknowns)[0]
-
-    def count(self, guess: np.ndarray) -> tuple[int, int]:
+    @property
+    def count(self) -> tuple[int, int]:
         """Equations that the unknowns can move, and unknowns."""
-        jacobian = self.linearization(guess)[1]
-        return int(np.count_nonzero(np.abs(jacobian).max(axis=1) > _NOTHING)), len(self.condition.free)
+        return int(self.moved.sum()), len(self.free)
 
+    @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest scaled unknowns."""
-        pairs = np.array([self.condition.limits_of(name) for name in self.condition.free])
+        pairs = np.array([self.condition.limits_of(name) for name in self.free])
         return pairs[:, 0] / self.scales, pairs[:, 1] / self.scales
 
     def clip(self, unknowns: np.ndarray) -> np.ndarray:
         """The nearest unknowns within the limits."""
-        return np.clip(unknowns, *self.limits())
-
-    def inside(self, unknowns: np.ndarray) -> np.ndarray:
-        """Which unknowns lie clear of their limits."""
-        lowest, highest = self.limits()
-        slack = 1e-6 * (1 + np.abs(unknowns))
-        return (unknowns > lowest + slack) & (unknowns < highest - slack)
+        return np.clip(unknowns, *self.limits)
 
     def solved(self, unknowns: np.ndarray) -> bool:
         """Balanced, and within the limits (a rounding error beyond a limit is within it)."""
         slack = 1e-12 * (1 + np.abs(unknowns))
-        lowest, highest = self.limits()
+        lowest, highest = self.limits
         if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
             return False
         return self.balanced(unknowns) and not self.beyond(unknowns)
 
     def balanced(self, unknowns: np.ndarray) -> bool:
         """Every residual within `BALANCE`, whatever the limits say."""
-        return bool(np.abs(self.residual(unknowns)).max() <= BALANCE)
-
-    @cached_property
-    def bounded(self) -> list[tuple[int, float, float]]:
-        """Which watched quantities have limits: index, sign and limit in value = sign (limit - y) >= 0."""
-        ends = [(i, *self.condition.limits_of(name)) for i, name in enumerate(self.watched)]
-        ends = [each for each in ends if self.watched[each[0]] not in self.condition.imposed]
-        pairs = [(i, side, limit) for i, low, high in ends for side, limit in ((-1.0, low), (1.0, high))]
-        return [each for each in pairs if np.isfinite(each[2])]
-
-    def slack(self, unknowns: np.ndarray) -> np.ndarray:
-        """How far the watched quantities lie within their limits, scaled."""
-        y = self._evaluate(unknowns)[3]
-        scales = [self.model.signals[self.watched[i]].nominal for i, _, _ in self.bounded]
-        return np.array([side * (limit - y[i]) for i, side, limit in self.bounded]) / scales
+        return bool(np.abs(self.at(unknowns).residual).max() <= BALANCE)
 
     def beyond(self, unknowns: np.ndarray) -> list[str]:
         """The watched states and outputs that lie beyond their limits, in words; what is found is within by `clip`."""
         say, found = self.model.describe, []
-        for name, value in zip(self.watched, self._evaluate(unknowns)[3].tolist(), strict=True):
+        for name, value in zip(self.watched, self.at(unknowns).y.tolist(), strict=True):
             lowest, highest = self.condition.limits_of(name)
             slack = 1e-8 * self.model.signals[name].nominal
             if name not in self.condition.imposed and not lowest - slack <= value <= highest + slack:
@@ -162,33 +203,48 @@ class TrimProblem:
                 found.append(f"{name} would have to be {say(name, value)}, it must lie between {between}")
         return found
 
-    def first_guess(self, start: OperatingPoint | None) -> np.ndarray:
-        """The warm start, or where the condition or the declaration begins."""
-        signals = self.model.signals
-        usual = {name: signals[name].start for name in self.model.variables} | dict(self.condition.begin)
-        return self.unknowns_at(usual if start is None else start.values)
-
     def unknowns_at(self, values: Mapping[str, float]) -> np.ndarray:
         """The unknowns among the values of all variables."""
-        return np.array([values[name] for name in self.condition.free]) / self.scales
+        return np.array([values[name] for name in self.free]) / self.scales
 
-    def point(self, unknowns: np.ndarray, status: Status) -> OperatingPoint:
+    def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
+        """Of `STARTS` points between the limits, spread evenly, those where the Jacobian is another than at the guess:
+        where it is the same everywhere one solution is all there can be. None where equations outnumber unknowns.
+
+        k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden ratio): no point depends on chance.
+        """
+        equations, unknowns = self.count
+        lowest, highest = (
+            np.where(np.isfinite(end), end, guess + far) for end, far in zip(self.limits, (-_FAR, _FAR), strict=True)
+        )
+        golden = max(np.roots([1.0, *[0.0] * (unknowns - 1), -1.0, -1.0]).real) ** -np.arange(1.0, unknowns + 1)
+        here = self.at(guess).jacobian
+        for number in range(1, STARTS + 1) if equations <= unknowns else ():
+            start = lowest + (highest - lowest) * ((0.5 + number * golden) % 1.0)
+            try:
+                other = self.at(start).jacobian
+            except (BadInputError, FloatingPointError):
+                continue  # outside the model
+            if not np.allclose(other, here, rtol=1e-9, atol=1e-12):
+                yield start
+
+    def point(self, unknowns: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
         """The operating point at these unknowns."""
-        found, model = self.vectors(unknowns), self.model
+        found, model = self.at(unknowns), self.model
         state, control = (
             record(tuple(names))(*each.tolist())
-            for names, each in zip((model.states, model.inputs), found, strict=True)
+            for names, each in zip((model.states, model.inputs), found[:2], strict=True)
         )
-        residuals = dict(zip(self.equations, (self.residual(unknowns) * self._row_scales).tolist(), strict=True))
-        return OperatingPoint(state, control, residuals, model.name, status, model)
+        residuals = dict(zip(self.equations, (found.residual * self.row_scales).tolist(), strict=True))
+        return OperatingPoint(state, control, residuals, model.name, status, model, started)
 
     def failure(self, found: np.ndarray) -> str:
         """One line on the best unknowns found: which equations do not balance within the limits, by how much, which
         limits bind, and, where the equations balance beyond them, what that would take."""
         unknowns = self.clip(found)
-        scaled, point = self.residual(unknowns), self.point(unknowns, Status.FAILED)
+        scaled, point = self.at(unknowns).residual, self.point(unknowns, Status.FAILED)
         off = [
-            f"{name} by {scaled[i] * self._row_scales[i]:.3g} {point.equation_unit(name)}"
+            f"{name} by {scaled[i] * self.row_scales[i]:.3g} {point.equation_unit(name)}"
             for i, name in sorted(enumerate(self.equations), key=lambda item: -abs(scaled[item[0]]))
             if abs(scaled[i]) > BALANCE
         ]
@@ -197,10 +253,10 @@ class TrimProblem:
         can_balance = self.balanced(found)
         binding = self._binding(unknowns, found if can_balance else unknowns)
         why = f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"
-        equations, count = (0, 0) if can_balance else self.count(unknowns)
+        equations, count = (0, 0) if can_balance else self.count
         if equations > count:
             why += f"; {equations} equations for {count} unknowns, set more free"
-        if idle := self._idle(unknowns):
+        if idle := [*self.idle, *self._idle(unknowns)]:
             why += f"; {' and '.join(idle)} moves none of them, set something else free"
         elif not can_balance and (alike := self._alike(unknowns)):
             why += f"; {'; '.join(alike)}; set something else free"
@@ -209,34 +265,34 @@ class TrimProblem:
 
     def _idle(self, unknowns: np.ndarray) -> list[str]:
         """The free variables that no equation feels: their columns of the Jacobian are 0."""
-        felt = np.abs(self.linearization(unknowns)[1]).max(axis=0)
-        return [name for name, most in zip(self.condition.free, felt, strict=True) if most <= _NOTHING]
+        felt = np.abs(self.at(unknowns).jacobian).max(axis=0)
+        return [name for name, most in zip(self.free, felt, strict=True) if most <= _NOTHING]
 
     def _alike(self, unknowns: np.ndarray) -> list[str]:
         """Which free variables move the equations as others do, where fewer directions are left than equations.
 
         Column by column of the Jacobian: one that is a sum of multiples of those before it adds nothing.
         """
-        jacobian = self.linearization(unknowns)[1]
+        jacobian = self.at(unknowns).jacobian
         found: list[str] = []
         kept: list[int] = []
-        for column, name in enumerate(self.condition.free):
+        for column, name in enumerate(self.free):
             before, here = jacobian.take(kept, axis=1), jacobian[:, column]
             shares = np.linalg.lstsq(before, here)[0]
             if np.linalg.norm(here - before @ shares) > _DEPENDENT * np.linalg.norm(here):
                 kept.append(column)
                 continue
             parts = np.linalg.norm(before, axis=0) * np.abs(shares)
-            others = [self.condition.free[kept[i]] for i in np.flatnonzero(parts > _DEPENDENT * parts.max())]
+            others = [self.free[kept[i]] for i in np.flatnonzero(parts > _DEPENDENT * parts.max())]
             together = " does" if len(others) == 1 else " do together"
             found.append(f"{name} moves them only as {' and '.join(others)}{together}")
-        return found if len(kept) < self.count(unknowns)[0] else []
+        return found if len(kept) < self.count[0] else []
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
         """The limits that the unknowns lie at, and what is wanted instead."""
         binding, describe = [], self.model.describe
         for name, scale, value, other, *limits in zip(
-            self.condition.free, self.scales, unknowns, wanted, *self.limits(), strict=True
+            self.free, self.scales, unknowns, wanted, *self.limits, strict=True
         ):
             for limit, word in zip(limits, ("lowest", "highest"), strict=True):
                 slack = 1e-6 * (1 + abs(limit))
@@ -250,8 +306,6 @@ class TrimProblem:
 
 _MAX_NEWTON_STEPS = 50
 _MAX_HALVINGS = 20
-#: Steps to the least effort: to its last digits, and those that are tried before it is known that there is a balance.
-_MOST_STEPS, _FEW_STEPS = 500, 100
 
 
 class TrimError(NoSolutionError):
@@ -274,7 +328,8 @@ def find_operating_point(
 
     As many equations as unknowns: Newton's method with step halving. More unknowns than equations: the point
     of least control effort Σ (u / scale)², a local minimum near the start. When Newton leaves the limits, or
-    with more equations than unknowns: least squares within the limits.
+    with more equations than unknowns: least squares within the limits. Failing that, the same from `STARTS` other
+    points between the limits; `started` of what is returned is then the number of the point that led there.
 
     start: a neighbouring point to begin from (warm start); else where the declaration begins. Raises TrimError when the
     equations cannot be balanced within the limits, BadInputError when the condition is not well posed or its
@@ -282,15 +337,10 @@ def find_operating_point(
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
     """
     model = aircraft.model
-    if not condition.free:
-        raise BadInputError("nothing is free; set at least one of " + ", ".join(model.variables) + " free")
-    if condition.model.variables != model.variables:
-        raise BadInputError(f"the condition is one of {condition.model.name}, the aircraft is {model.name}")
-    condition = condition.at() if condition.tables else condition
-    problem = TrimProblem(model, condition)
+    problem = trim_problem(model, condition, start)
     try:
         with np.errstate(over="raise"):
-            return _solution(problem, problem.clip(problem.first_guess(start)))
+            return _solution(problem, problem.clip(problem.unknowns_at(problem.begin)))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
             f"the equations overflow or divide by zero at this condition with these parameters; "
@@ -298,20 +348,60 @@ def find_operating_point(
         ) from error
 
 
+def other_trims(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
+    """Further solutions of the same condition, as many equations as unknowns, that Newton's method finds from where the
+    declaration begins and from `STARTS` points between the limits: the back side of the power curve beside the front
+    side. They may not be all."""
+    problem = trim_problem(aircraft.model, condition, point)
+    known, found = [problem.unknowns_at(point.values)], []
+    equations, unknowns = problem.count
+    starts = [*problem.starts(known[0])] if equations == unknowns else []
+    if starts:
+        starts.append(problem.unknowns_at({name: each.start for name, each in problem.model.signals.items()}))
+    for start in starts:
+        end = _newton(problem, start)
+        if problem.solved(end) and min(float(np.abs(end - each).max()) for each in known) > 1e-6:
+            known.append(end)
+            found.append(problem.point(end, Status.TRIMMED))
+    return found
+
+
+def trim_problem(model: Model, condition: TrimCondition, start: OperatingPoint | None) -> TrimProblem:
+    """The equations and unknowns of a condition, begun at a point or where condition and declaration begin."""
+    if not condition.free:
+        raise BadInputError("nothing is free; set at least one of " + ", ".join(model.variables) + " free")
+    if condition.model.variables != model.variables:
+        raise BadInputError(f"the condition is one of {condition.model.name}, the aircraft is {model.name}")
+    condition = condition.at() if condition.tables else condition
+    signals = model.signals
+    usual = {name: signals[name].start for name in model.variables} | dict(condition.begin)
+    problem = TrimProblem(model, condition, usual if start is None else start.values)
+    if not problem.free:
+        raise BadInputError(f"{' and '.join(problem.idle)} moves no equation; set something else free")
+    return problem
+
+
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
     """What `find_operating_point` says of a condition that balances beyond the limits only, at these free variables."""
-    problem = TrimProblem(model, condition)
+    problem = TrimProblem(model, condition, balancing)
     return problem.failure(problem.unknowns_at(balancing))
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    equations, unknowns = problem.count(guess)
-    search = _least_effort_search if unknowns > equations else _square_search
-    found = search(problem, guess)
-    best = problem.clip(found)
-    if not problem.solved(best):
-        raise TrimError(problem.failure(found), problem.point(best, Status.FAILED))
-    return problem.point(best, Status.TRIMMED)
+    equations, unknowns = problem.count
+    least_effort = unknowns > equations
+    found = (_least_effort_search if least_effort else _square_search)(problem, guess)
+    best, tried = problem.clip(found), 0
+    if problem.solved(best):
+        return problem.point(best, Status.TRIMMED)
+    # Beyond the limits the inputs alone, in which equations are nearly affine, balance them at one point.
+    if not (problem.balanced(found) and set(problem.free) <= set(problem.model.inputs)):
+        for tried, start in enumerate(problem.starts(guess), start=1):
+            other = (_least_effort if least_effort else _newton)(problem, start)
+            if problem.solved(other):
+                return problem.point(other, Status.TRIMMED, tried)
+    more = f"; {tried} other starts failed too" if tried else ""
+    raise TrimError(problem.failure(found) + more, problem.point(best, Status.FAILED))
 
 
 def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
@@ -322,50 +412,63 @@ def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
 
 def _least_effort_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
-    best, settled = _least_effort(problem, guess, _FEW_STEPS)
-    if settled and problem.solved(best):
+    best = _least_effort(problem, guess)
+    if problem.solved(best):
         return best
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
-    if not problem.solved(nearest):  # then there hardly is a balance, and no use in going on to the last digit
-        return best if problem.solved(best) else nearest
-    for start in (guess, nearest):
-        best, _ = _least_effort(problem, start, _MOST_STEPS)
-        if problem.solved(best):
-            break
-    return best
+    if not problem.solved(nearest):
+        return nearest
+    best = _least_effort(problem, nearest)
+    return best if problem.solved(best) else nearest
 
 
 def _polished(problem: TrimProblem, unknowns: np.ndarray) -> np.ndarray:
     """Newton's method with what lies at a limit staying there."""
-    return _newton(problem, unknowns, moving=problem.inside(unknowns))
+    unknowns, slack = problem.clip(unknowns), 1e-6 * (1 + np.abs(unknowns))
+    lowest, highest = problem.limits
+    low, high = unknowns <= lowest + slack, unknowns >= highest - slack
+    unknowns = np.where(low, lowest, np.where(high, highest, unknowns))
+    return _newton(problem, unknowns, np.flatnonzero(~(low | high)))
 
 
 def _newton(problem: TrimProblem, unknowns: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-    """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls.
+    """Newton steps (least-norm where the Jacobian is not square), halved until the residual falls; to rounding.
 
-    moving: which unknowns may move; all of them unless said.
+    moving: which unknowns may move; all of them unless given.
     """
-    columns = np.arange(len(unknowns)) if moving is None else np.flatnonzero(moving)
-    for _ in range(_MAX_NEWTON_STEPS):
-        residual, jacobian = problem.linearization(unknowns)
-        norm = float(np.abs(residual).max())
-        step = np.zeros(len(unknowns))
-        step[columns] = np.linalg.lstsq(jacobian[:, columns], -residual, rcond=1e-12)[0]
-        if not np.isfinite(step).all():
-            break
-        better = _halved(problem, unknowns, step, norm)
+    columns = np.arange(len(unknowns)) if moving is None else moving
+    for _ in range(_MAX_NEWTON_STEPS if len(columns) else 0):
+        _, _, _, residual, jacobian = problem.at(unknowns)
+        norm, step = float(np.abs(residual).max()), np.zeros(len(unknowns))
+        step[columns] = _step(jacobian[:, columns], residual)
+        better = None
+        if norm > 0.0 and np.isfinite(step).all():
+            better = _halved(problem, unknowns, step, norm)
         if better is None:
             break
         unknowns = better
     return unknowns
 
 
+def _step(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    felt = jacobian.any(axis=1)
+    if np.count_nonzero(felt) == jacobian.shape[1]:
+        try:
+            step = np.linalg.solve(jacobian[felt], -residual[felt])
+            if np.abs(step).max() < 1e6:
+                return step
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(np.linalg.lstsq(jacobian, -residual, rcond=1e-12)[0])
+
+
 def _halved(problem: TrimProblem, unknowns: np.ndarray, step: np.ndarray, norm: float) -> np.ndarray | None:
-    """The longest of step, step/2, ... that lowers the residual; None when none does."""
-    for halving in range(_MAX_HALVINGS):
+    """Where the longest of step, step/2, ... that lowers the residual leads; None when none does. A balance is not
+    improved by a shorter step than Newton's."""
+    for halving in range(_MAX_HALVINGS if norm > BALANCE else 1):
         candidate = unknowns + step / 2**halving
         try:
-            if np.abs(problem.residual(candidate)).max() < norm:
+            if np.abs(problem.at(candidate).residual).max() < norm:
                 return candidate
         except (BadInputError, FloatingPointError):
             continue  # outside the model: a shorter step stays inside
@@ -375,12 +478,18 @@ def _halved(problem: TrimProblem, unknowns: np.ndarray, step: np.ndarray, norm: 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     from scipy.optimize import least_squares
 
-    lowest, highest = problem.limits()
+    def residual(unknowns: np.ndarray) -> np.ndarray:
+        try:
+            return problem.at(unknowns).residual
+        except (BadInputError, FloatingPointError):  # outside the model
+            return np.full(len(problem.equations), np.inf)
+
+    lowest, highest = problem.limits
     inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
     result = least_squares(
-        problem.residual,
+        residual,
         inside,
-        jac=lambda unknowns: problem.linearization(unknowns)[1],
+        jac=lambda unknowns: problem.at(unknowns).jacobian,
         bounds=(lowest, highest),
         xtol=1e-15,
         ftol=1e-15,
@@ -389,29 +498,42 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     return np.asarray(result.x)
 
 
-def _least_effort(problem: TrimProblem, guess: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
-    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits; and whether fewer than
-    `most` steps led there."""
-    from scipy.optimize import minimize
+_IPOPT: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-10, "bound_relax_factor": 0.0, "max_iter": 200}
 
-    lowest, highest = problem.limits()
-    effort = np.array([name in problem.model.inputs for name in problem.condition.free], dtype=float)
+
+@lru_cache(maxsize=16)
+def _effort_program(
+    layout: Layout, free: tuple[str, ...], rates: tuple[str, ...], watched: tuple[str, ...]
+) -> ca.Function:
+    """min Σ z_i² over the inputs among the unknowns z, with g = the rates and the watched outputs, scaled.
+
+    p: the values of all variables, the parameters, the scales of z and of g.
+    """
+    names, states = layout.variables, layout.names[0]
+    z, given, (p,) = ca.SX.sym("z", len(free)), ca.SX.sym("given", len(names)), layout.symbols("p")
+    scales, sizes = ca.SX.sym("scales", len(free)), ca.SX.sym("sizes", len(rates) + len(watched))
+    values = dict(zip(names, ca.vertsplit(given), strict=True))
+    values |= dict(zip(free, ca.vertsplit(z * scales), strict=True))
+    _, _, f, y = layout.in_variables(values, p, watched)
+    g = ca.vertcat(*(f[states.index(name)] for name in rates), y) / sizes
+    effort = ca.sumsqr(ca.vertcat(ca.SX(0, 1), *(z[i] for i, name in enumerate(free) if name in layout.names[1])))
+    program = {"x": z, "p": ca.vertcat(given, p, scales, sizes), "f": effort, "g": g}
+    return ca.nlpsol("effort", "ipopt", program, {"print_time": False, "ipopt": _IPOPT})
+
+
+def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
+    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits (IPOPT, exact
+    derivatives); then Newton's method on the equations."""
+    model, condition = problem.model, problem.condition
+    rates, outputs = condition.equations
+    others = problem.watched[len(outputs) :]
+    program = _effort_program(model.layout, problem.free, rates, problem.watched)
+    sizes = np.concatenate([problem.row_scales, [model.signals[name].nominal for name in others]])
     # Equations that the unknowns cannot move (q = 0 gives θ' = 0) would make the constraints dependent.
-    movable = np.abs(problem.linearization(guess)[1]).max(axis=1) > 1e-12
-    result = minimize(
-        lambda unknowns: float(effort @ unknowns**2),
-        guess,
-        jac=lambda unknowns: 2 * effort * unknowns,
-        method="SLSQP",
-        bounds=list(zip(lowest, highest, strict=True)),
-        constraints=[
-            {
-                "type": "eq",
-                "fun": lambda unknowns: problem.residual(unknowns)[movable],
-                "jac": lambda unknowns: problem.linearization(unknowns)[1][movable],
-            },
-            *[{"type": "ineq", "fun": lambda unknowns: problem.slack(unknowns)}] * bool(problem.bounded),
-        ],
-        options={"ftol": 1e-15, "maxiter": most},
-    )
-    return _polished(problem, problem.clip(np.asarray(result.x))), bool(result.nit < most)
+    moved, limits = problem.moved, np.array([condition.limits_of(name) for name in others]).reshape(-1, 2).T
+    wanted = [np.where(moved, problem.wanted, side * np.inf) for side in (-1, 1)]
+    low, high = (np.concatenate(ends) / sizes for ends in zip(wanted, limits, strict=True))
+    p = np.concatenate([problem.held, model.p, problem.scales, sizes])
+    lowest, highest = problem.limits
+    found = program(x0=guess, p=p, lbx=lowest, ubx=highest, lbg=low, ubg=high)["x"]
+    return _polished(problem, np.array(found).ravel())

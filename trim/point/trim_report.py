@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import finite_or_none
 from hfa_support.model import Model
@@ -12,6 +14,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, scheduled_data
+from trim.point.solve import STARTS, other_trims, trim_problem
 
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
 _CLOSE = 1e-6
@@ -69,6 +72,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     """Every state, every output that a trim imposes or the model limits, and every input, in this order."""
     model, found = point.model, point.values
     role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
+    role |= dict.fromkeys(trim_problem(model, condition, point).idle, "left")
     if set(condition.free) <= set(model.inputs):  # then all states are held, those that outputs replace too
         role |= dict.fromkeys(model.replaced, "held")
     outputs = [
@@ -126,9 +130,12 @@ TRIM_SCHEMA = "hfa.trim/1"
 
 
 def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Every variable between its limits, the limits that bind, the verdict on each equation; of the HFA loads and
-    performance, of other models their outputs; angles in degrees for people."""
+    """Every variable between its limits, the limits that bind, the verdict on each equation, what the search found
+    beside this point, the rates that are not balanced; of the HFA loads and performance, of other models their outputs;
+    angles in degrees for people."""
     every, model = all_margins(condition, point), aircraft.model
+    search, said = _search(aircraft, condition, point)
+    left = {name: rate for name, rate in _rates(model, point).items() if name not in (condition.rates or {})}
     own = () if isinstance(aircraft, Aircraft) else _outputs(model, point)
     report = Report(
         title=point.title,
@@ -137,10 +144,12 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
             _variables("input", [every[name] for name in model.inputs]),
             _nearest(nearest_limits(condition, point)),
             point.equations(condition.rates),
+            *said,
+            *[_left(model, left)] * bool(left),
             *own,
         ),
         notes=point.warnings,
-        data=_data(condition, point),
+        data=_data(condition, point) | {"search": search, "rates_left": left},
         records=point.records(),
     )
     if isinstance(aircraft, Aircraft):
@@ -149,6 +158,49 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         return with_loads(report, aircraft, point)
     values = model.outputs_at(point.states, point.inputs)
     return report.with_data(performance=values, performance_units={name: model.unit(name) for name in values})
+
+
+def _search(
+    aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint
+) -> tuple[dict[str, Any], list[str]]:
+    """How the point was found, as data and in sentences: none about the usual case."""
+    model, problem = point.model, trim_problem(aircraft.model, condition, point)
+    at = problem.unknowns_at(point.values)
+    equations, unknowns = problem.count
+    others = other_trims(aircraft, condition, point)
+    said = []
+    if unknowns > equations:
+        said.append(
+            f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim with the least "
+            "Σ (input / scale)² near the start"
+        )
+    if point.started:
+        said.append(f"The usual start leads to no trim; start {point.started} of {STARTS} between the limits led here")
+    if problem.idle:
+        said.append(f"In no equation, and left where the search begins: {', '.join(problem.idle)}")
+    for other in others:
+        apart = np.abs(problem.unknowns_at(other.values) - at) > 1e-3
+        listed = [name for name, differs in zip(problem.free, apart.tolist(), strict=True) if differs]
+        values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in listed)
+        typed = [f"{name}={shown_value(other.values[name], model.unit(name))}" for name in listed]
+        begin = ",".join(typed[: sum(name not in model.inputs for name in listed)] or typed)
+        said.append(
+            f"Another trim: {values}; the one above is where the search ends, --start {begin} selects the other"
+        )
+    search: dict[str, Any] = {"equations": equations, "unknowns": unknowns, "least_effort": unknowns > equations}
+    search |= {"start": point.started, "idle": list(problem.idle)}
+    return search | {"other_trims": [{name: each.values[name] for name in problem.free} for each in others]}, said
+
+
+def _rates(model: Model, point: OperatingPoint) -> dict[str, float]:
+    """The rate of every state."""
+    return dict(zip(model.states, model.at(point.states, point.inputs).f.tolist(), strict=True))
+
+
+def _left(model: Model, rates: dict[str, float]) -> Table:
+    """The states whose rates the trim does not balance."""
+    rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in rates.items()]
+    return Table(("not balanced", "rate", "unit"), rows)
 
 
 def _outputs(model: Model, point: OperatingPoint) -> tuple[Table, ...]:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_support.errors import BadInputError, NoSolutionError, numbers_in, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.model import Layout, Model, components
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.native.machine_code import machine_code
@@ -46,11 +46,6 @@ class Points(NamedTuple):
     failures: dict[int, str]
 
 
-def planned(model: Model) -> tuple[str, ...]:
-    """What can vary from point to point: what a trim imposes, and any parameter."""
-    return (*model.holdable, *model.parameters)
-
-
 def trim_points(
     aircraft: Aircraft | Model,
     variables: tuple[str, ...],
@@ -63,7 +58,7 @@ def trim_points(
 ) -> Points:
     """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
 
-    variables: of `planned`, one a column of values (N, k): what is imposed in place of the condition's values, or a
+    variables: one a column of values (N, k): what is imposed in place of the condition's values, rates too, or a
     parameter in place of the aircraft's. start: where the search begins at each point. compile_code: run as machine
     code; by default from `COMPILE_FROM` points on. progress is called with (points settled, points in all).
 
@@ -75,7 +70,7 @@ def trim_points(
         raise BadInputError(f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable")
     model = aircraft.model
     for name in variables:
-        refuse_unknown("cannot sweep", name, planned(model))
+        model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     constants = np.tile(model.p, (len(values), 1))
     for column, name in enumerate(variables):
         if name in model.parameters:
@@ -138,7 +133,7 @@ def reasons_of(
 
 def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:
     """The condition of one point; BadInputError where one of its values lies outside its limits."""
-    known = condition.model.holdable
+    known = (*condition.model.holdable, *condition.model.rates)
     hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known}
     return condition.at(hold.get(condition.model.schedule), hold)
 
@@ -158,10 +153,10 @@ def newton_functions(
 ) -> tuple[ca.Function, ca.Function] | None:
     """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, A, B
     (row by row), dX/dt, the imposed and the watched outputs at v. None unless as many equations as unknowns feel them,
-    each unknown in one.
+    each of these unknowns in one.
 
-    given: what is imposed; a variable that is neither given nor free is 0. v: the values of `free`. rates: (state,
-    rate, scale); outputs: (imposed output, scale).
+    given: what is imposed, rates too; a variable that is neither given nor free is 0. v: the values of `free`; what is
+    in no equation stays. rates: (state, rate unless given, scale); outputs: (imposed output, scale).
     """
     known, v, (x, u, p) = ca.SX.sym("given", len(given)), ca.SX.sym("v", len(free)), layout.symbols("x", "u", "p")
     values = dict.fromkeys(layout.variables, ca.SX(0)) | dict(zip(given, ca.vertsplit(known), strict=True))
@@ -170,14 +165,16 @@ def newton_functions(
     state, control, at, y = layout.in_variables(values, p, (*names, *watched))
     index = layout.names[0].index
     residual = ca.vertcat(
-        *((at[index(name)] - rate) / scale for name, rate, scale in rates),
+        *((at[index(name)] - values.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates),
         *((y[i] - values[name]) / scale for i, (name, scale) in enumerate(outputs)),
     )
     jacobian = ca.jacobian(residual, v)
     moved = [i for i in range(residual.numel()) if jacobian[i, :].nnz()]
-    if len(moved) != len(free) or ca.sprank(jacobian[moved, :]) < len(free):
+    moving = [j for j in range(len(free)) if jacobian[:, j].nnz()]
+    if not moving or len(moved) != len(moving) or ca.sprank(jacobian[moved, moving]) < len(moving):
         return None
-    after = v - ca.solve(jacobian[moved, :], residual[moved])
+    after = ca.SX(v)
+    after[moving] = v[moving] - ca.solve(jacobian[moved, moving], residual[moved])
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())
     flat = [f, *(ca.vec(ca.densify(ca.jacobian(f, by)).T) for by in (x, u))]
     rate, A, B = ca.substitute(flat, [x, u], [state, control])
@@ -195,13 +192,17 @@ def first_guess(model: Model, free: tuple[str, ...], begin: Mapping[str, float])
 
 def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> Any:
     """Key of `_compiled`: layout, given, free, rates, imposed outputs, watched; None where it makes no functions."""
-    varied = [name for name in variables if name in model.holdable]
+    varied = [name for name in variables if name not in model.parameters]
     held = dict.fromkeys([*condition.imposed, *condition.tables, *varied])
     nonzero = [name for name in held if name in varied or condition.imposed.get(name) != 0.0]
     given = tuple(name for name in model.holdable if name in nonzero or (name in held and name in model.outputs))
+    given += tuple(name for name in model.rates if name in varied)
     free = tuple(name for name in condition.free if name not in varied)
-    rates = tuple((name, rate, model.rate_scale(name)) for name, rate in (condition.rates or {}).items())
-    outputs = tuple((name, model.signals[name].nominal) for name in given if name not in model.variables)
+    steady = {**(condition.rates or {}), **{name: 0.0 for name in model.states if f"{name}_dot" in varied}}
+    rates = tuple((name, rate, model.rate_scale(name)) for name, rate in steady.items())
+    outputs = tuple(
+        (name, model.signals[name].nominal) for name in given if name not in (*model.variables, *model.rates)
+    )
     key = model.layout, given, free, rates, outputs, _watched(model, condition, [*held])
     return key if free and _pair(*key) is not None else None
 
@@ -271,7 +272,7 @@ def _newton(
         at()
         flat[rows] = at.results[0].reshape(together, -1)[: rows.stop - first]
     begin, index = _ends(model)[3], list(model.states).index
-    off = [(flat[:, begin + index(name)] - rate) / scale for name, rate, scale in rates]
+    off = [(flat[:, begin + index(name)] - columns.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates]
     off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
     balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
     return flat[:, :end], flat[:, end + len(outputs) :], balanced

@@ -16,11 +16,11 @@ import numpy as np
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.variants import Variant, variant_named
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.model import Model
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.points import condition_at, planned
+from trim.sweeps.points import condition_at
 
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
@@ -63,12 +63,12 @@ class SweepPlan:
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything runs."""
-        known = planned(self.condition.model)
+        model = self.condition.model
         if not self.axes:
-            raise BadInputError(f"nothing to sweep; choose from {', '.join(known)}")
+            raise BadInputError(f"nothing to sweep; choose from {', '.join((*model.holdable, *model.parameters))}")
         ends_of, listed = {}, {}
         for name, values in self.axes.items():
-            refuse_unknown("cannot sweep", name, known)
+            model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
             ends = values.at(np.array([0, values.count - 1])) if isinstance(values, Steps) else numbers_in(name, values)
             if ends.ndim != 1 or not ends.size:
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")

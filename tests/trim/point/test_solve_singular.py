@@ -31,7 +31,7 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> Non
     alike = Aircraft(far, aircraft.variant)
     condition = level_flight(float(np.radians(15.0)))
     same = "elevator_outer moves them only as elevator_center does; set something else free"
-    with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\)$"):
+    with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
         find_operating_point(alike, condition)
     find_operating_point(alike, release(condition, free=("aileron_center",), hold={"elevator_outer": 0.0}))
 
