@@ -15,8 +15,8 @@ from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa_support import BadInputError, Model, Signal
 from trim import TrimError, find_operating_point, linearize, release
-from trim.point.condition import usual_condition
 from trim.linear.linear_model import LinearModel
+from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
