@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.design.design import Design
+from controller.design.design import Actuator, Design, Shaping
 from controller.design.design_model import DesignModel, design_model
+from controller.design.loop_shaping import following_model, output_weights, shaped_controller
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.design.servo_loop import servo_loop, servo_plant
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve_game
 from controller.riccati.output_feedback import (
@@ -24,6 +24,7 @@ from controller.riccati.output_feedback import (
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.aircraft import Aircraft
 from hfa_model.provenance import parameter_hash
+from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
@@ -36,14 +37,15 @@ Value = Callable[[Game], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """x' = A x + B [y; w], u = C x + D [y; w] at one angle, W its anti-windup input, and what certifies it."""
+    """x' = A x + B [y; w], u = C x + D [y; w] at one angle, W its anti-windup input, what certifies it, and its
+    limit: the smallest delta of the game or, of a shaped loop, the smallest gamma."""
 
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
     W: np.ndarray
-    delta_min: float = math.nan
+    limit: float = math.nan
     checks: tuple[Check, ...] = ()
 
 
@@ -61,6 +63,7 @@ def design_controller(
     feedback: "state", "output", or "" for output where the design has sensors. value: as `controller_at`.
     Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
     """
+    design = design.of(aircraft.variant.name)
     feedback = feedback or ("output" if design.sensors else "state")
     found, models = [], []
     for dihedral in told(dihedrals.tolist(), progress):
@@ -73,7 +76,7 @@ def design_controller(
                 f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
             ) from error
     table = controller_table(aircraft, design, feedback, models, found)
-    rows = [_row(aircraft, model, design, each, table) for model, each in zip(models, found, strict=True)]
+    rows = [_row(model, design, each) for model, each in zip(models, found, strict=True)]
     return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})
 
 
@@ -81,19 +84,21 @@ def controller_table(
     aircraft: Aircraft, design: Design, feedback: str, models: list[LinearModel], found: list[LinearController]
 ) -> ScheduledController:
     """Controllers of one design, and the linear models that they are for, in one value."""
+    states, commands, command_filter = _names(design, feedback)
     return ScheduledController(
         name=design.name,
         feedback=feedback,
         dihedrals=np.array([model.point.states.dihedral for model in models]),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},  # type: ignore[arg-type]
-        states=tuple(f"{name}_estimate" for name in design.states if feedback == "output") + design.integral_states,
+        states=states,
         measurements=measurements(design, feedback),
-        commands=tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals),
+        commands=commands,
         inputs=design.inputs,
         trim_states=np.array([model.point.states for model in models]),
         trim_inputs=np.array([model.point.inputs for model in models]),
         dynamics=aircraft.variant.name,
         parameters=parameter_hash(aircraft.parameters),
+        command_filter=command_filter,
     )
 
 
@@ -106,6 +111,8 @@ def controller_at(
     are left out otherwise.
     """
     built = design_model(aircraft, model, design)
+    if design.shaping is not None:
+        return _shaped(aircraft, built, design.shaping)
     if feedback == "state":
         found = _state_feedback(built, value)
     elif not design.sensors:
@@ -115,6 +122,47 @@ def controller_at(
     return _with_commands(design, measurements(design, feedback), found)
 
 
+def _shaped(aircraft: Aircraft, built: DesignModel, shaping: Shaping) -> LinearController:
+    """The robust controller of the shaped plant, and the model that the commands go through."""
+    design, following = built.design, shaping.following
+    slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
+    answer = design_model(aircraft, built.model, replace(design, actuators=slow))
+    model = following_model(
+        answer.A,
+        answer.B,
+        answer.C[[answer.sensors.index(name) for name in following.outputs]],
+        following,
+        paid=np.array([following.states.get(name, 0.0) for name in answer.states]),
+        rates=np.array([following.rates[name] for name in design.inputs]),
+    )
+    gains = np.array([shaping.inputs[name] for name in design.inputs])
+    sensed = np.hstack([answer.C, np.zeros((len(answer.C), len(gains)))])
+    plant = built.A, built.B, built.C
+    found = shaped_controller(
+        plant,
+        gains,
+        output_weights(shaping.outputs_at(built.model.point.states.dihedral)),
+        shaping.factor,
+        model,
+        sensed,
+    )
+    return LinearController(found.A, found.B, found.C, found.D, found.W, found.gamma_min, found.checks)
+
+
+def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
+    """States of the controller, commands that it is told of, and the command filter that it knows."""
+    if design.shaping is None:
+        estimates = tuple(f"{name}_estimate" for name in design.states if feedback == "output")
+        commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
+        return estimates + design.integral_states, commands, ()
+    following, own = design.shaping.following, output_weights(design.shaping.outputs).states
+    positions = tuple(f"model_{name}_position" for name in design.inputs)
+    model = (*(f"model_{name}" for name in LINEAR_STATES), *positions, *(f"{name}_command" for name in design.inputs))
+    estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *own))
+    commands = tuple(f"{name}{signal}" for signal in COMMAND_SIGNALS for name in following.outputs)
+    return (*model, *own, *estimates), commands, following.filter
+
+
 def _state_feedback(built: DesignModel, value: Value | None) -> LinearController:
     """u = -K [measured; integrals]."""
     game = built.game()
@@ -122,7 +170,7 @@ def _state_feedback(built: DesignModel, value: Value | None) -> LinearController
         return _from_gain(built, game.gain(value(game)))
     exact = solve_game(game)
     found = _from_gain(built, exact.K)
-    return replace(found, delta_min=minimum_delta(game).value, checks=exact.certificate.checks)
+    return replace(found, limit=minimum_delta(game).value, checks=exact.certificate.checks)
 
 
 def _from_gain(built: DesignModel, K: np.ndarray) -> LinearController:
@@ -142,7 +190,7 @@ def _output_feedback(built: DesignModel, value: Value | None) -> LinearControlle
         return from_estimator(built, central_controller(problem, value(problem.game), value(problem.dual)))
     exact = solve_output_feedback(problem)
     found = from_estimator(built, (exact.Ak, exact.Bk, exact.Ck))
-    return replace(found, delta_min=minimum_output_delta(problem)[0], checks=exact.checks)
+    return replace(found, limit=minimum_output_delta(problem)[0], checks=exact.checks)
 
 
 def problem_of(built: DesignModel) -> OutputGame:
@@ -170,19 +218,11 @@ def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, 
     )
 
 
-def _row(
-    aircraft: Aircraft, model: LinearModel, design: Design, found: LinearController, table: ScheduledController
-) -> dict[str, Any]:
-    """What the table of the design says of one angle; margins with the actuators of the design."""
-    loop = servo_loop(servo_plant(aircraft, model, table, design.actuators), table)
-    return {
-        "dihedral": model.point.states.dihedral,
-        "delta_min": found.delta_min,
-        "abscissa": loop.abscissa,
-        "margin_at_inputs": loop.margin_at_inputs()._asdict(),
-        "margin_at_sensors": loop.margin_at_sensors()._asdict(),
-        "checks": [check.to_dict() for check in found.checks],
-    }
+def _row(model: LinearModel, design: Design, found: LinearController) -> dict[str, Any]:
+    """What the table of the design has of one angle."""
+    limit = "delta_min" if design.shaping is None else "gamma_min"
+    checks = [check.to_dict() for check in found.checks]
+    return {"dihedral": model.point.states.dihedral, limit: found.limit, "checks": checks}
 
 
 def measurements(design: Design, feedback: str) -> tuple[str, ...]:

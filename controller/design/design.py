@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from hfa_model.outputs import OUTPUTS, unit_of
+from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shortened, shown
-from hfa_support.schema import NUMBER, Number, checked, read_named
+from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
 
 #: Designs that come with the package: name -> file.
 NAMED = {
@@ -28,6 +31,8 @@ NAMED = {
 SHORT_PERIOD = "_short_period"
 #: Where the disturbance of the game enters.
 DISTURBANCES = ("states", "updraft", "commands")
+#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
+COMMAND_FILTER = (0.5, 2.0)
 #: How names end -> what the unit of the rest is multiplied with.
 _ENDS = {
     "_command_end": "",
@@ -61,6 +66,44 @@ class Actuator:
             refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))
 
 
+class OutputWeight(NamedTuple):
+    """gain (1 + corner/s) / (1 + lag s): in 1/unit of the output, rad/s, s."""
+
+    gain: float
+    corner: float = 0.0
+    lag: float = 0.0
+
+
+class Following(NamedTuple):
+    """How commands of `outputs` are to be followed: weights of their squared errors, of states, of the rates of inputs.
+
+    filter: bandwidth (rad/s) and damping of the command filter. bandwidth: of the actuators, of order 1, rad/s.
+    """
+
+    outputs: Mapping[str, float]
+    states: Mapping[str, float]
+    rates: Mapping[str, float]
+    filter: tuple[float, float]
+    bandwidth: float
+
+
+class Shaping(NamedTuple):
+    """Loop shaping: gain of each input, weight of each measured output, γ / γ_min, and the angles (rad) between which
+    the controller is interpolated. schedule: output -> factor on its gain at each of them."""
+
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, OutputWeight]
+    factor: float
+    dihedrals: tuple[float, ...]
+    schedule: Mapping[str, Sequence[float]]
+    following: Following
+
+    def outputs_at(self, dihedral: float) -> dict[str, OutputWeight]:
+        """The weights with their gains at an angle, rad."""
+        factors = {name: float(np.interp(dihedral, self.dihedrals, row)) for name, row in self.schedule.items()}
+        return {name: each._replace(gain=each.gain * factors.get(name, 1.0)) for name, each in self.outputs.items()}
+
+
 @dataclass(frozen=True)
 class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for `integrals`.
@@ -69,7 +112,8 @@ class Design:
     scales the squared columns of E; "states": the rates of the six states (the paper's), "updraft": the vertical
     velocity of the air, ft/s, "commands": the inputs. state_weights, input_weights: diagonal of Q and R by name, in the
     names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
-    sensors: state or output -> intensity of its noise.
+    sensors: state or output -> intensity of its noise. shaping: of a controller by loop shaping, which has no game.
+    variants: dynamics -> what the design is for them.
     BadInputError when a name is unknown or given twice.
     """
 
@@ -82,6 +126,12 @@ class Design:
     input_weights: Mapping[str, float] = field(default_factory=dict)
     delta: float = math.inf
     sensors: Mapping[str, float] = field(default_factory=dict)
+    shaping: Shaping | None = None
+    variants: Mapping[str, Design] = field(default_factory=dict)
+
+    def of(self, dynamics: str) -> Design:
+        """This design for the dynamics of that name: its own where the file has a table of that name."""
+        return self.variants.get(dynamics, self)
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything is built."""
@@ -109,9 +159,40 @@ class Design:
         for what, numbers in (("noise of sensor", self.sensors), ("intensity of disturbance", self.disturbances)):
             for name, value in numbers.items():
                 refuse_unless_positive(f"design {self.name}: the {what} {name}", value)
+        if self.shaping is not None:
+            self._check_shaping(self.shaping)
         missing = [name for name in self.inputs if name not in self.input_weights]
         if missing:
             raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")
+
+    def _check_shaping(self, shaping: Shaping) -> None:
+        following = shaping.following
+        for what, names, choices in (
+            ("rate of an input", following.rates, self.inputs),
+            ("weight of a state", following.states, LINEAR_STATES),
+            ("scheduled output", shaping.schedule, tuple(shaping.outputs)),
+            ("followed output, which must be measured", following.outputs, tuple(shaping.outputs)),
+        ):
+            for name in names:
+                refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
+        missing = [name for name in self.inputs if name not in shaping.inputs or name not in following.rates]
+        if missing or set(self.actuators) != set(self.inputs):
+            name = (*missing, *(name for name in self.inputs if name not in self.actuators))[0]
+            raise BadInputError(
+                f"design {self.name}: input {name} needs an actuator, a gain in shaping.inputs and a weight in "
+                "shaping.following.rates; give all three"
+            )
+        for name, factors in shaping.schedule.items():
+            if len(factors) != len(shaping.dihedrals):
+                raise BadInputError(f"design {self.name}: shaping.schedule.{name} needs one factor for each dihedral")
+        if (
+            len(following.filter) != 2
+            or list(shaping.dihedrals) != sorted(set(shaping.dihedrals))
+            or not shaping.dihedrals
+        ):
+            raise BadInputError(
+                f"design {self.name}: shaping.following.filter is a bandwidth and a damping, and the dihedrals increase"
+            )
 
     @property
     def plant_states(self) -> tuple[str, ...]:
@@ -146,7 +227,7 @@ def signal_unit(name: str) -> str:
     return ""
 
 
-_WEIGHTS = {str: Number(0.0, 1e100)}
+_WEIGHTS, _POSITIVE = {str: Number(0.0, 1e100)}, {str: POSITIVE}
 ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
 _FILE = {
     "description": str,
@@ -158,6 +239,20 @@ _FILE = {
     "actuators": ACTUATORS,
     "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
     "sensors": _WEIGHTS,
+    "shaping": {
+        "factor": Number(1.0, above=True),
+        "dihedrals": [NUMBER],
+        "schedule": {str: [POSITIVE]},
+        "inputs*": _POSITIVE,
+        "outputs*": {str: {"gain*": POSITIVE, "corner": Number(0.0), "lag": Number(0.0)}},
+        "following*": {
+            "outputs*": _POSITIVE,
+            "states": _WEIGHTS,
+            "rates*": _POSITIVE,
+            "filter": [POSITIVE],
+            "bandwidth": POSITIVE,
+        },
+    },
 }
 
 
@@ -167,7 +262,9 @@ def load_design(name: str) -> Design:
     inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
     [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
     (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
-    intensity of its noise.
+    its intensity. Or [shaping]: factor, dihedrals (deg); [shaping.inputs], [shaping.outputs.NAME] gain, corner,
+    lag; [shaping.schedule]; [shaping.following] filter, bandwidth, and by name outputs, states, rates: `Shaping`,
+    `Following`. [newton.TABLE]: what is otherwise for these dynamics.
     BadInputError names the file, the entry and the fault.
     """
     return design_of(name, read_design(name))
@@ -183,10 +280,16 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
     if "feedforward" in data:
         study = "make the controller with the study: python -m studies.servo design FILE.toml -o FILE.npz"
         raise BadInputError(f"{name}: a design has no table [feedforward]; remove it, or {study}")
-    data = checked(name, data, _FILE)
+    changes = {key: data[key] for key in VARIANTS if key in data}
+    data = checked(name, {key: value for key, value in data.items() if key not in changes}, _FILE)
     entering = data.get("disturbance", "states")
     several = entering if isinstance(entering, dict) else {checked(name, entering, str, "disturbance"): 1.0}
-    weights = data.get("weights", {})
+    weights, shaping = data.get("weights", {}), None
+    if "shaping" in data:
+        for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
+            if other in data:
+                raise BadInputError(f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out")
+        shaping = _shaping_of(data["shaping"])
     return Design(
         name=name,
         inputs=tuple(data.get("inputs", INPUTS)),
@@ -195,8 +298,28 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
         delta=data.get("delta", math.inf),
         actuators=actuators_of(name, "actuators", data.get("actuators", {})),
         state_weights=weights.get("states", {}),
-        input_weights=weights.get("inputs", {}),
-        sensors=data.get("sensors", {}),
+        input_weights=weights.get("inputs", {}) if shaping is None else shaping.inputs,
+        sensors=data.get("sensors", {}) if shaping is None else dict.fromkeys(shaping.outputs, 1.0),
+        shaping=shaping,
+        variants={
+            key: design_of(name, _merged(data, checked(name, each, {...: None}, key))) for key, each in changes.items()
+        },
+    )
+
+
+def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries with these in place of theirs, table by table."""
+    both = {key: _merged(whole[key], each) for key, each in changes.items() if isinstance(whole.get(key), dict)}
+    return {**whole, **changes, **both}
+
+
+def _shaping_of(table: Mapping[str, Any]) -> Shaping:
+    following = {"states": {}, "filter": list(COMMAND_FILTER), "bandwidth": 2.0} | table["following"]
+    following["filter"] = tuple(following["filter"])
+    outputs = {name: OutputWeight(**each) for name, each in table["outputs"].items()}
+    angles = tuple(math.radians(angle) for angle in table.get("dihedrals", range(21)))
+    return Shaping(
+        table["inputs"], outputs, table.get("factor", 1.1), angles, table.get("schedule", {}), Following(**following)
     )
 
 

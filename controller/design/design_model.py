@@ -73,8 +73,11 @@ class DesignModel(Shown):
     def game(self) -> Game:
         """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
 
-        BadInputError when an integrated output cannot be brought to a value of choice and held there.
+        BadInputError when an integrated output cannot be brought to a value of choice and held there, or the design has
+        no game.
         """
+        if self.design.shaping is not None:
+            raise BadInputError(f"design {self.design.name} is a loop shaping and has no game; make it with hfa design")
         self._check_integrals()
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])
         R = np.diag([float(self.design.input_weights[name]) for name in self.inputs])

@@ -36,7 +36,6 @@ COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
 #: rad; angles of a file closer than this to the ends of its range are inside.
 _AT_THE_END = 1e-9
 SCHEMA, DESIGN_SCHEMA = "hfa.controller/1", "hfa.controller-design/1"
-MARGINS = ("margin_at_inputs", "margin_at_sensors")
 #: Formats that a controller is written in.
 SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("dihedrals", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
@@ -146,7 +145,7 @@ class ScheduledController(ByValue, Reported):
             )
 
     def report(self) -> Report:
-        """The table of `about`: delta, delta_min, abscissa, margins, certificate; the smallest margins of all."""
+        """The table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
         try:
             return self._report(self.about.get("angles", ()), self.about.get("delta"))
         except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -155,37 +154,30 @@ class ScheduledController(ByValue, Reported):
             ) from error
 
     def _report(self, angles: Sequence[dict[str, Any]], delta: float | None) -> Report:
+        limit = "delta_min" if any("delta_min" in row for row in angles) else "gamma_min"
         rows = [
             (
                 f"{in_degrees(row['dihedral']):g}",
-                f"{row['delta_min']:.6g}",
-                f"{row['abscissa']:.4f}",
-                *(f"{row[name]['disk']:.4f}" for name in MARGINS),
+                f"{row[limit]:.6g}",
                 verdict_text(all(check["ok"] for check in row["checks"])),
             )
             for row in angles
         ]
-        header = ("dihedral", "delta_min", "abscissa 1/s", "margin at inputs", "at sensors", "certificate")
-        smallest = [
-            f"smallest disk {name.replace('_', ' ')}: {row[name]['disk']:.4f} at {in_degrees(row['dihedral']):g} deg, "
-            f"gain {row[name]['gain']:.4g}, phase {row[name]['phase']:.4g} deg"
-            for name in MARGINS
-            for row in sorted(angles, key=lambda row, name=name: float(row[name]["disk"]))[:1]  # type: ignore[misc]
-        ]
+        header = ("dihedral", limit, "certificate")
         told = [f"told: {', '.join(self.commands)}"] if self.commands else []
         if self.command_filter:
             told.append("of a command filter of {:g} rad/s, damping {:g}".format(*self.command_filter))
         first, last = (in_degrees(float(self.dihedrals[end])) for end in (0, -1))
         count = len(self.dihedrals)
+        game = "" if limit == "gamma_min" else f"delta {'inf' if delta is None else format(delta, 'g')}; "
         where = f"{count} angles from {first:g} to {last:g} deg" if count > 1 else f"at {first:g} deg"
         return Report(
             f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states, "
             f"{where}, {self.dynamics} dynamics",
             (
-                f"delta {'inf' if delta is None else format(delta, 'g')}; measured: {', '.join(self.measurements)}; "
+                f"{game}measured: {', '.join(self.measurements)}; "
                 f"moved: {', '.join(self.inputs)}" + "".join(f"; {each}" for each in told),
                 Table(header, rows),
-                "\n".join(smallest),
             ),
             data={
                 "schema": DESIGN_SCHEMA,

@@ -4,7 +4,8 @@ whether it is stable with every actuator that the aircraft may have: all corners
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ from trim.linear.linear_model import LinearModel, level_model
 #: Ends of the ranges of the corners: share of a command that arrives, and rad/s.
 EFFECTIVENESS, BANDWIDTH = (0.2, 1.0), (0.5, 2.0)
 ORDERS = (1, 2)
+#: Frequencies at which the loops are looked at.
+GRID = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,184 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 def _margin(A: np.ndarray, B: np.ndarray, K: np.ndarray) -> DiskMargin:
     game = Game(A=A, B=B, E=np.zeros((len(A), 1)), Q=np.eye(len(A)), R=np.eye(B.shape[1]), delta=np.inf)
     return disk_margin(game, K)
+
+
+class LoopMargin(NamedTuple):
+    """What one loop bears while all others stay closed; of "all inputs": the same factor or delay in every input.
+
+    gain: dB, to the nearest instability, up or down. phase: deg. crossover: rad/s, where |l| = 1 with this phase.
+    delay: s. inf where no gain, phase or delay ends stability, crossover nan where |l| is never 1.
+    """
+
+    loop: str
+    gain: float
+    phase: float
+    crossover: float
+    delay: float
+
+
+def loop_margins(loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]) -> tuple[LoopMargin, ...]:
+    """At every input, every sensor, and at all inputs at once. NoSolutionError when the loop is unstable.
+
+    With S = (I + L)⁻¹ of all inputs (sensors) the loop broken at one is l = 1/S_ii - 1; at all inputs at once
+    they are the eigenvalues of L (jω).
+    """
+    found = spectrum(loop.closed)
+    if found.abscissa >= 0.0:
+        raise NoSolutionError(f"the loop has a pole at {found.abscissa:+.4g} 1/s: an unstable loop has no margins")
+    poles, modes = np.linalg.eig(loop.closed)
+    limits = np.abs(np.concatenate([poles, np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.Ak)]))
+    grid = np.geomspace(1e-2 * max(limits.min(), 1e-3), 1e2 * limits.max(), GRID)
+    decays = 1.0 / (1j * grid[:, None] - poles)
+    nk = len(loop.Ak)
+
+    def sensitivity(enters: np.ndarray, leaves: np.ndarray) -> np.ndarray:
+        within = ((leaves @ modes) * decays[:, None, :]) @ np.linalg.solve(modes, enters)
+        return np.asarray(np.eye(len(leaves)) + within)
+
+    asked = np.hstack([loop.Dk @ loop.C, loop.Ck])
+    at_inputs = sensitivity(np.vstack([loop.B, np.zeros((nk, loop.B.shape[1]))]), asked)
+    seen = np.hstack([loop.C, np.zeros((len(loop.C), nk))])
+    at_sensors = sensitivity(np.vstack([loop.B @ loop.Dk, loop.Bk]), seen)
+    single = [
+        _margin_of(name, (1.0 / S[:, i, i] - 1.0)[:, None], grid)
+        for names, S in ((inputs, at_inputs), (sensors, at_sensors))
+        for i, name in enumerate(names)
+    ]
+    loci = np.linalg.eigvals(np.linalg.inv(at_inputs)) - 1.0
+    orders = [list(each) for each in itertools.permutations(range(loci.shape[1]))]
+    for k in range(1, len(loci)):  # in the order of the ones before
+        apart = [np.abs(loci[k][order] - loci[k - 1]).sum() for order in orders]
+        loci[k] = loci[k][orders[int(np.argmin(apart))]]
+    return (*single, _margin_of("all inputs", loci, grid))
+
+
+def _margin_of(name: str, loops: np.ndarray, grid: np.ndarray) -> LoopMargin:
+    """loops: l (jω) of each, (N, k). Crossings are interpolated between the frequencies of the grid."""
+    gain = phase = delay = math.inf
+    crossover = math.nan
+    for values in loops.T:
+        where, share = _crossings(values.imag)
+        real = values.real[where] + share * np.diff(values.real)[where]
+        real = real[real < 0.0]
+        gain = min(gain, float(np.abs(20.0 * np.log10(-real)).min(initial=math.inf)))
+        where, share = _crossings(np.log(np.maximum(np.abs(values), 1e-300)))
+        there = values[where] + share * np.diff(values)[where]
+        frequencies = grid[where] * (grid[where + 1] / grid[where]) ** share
+        angles = np.angle(-there)
+        if len(angles) and np.degrees(np.abs(angles).min()) < phase:
+            phase, crossover = np.degrees(np.abs(angles).min()), frequencies[np.abs(angles).argmin()]
+        delay = min(delay, float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)))
+    return LoopMargin(name, gain, float(phase), float(crossover), delay)
+
+
+def _crossings(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the sign changes, and the share of the way to the next value at which it does."""
+    where = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    return where, values[where] / (values[where] - values[where + 1])
+
+
+class ActuatorMargins(NamedTuple):
+    """Margins at one angle, rad, behind actuators of one order and bandwidth (rad/s); () where the loop is unstable."""
+
+    dihedral: float
+    order: int
+    bandwidth: float
+    abscissa: float
+    loops: tuple[LoopMargin, ...]
+
+    @property
+    def actuators(self) -> str:
+        """For a person."""
+        return f"order {self.order}, {self.bandwidth:g} rad/s" if self.order else "none"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MarginTable(Checked, Reported):
+    """Margins of a controller loop by loop, at every angle, behind every actuator."""
+
+    controller: ScheduledController
+    rows: tuple[ActuatorMargins, ...]
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every loop is stable."""
+        worst = max(self.rows, key=lambda row: row.abscissa)
+        where = f"{in_degrees(worst.dihedral):g} deg, actuators {worst.actuators}"
+        return (below("largest_abscissa", worst.abscissa, 0.0, f"the loop is unstable at {where}"),)
+
+    def report(self) -> Report:
+        """The smallest margins of each loop, and of each angle."""
+        stable = [(row, each) for row in self.rows for each in row.loops]
+        by_loop: dict[tuple[str, str], list[tuple[ActuatorMargins, LoopMargin]]] = {}
+        by_angle: dict[float, list[tuple[ActuatorMargins, LoopMargin]]] = {}
+        for row, each in stable:
+            by_loop.setdefault((row.actuators, each.loop), []).append((row, each))
+            if each.loop != "all inputs":
+                by_angle.setdefault(row.dihedral, []).append((row, each))
+        loops = [(*names, *_smallest(found, "deg")) for names, found in by_loop.items()]
+        angles = [(f"{in_degrees(angle):g}", *_smallest(found, "loop")) for angle, found in by_angle.items()]
+        header = ("gain dB", "at", "phase deg", "rad/s", "at", "delay ms")
+        return Report(
+            f"Margins of controller {self.controller.name}, one loop at a time: {'stable' if self.ok else 'UNSTABLE'}",
+            (
+                Table(("actuators", "loop", *header), loops),
+                Table(("dihedral", *header), angles),
+                checks_block(self.checks),
+            ),
+            data=self.to_dict(),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON: angles in rad, delays in s."""
+        rows = [{**row._asdict(), "loops": [each._asdict() for each in row.loops]} for row in self.rows]
+        return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
+
+
+def _smallest(found: list[tuple[ActuatorMargins, LoopMargin]], where: str) -> tuple[str, ...]:
+    """Cells of the smallest gain, phase and delay; where: the angle ("deg"), or the loop and its actuators."""
+
+    def place(pair: tuple[ActuatorMargins, LoopMargin]) -> str:
+        row, each = pair
+        return f"{in_degrees(row.dihedral):g} deg" if where == "deg" else f"{each.loop}, {row.actuators}"
+
+    gain, phase, delay = (
+        min(found, key=lambda pair, what=what: float(getattr(pair[1], what))) for what in ("gain", "phase", "delay")
+    )
+    return (
+        f"{gain[1].gain:.1f}",
+        place(gain),
+        f"{phase[1].phase:.0f}",
+        f"{phase[1].crossover:.3g}",
+        place(phase),
+        f"{1e3 * delay[1].delay:.0f}",
+    )
+
+
+def check_margins(
+    aircraft: Aircraft,
+    controller: ScheduledController,
+    dihedrals: np.ndarray,
+    bandwidths: Sequence[float],
+    *,
+    progress: Progress | None = None,
+) -> MarginTable:
+    """The loops about the level trims at `dihedrals` (N,), rad, behind actuators of both orders and these bandwidths
+    (rad/s) in every input; without any where `bandwidths` is empty. BadInputError as `check_corners`."""
+    controller.refuse_other(aircraft, float(dihedrals.min()), float(dihedrals.max()))
+    rates = {f"{name}_rate" for name in controller.inputs}
+    orders = ORDERS[1:] if rates & set(controller.measurements) else ORDERS
+    kinds = list(itertools.product(orders, bandwidths)) or [(0, math.inf)]
+    rows = []
+    for dihedral in told(dihedrals.tolist(), progress):
+        model = level_model(aircraft, dihedral)
+        for order, bandwidth in kinds:
+            actuators = {name: Actuator(order, bandwidth) for name in controller.inputs if order}
+            loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
+            stable = loop.abscissa < 0.0
+            loops = loop_margins(loop, controller.inputs, controller.measurements) if stable else ()
+            rows.append(ActuatorMargins(dihedral, order, bandwidth, loop.abscissa, loops))
+    return MarginTable(controller, tuple(rows))
 
 
 class Corner(NamedTuple):

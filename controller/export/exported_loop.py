@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.design.design import signal_unit
+from controller.design.design import COMMAND_FILTER, signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.export.c_model import c_positions, c_table, comment_lines, filled
 from controller.flight.actuators import Actuators
@@ -21,7 +21,7 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
-from controller.policy.signals import COMMAND_FILTER, CommandSteps
+from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_model.vectors import (
     INPUT_SCALES,

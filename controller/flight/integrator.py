@@ -166,5 +166,7 @@ class BackwardDifferentiation:
         p = ca.SX.sym("p", self._rate.numel_in(2) + 1)
         dae = {"t": t, "x": y, "p": p, "ode": self._rate(p[-1] + t, y, p[:-1])}
         quiet = {"disable_internal_warnings": True, "show_eval_warnings": False}
-        options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **quiet}
+        # From rest it would step over a gust that begins later.
+        longest = {"max_step_size": 10.0 * self.step}
+        options = {"reltol": RELATIVE, "abstol": ABSOLUTE, "max_num_steps": 10_000, **longest, **quiet}
         return ca.integrator("stiff", "cvodes", dae, 0.0, times.tolist(), options)

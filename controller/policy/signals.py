@@ -10,12 +10,10 @@ from typing import Any, NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from controller.design.design import COMMAND_FILTER
 from hfa_model.vectors import LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
-
-#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
-COMMAND_FILTER = (0.5, 2.0)
 
 
 class TimeVector(Protocol):

@@ -16,11 +16,10 @@ import casadi as ca
 import numpy as np
 
 from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
-from controller.design.design import SHORT_PERIOD
+from controller.design.design import COMMAND_FILTER, SHORT_PERIOD
 from controller.design.design_model import DesignModel
 from controller.policy.policies import Seen, Unvaried
 from controller.policy.servo_policy import DihedralTable, MeasuredOutputs
-from controller.policy.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import parameter_hash
 from trim import OperatingPoint, level_model

@@ -22,7 +22,7 @@ from studies.servo.feedforward import shaped_design
 DESIGNS = {
     name: str(Path(__file__).parent / "designs" / f"{name.replace('-', '_')}.toml")
     for name in ("servo-gusts", "servo-states")
-}
+} | {"servo": str(Path(__file__).parent / "designs" / "servo_three.toml")}
 _ACTUATOR = ("order", "bandwidth", "damping", "effectiveness")
 _POSITIVE = ("low", "high", "each", "intensity", "scale", "length", "rate", "margin", "fastest", "evaluations")
 
@@ -136,7 +136,7 @@ class Tuning:
 
 def design_entries(name: str, folder: Path = Path()) -> dict[str, Any]:
     """Entries of a design: one of the package or of `DESIGNS` by its name, or a file, relative to a folder."""
-    return read_design(name if name in NAMED else DESIGNS.get(name, str(folder / name)))
+    return read_design(DESIGNS[name] if name in DESIGNS else name if name in NAMED else str(folder / name))
 
 
 def load_tuning(path: str) -> Tuning:

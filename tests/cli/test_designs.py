@@ -115,7 +115,7 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     table = made.out.split("\n\n")[:-1]  # the last paragraph is the provenance
     assert again.out.split("\n\n")[:-1] == table
     assert "simvfa-1: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
-    assert "smallest disk margin at sensors" in table[3]
+    assert "Margins of controller simvfa-1, one loop at a time" in made.out
     controller = load_controller("servo.npz")
     assert controller.about["provenance"]["command"].startswith("hfa design --design simvfa-1")
     data = answer("design", "servo.npz")

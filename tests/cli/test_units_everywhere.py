@@ -23,7 +23,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
     "sweep": ("--dihedral", "10,12", "--speed", "60ft,68ft", "--game"),
     "validate": (),
-    "solve": (*AT, "--design", "servo", "--delta", "inf"),
+    "solve": (*AT, "--design", "simvfa-1", "--delta", "inf"),
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),

@@ -13,7 +13,7 @@ from project import ROOT
 from reference_riccati import relative_error
 
 from controller import Game, basis, design_model, learn, load_design
-from controller.design.design import Actuator, Design
+from controller.design.design import NAMED, Actuator, Design
 from controller.training_data.recording import natural_spread
 from hfa_model import Aircraft
 from verification import OutputGame, solve_game
@@ -21,12 +21,13 @@ from verification.exact_solution import GameSolution
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
 DELTA = 200.0
+SEARCHED = ROOT / "studies" / "servo" / "designs" / "servo_three.toml"
 #: Name -> states and weights, as docs/servo.md has them.
 SIZES = {
     "simvfa-1": (10, 55),
     "simvfa-2": (12, 78),
     "three inputs": (14, 105),
-    "servo": (10, 55),
+    "searched": (10, 55),
     "its filter": (10, 55),
 }
 
@@ -34,7 +35,7 @@ SIZES = {
 def design_of(name: str) -> Design:
     """three inputs: of `simvfa-2` with the ailerons of the center panel moved too."""
     if name != "three inputs":
-        return load_design("servo" if name == "its filter" else name)
+        return load_design(name if name in NAMED else str(SEARCHED))
     two = load_design("simvfa-2")
     more = {"aileron_center": Actuator(2)}
     weights = {**two.input_weights, "aileron_center": 50.0}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from controllers import small_controller
 from scipy.io import loadmat
 
 from controller import load_controller, save_controller
-from controller.design.scheduled_controller import MARGINS
 from hfa_model import Aircraft, default_parameters
 from hfa_support import BadInputError
 from hfa_support.reporting.text import Table
@@ -102,20 +100,16 @@ def test_what_is_no_controller_is_refused(published_aircraft: Aircraft, tmp_path
         save_controller(tmp_path / "good.json", small_controller(published_aircraft))
 
 
-def row(degrees: float, disk: float, ok: bool) -> dict[str, Any]:
-    margins = ({"disk": size, "gain": 2.0, "phase": 33.0} for size in (disk, 1.0 - disk))
-    known = {"dihedral": math.radians(degrees), "delta_min": 7.25, "abscissa": -0.125}
-    return known | dict(zip(MARGINS, margins, strict=True)) | {"checks": [{"ok": True}, {"ok": ok}]}
-
-
-def test_it_names_the_smallest_margins(published_aircraft: Aircraft) -> None:
-    about = {"delta": 200.0, "angles": [row(5, 0.3, True), row(10, 0.2, False), row(20, 0.4, True)]}
-    report = small_controller(published_aircraft, about=about).report()
-    _, table, smallest = report.parts
+@pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
+def test_its_table_has_the_limit_and_the_certificate_of_each_angle(published_aircraft: Aircraft, limit: str) -> None:
+    rows = [
+        {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
+        for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))
+    ]
+    report = small_controller(published_aircraft, about={"delta": 200.0, "angles": rows}).report()
+    table = report.parts[1]
     assert isinstance(table, Table)
-    assert [tuple(map(str, each)) for each in table.rows][1] == ("10", "7.25", "-0.1250", "0.2000", "0.8000", "FAIL")
-    assert smallest == (
-        "smallest disk margin at inputs: 0.2000 at 10 deg, gain 2, phase 33 deg\n"
-        "smallest disk margin at sensors: 0.6000 at 20 deg, gain 2, phase 33 deg"
-    )
-    assert (report.data["delta"], report.data["angles"]) == (200.0, about["angles"])
+    assert [tuple(map(str, each)) for each in table.rows][1] == ("10", "7.25", "FAIL")
+    assert (report.data["delta"], report.data["angles"]) == (200.0, rows)
+    with pytest.raises(BadInputError, match="the table of its design is damaged"):
+        small_controller(published_aircraft, about={"angles": [{"dihedral": 0.1}]}).report()

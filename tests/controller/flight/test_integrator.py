@@ -29,6 +29,17 @@ def test_both_methods_agree_where_the_constants_jump_too() -> None:
     np.testing.assert_allclose(plain[:, 0], 0.02 * np.arange(1501))
 
 
+def test_from_rest_a_push_that_comes_later_is_not_stepped_over() -> None:
+    """Once a gust that began after a second at rest was missed: the steps of the stiff method had grown by then."""
+    t, y, p = ca.SX.sym("t"), ca.SX.sym("y", 2), ca.SX.sym("p", 1)
+    push = ca.if_else(ca.fabs(t - 6.0) < 1.0, 1.0 + ca.cos(np.pi * (t - 6.0)), 0.0)
+    rate = ca.Function("rate", [t, y, p], [ca.vertcat(push - y[0], 1e3 * (y[0] - y[1]))])
+    path = integrate(BackwardDifferentiation(rate, 0.02, 1), np.zeros(2), lambda tick: np.zeros(1), 600)
+    plain = integrate(RungeKutta(rate, 0.002, 10), np.zeros(2), lambda tick: np.zeros(1), 600)
+    np.testing.assert_allclose(path[:, 1:], plain[::10, 1:], atol=1e-4)
+    assert path[:, 1].max() > 0.5
+
+
 @pytest.mark.parametrize("method", [RungeKutta, BackwardDifferentiation])
 def test_a_run_ends_with_the_tick_that_is_told(method) -> None:
     def stop(rows: np.ndarray, p: np.ndarray) -> bool:
