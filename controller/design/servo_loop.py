@@ -248,9 +248,9 @@ def _smallest(found: list[tuple[ActuatorMargins, LoopMargin]], where: str) -> tu
         row, each = pair
         return f"{in_degrees(row.dihedral):g} deg" if where == "deg" else f"{each.loop}, {row.actuators}"
 
-    gain, phase, delay = (
-        min(found, key=lambda pair, what=what: float(getattr(pair[1], what))) for what in ("gain", "phase", "delay")
-    )
+    gain = min(found, key=lambda pair: pair[1].gain)
+    phase = min(found, key=lambda pair: pair[1].phase)
+    delay = min(found, key=lambda pair: pair[1].delay)
     return (
         f"{gain[1].gain:.1f}",
         place(gain),
