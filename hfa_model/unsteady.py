@@ -66,8 +66,6 @@ _LAGS = tuple(f"lag_{strip}_{i}" for strip in STRIPS for i in (1, 2))
 _GUSTS = tuple(f"gust_{strip}_{i}" for strip in STRIPS if strip != "tip" for i in (1, 2))
 #: States beside the seven: angles that follow those of a strip's motion and control, of its gust, and the downwash.
 LAG_STATES = (*_LAGS, *_GUSTS, "downwash")
-#: The states of the game: the paper's six and the lags; wind alone moves the states of gusts.
-GAME_STATES = (*LINEAR_STATES, *_LAGS, "downwash")
 EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span", "downwash_share")
 
 
@@ -293,7 +291,8 @@ UNSTEADY = replace(
     equations=UnsteadyEquations(),
     parameters=_signals(),
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
-    linear=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
+    # Wind alone moves the states of gusts: no input reaches them, and a game cannot learn them.
+    linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**HFA.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
 )
 

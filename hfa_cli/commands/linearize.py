@@ -56,24 +56,32 @@ def run(arguments: argparse.Namespace) -> int:
         point = options.operating_point_of(arguments, aircraft)
     usual = aircraft.model.linear
     follow = arguments.residualize or ()
+    winds = arguments.disturbances
+    if isinstance(aircraft, Model) and aircraft.disturbances:
+        # States beside the linear ones through which winds act on these: the model has them where winds are asked for.
+        found = linearize(aircraft, point, full=True, disturbances=winds or tuple(aircraft.disturbances))
+        acts = found.A[[name in usual for name in found.states]].any(axis=0)
+        between = [name for i, name in enumerate(found.states) if acts[i] and found.E[i].any() and name not in usual]
+        if between:
+            usual, winds = (usual, ()) if winds is None else ((*usual, *between), winds)
     states = arguments.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
-    outputs, winds = arguments.outputs or states, arguments.disturbances
+    outputs = arguments.outputs or states
     full = linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
     whole = full.select(usual)
     model = full.select(states, arguments.inputs, residualize=follow)
     if isinstance(aircraft, Model):
-        report = linear_model_report(model, windy=winds is not None)
+        report = linear_model_report(model, windy=arguments.disturbances is not None)
     else:
         report = _of_the_hfa(arguments, aircraft, parameters, condition, model)
     if qualities := handling_qualities(aircraft, point):
         report = replace(report, parts=(*report.parts, quantities_table(qualities)))
         report = report.with_data(handling_qualities=quantities_data(qualities))
     if arguments.bode:
-        found, zeros = model.transfers(), model.zeros()
-        report = replace(report, parts=(*report.parts, *transfer_tables(model, found, zeros)))
-        report = report.with_data(zeros=re_im(zeros), transfers=[each.to_dict() for each in found])
+        responses, zeros = model.transfers(), model.zeros()
+        report = replace(report, parts=(*report.parts, *transfer_tables(model, responses, zeros)))
+        report = report.with_data(zeros=re_im(zeros), transfers=[each.to_dict() for each in responses])
     notes = [each for each in (*report.notes, reduction_note(model, whole, follow)) if each]
     report = replace(report, notes=notes).with_data(warnings=notes)
     draw(arguments.picture, lambda: bode_figure(model))

@@ -19,7 +19,6 @@ from controller.game.zero_sum import Game, published_game
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import OWN, disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
-from hfa_model.unsteady import GAME_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.reporting.text import numbered
@@ -124,19 +123,16 @@ def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
 def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
     """The game on the linear model of the user's own aircraft, its weights by nominal values unless given.
 
-    Of the unsteady dynamics it is the paper's game, with weight 0 on the lag states, and without those that the wind
-    alone moves: no input and no disturbance of the game reaches them.
+    Of the unsteady dynamics it is the paper's game, with weight 0 on the lag states.
     """
     what = "--dynamics unsteady" if arguments.aircraft is None else "--aircraft"
     options.refuse(arguments, ("model", "design"), f"does not go with {what}; leave one out")
     own = options.own_of(arguments)
     assert own is not None
-    lagging = arguments.aircraft is None
-    own = replace(own, linear=GAME_STATES) if lagging else own
     model = linearize(own, options.operating_point_of(arguments, own))
     units, warnings = (model.state_units, model.input_units), (*model.point.warnings, *model.kinks)
     asked = weights_of(arguments, model.state_units)
-    if lagging:
+    if arguments.aircraft is None:
         game = published_game(model, **asked)
         origin = f"the aircraft at dihedral {math.degrees(model.point.states.dihedral):g} deg, {own.title}"
         return NamedGame(game, model.states, model.inputs, *units, origin, warnings)

@@ -15,13 +15,23 @@ from random_points import random_points
 from scipy import special
 
 import hfa_model.unsteady as source
-from hfa_model import LAG_STATES, STATES, UNSTEADY, VARIANTS, Input, Parameters, State, unsteady_model
+from hfa_model import (
+    LAG_STATES,
+    STATES,
+    UNSTEADY,
+    VARIANTS,
+    Input,
+    Parameters,
+    State,
+    default_parameters,
+    unsteady_model,
+)
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
 from hfa_model.unsteady import EFFECTS, KUESSNER, WAGNER, Lag
 from hfa_model.winds import DISTURBANCES, winds_named
 from hfa_support import Model
-from trim import find_operating_point, linearize
+from trim import find_operating_point, level_model, linearize
 from trim.point.condition import usual_condition
 from verification.physics.unsteady_energy import derived_unsteady
 
@@ -44,6 +54,11 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
         winds = winds_named(tuple(DISTURBANCES), w.tolist())
         expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds)
         assert_allclose([float(found[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11)
+    for name in EFFECTS:  # a planted error: a millionth of any effect is seen
+        planted = unsteady_model(parameters, **{each: 1e-6 * (each == name) for each in EFFECTS})
+        x, u, p, w = (planted.layout.record(*each) for each in zip("xupw", (*vectors[:2], planted.p, w), strict=True))
+        found = planted.equations(x, u, p, w)[0]
+        assert max(abs(float(found[name]) - value) for name, value in zip(STATES, expected, strict=True)) > 1e-9
 
 
 def derivations(model: Model = UNSTEADY) -> ca.Function:
@@ -106,7 +121,7 @@ def test_energies_see_a_planted_error(
 def half_chords() -> tuple[np.ndarray, float]:
     """A of the linear model at 10 deg, and V/b of the center wing, 1/s."""
     point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
-    model = linearize(UNSTEADY, point, outputs=("alpha_air_center",), disturbances=("updraft_center",))
+    model = linearize(UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",))
     flow = float(point.states.speed) / (UNSTEADY.parameters["chord"].start / 2)
     rows = [model.states.index(f"{kind}_center_{i}") for kind in ("lag", "gust") for i in (1, 2)]
     return np.hstack([model.A[rows][:, rows], model.A[rows][:, [model.states.index("alpha")]], model.E[rows]]), flow
@@ -182,6 +197,15 @@ def test_the_steady_limit(degrees: float) -> None:
     assert strips["gust_outer_1"] == pytest.approx(0.0)
     infinite = find_operating_point(unsteady_model(finite_span=0.0), condition)
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
+
+
+def test_pitch_damping_is_that_of_the_tails_by_hand() -> None:
+    """A(q, q) = -3 ρ V/2 S_t a l_b (l_b + b_t) / (3 I_yy) with a flat wing, up to cos α: about -349 1/s without b_t."""
+    others = {name: 0.0 for name in EFFECTS if name != "local_motion"}
+    model, p = level_model(unsteady_model(**others), 0.0), default_parameters().values
+    q = model.states.index("pitch_rate")
+    slope = density(40000.0) * 68.0 / 2 * p.tail_area * p.lift_slope * p.boom_length * (p.boom_length + 1.0)
+    assert model.A[q, q] == pytest.approx(-slope / p.inertia_pitch, rel=0.005)
 
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])

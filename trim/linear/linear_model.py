@@ -14,7 +14,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
 from trim.linear.modes import Mode, modes_of, modes_table
-from trim.point.condition import level_flight
+from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
 from trim.point.solve import find_operating_point
 
@@ -401,6 +401,7 @@ def kinks_of(own: Model, model: LinearModel) -> tuple[str, ...]:
     return tuple(said)
 
 
-def level_model(aircraft: Aircraft, dihedral: float) -> LinearModel:
+def level_model(aircraft: Aircraft | Model, dihedral: float) -> LinearModel:
     """A, B at the paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
-    return linearize(aircraft, find_operating_point(aircraft, level_flight(dihedral)))
+    condition = TrimCondition(level_flight(dihedral).imposed, model=aircraft.model)
+    return linearize(aircraft, find_operating_point(aircraft, condition))

@@ -1,0 +1,149 @@
+"""Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts under the paper's
+policy, beside `published` and `newton`. Half a minute:
+
+    python -m studies.unsteady
+
+Servos: designed on the named dynamics, flown (linear) with actuators of 2 rad/s on each. Gusts: the nonlinear aircraft
+with u = -K (x - x0), K the exact gain of the paper's game on `published` at that angle, no actuators; states and inputs
+within the limits of a trim, alpha through the air of the center panel. It is not the flight of `hfa fly`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from controller import ScheduledController, design_controller, load_design, published_game
+from hfa_model import LINEAR_STATES, UNSTEADY, Aircraft
+from hfa_support import Model
+from trim import LinearModel, level_model, linearize
+from verification import solve_game
+
+PLANTS: dict[str, Aircraft | Model] = {name: Aircraft(dynamics=name) for name in ("published", "newton")}
+PLANTS["unsteady"] = UNSTEADY
+SHORT_PERIOD = "_short_period"
+
+
+@cache
+def model_at(plant: str, degrees: float) -> LinearModel:
+    """The linear model at the paper's level flight with this dihedral."""
+    return level_model(PLANTS[plant], np.radians(degrees))
+
+
+def opened(plant: str, degrees: float, servo: ScheduledController, order: int) -> tuple[np.ndarray, ...]:
+    """A, B, C of plant, actuators and controller with all commands open: u = C x without, u' in."""
+    model = model_at(plant, degrees)
+    position = {f"{name}_position": i for i, name in enumerate(servo.inputs)}
+    plain = [name for name in servo.measurements if name not in position]
+    seen = linearize(PLANTS[plant], model.point, outputs=tuple(name.removesuffix(SHORT_PERIOD) for name in plain))
+    columns, n, m = [seen.inputs.index(name) for name in servo.inputs], len(seen.A), len(servo.inputs)
+    fast = [name not in LINEAR_STATES or name == "alpha" for name in seen.states]
+    C, D = np.zeros((len(servo.measurements), n)), np.zeros((len(servo.measurements), m))
+    for row, name in enumerate(servo.measurements):
+        if name in position:
+            D[row, position[name]] = 1.0
+        else:
+            C[row] = seen.C[plain.index(name)] * (fast if name.endswith(SHORT_PERIOD) else 1.0)
+            D[row] = seen.D[plain.index(name), columns]
+    one, w = np.eye(m), 2.0
+    if order == 1:
+        Aa, Ba, Ca = -w * one, w * one, one
+    else:
+        Aa = np.block([[0 * one, one], [-(w**2) * one, -2 * 0.7 * w * one]])
+        Ba, Ca = np.vstack([0 * one, w**2 * one]), np.hstack([one, 0 * one])
+    Ak, Bk, Ck, Dk = servo.at(np.radians(degrees))
+    Bk, Dk = Bk[:, : len(servo.measurements)], Dk[:, : len(servo.measurements)]
+    Cy, nk, na = np.hstack([C, D @ Ca]), len(Ak), len(Aa)
+    A = np.block([[seen.A, seen.B[:, columns] @ Ca], [np.zeros((na, n)), Aa]])
+    A = np.block([[A, np.zeros((n + na, nk))], [Bk @ Cy, Ak]])
+    B = np.vstack([np.zeros((n, m)), Ba, np.zeros((nk, m))])
+    return A, B, np.hstack([Dk @ Cy, Ck])
+
+
+def margins(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[float, float]:
+    """Abscissa of the closed loop, 1/s, and the smallest disk margin of one command with the others closed; nan when
+    unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
+    abscissa = float(np.linalg.eigvals(A + B @ C).real.max())
+    if abscissa >= 0.0:
+        return abscissa, np.nan
+    found = []
+    for i in range(B.shape[1]):
+        others = [j for j in range(B.shape[1]) if j != i]
+        rest = A + B[:, others] @ C[others]
+        for w in np.geomspace(1e-3, 300.0, 600):
+            loop = -C[i] @ np.linalg.solve(1j * w * np.eye(len(A)) - rest, B[:, i])
+            found.append(2 * abs((1 + loop) / (1 - loop)))
+    return abscissa, min(found)
+
+
+def flier(plant: str, degrees: float, step: float = 0.005, duration: float = 20.0) -> Callable[..., bool]:
+    """(length ft, peak ft/s) -> whether a 1-cosine updraft leaves every state and input within its limits."""
+    of, linear = PLANTS[plant].model, model_at(plant, degrees)
+    K = solve_game(published_game(model_at("published", degrees))).K
+    x, t, gust = ca.SX.sym("x", len(of.states)), ca.SX.sym("t"), ca.SX.sym("gust", 2)
+    rows = [list(of.states).index(name) for name in LINEAR_STATES]
+    x0, u0 = np.array(linear.point.states), np.array(linear.point.inputs)
+    u = u0 - K @ (x[rows] - x0[rows])
+    speed = linear.point.states.speed
+    w = ca.if_else(speed * t < gust[0], gust[1] / 2 * (1 - ca.cos(2 * np.pi * speed * t / gust[0])), 0)
+    winds = [w if name == "updraft" else 0.0 for name in of.disturbances]
+    vectors = ca.vertsplit(x), ca.vertsplit(u), of.p.tolist()
+    f, y = of.layout.expressions(vectors, ("alpha_air_center",), winds)
+    rate = ca.Function("rate", [x, t, gust], [f])
+    k1 = rate(x, t, gust)
+    k2 = rate(x + step / 2 * k1, t + step / 2, gust)
+    k3 = rate(x + step / 2 * k2, t + step / 2, gust)
+    k4 = rate(x + step * k3, t + step, gust)
+    watched = ca.vertcat(y, *(x[i] for i, name in enumerate(of.states) if name != "alpha"), u)
+    advance = ca.Function("advance", [x, t, gust], [x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4), watched])
+    count = round(duration / step)
+    fly = advance.mapaccum("fly", count)
+    names = ["alpha", *(name for name in of.states if name != "alpha"), *of.inputs]
+    low, high = (np.array([of.limits[name][end] for name in names])[:, None] for end in (0, 1))
+
+    def held(length: float, peak: float) -> bool:
+        gusts = np.repeat([[length], [peak]], count, axis=1)
+        rows = np.array(fly(x0, step * np.arange(count), gusts)[1])
+        return bool(np.isfinite(rows).all() and (rows >= low).all() and (rows <= high).all())
+
+    return held
+
+
+def largest(held: Callable[[float, float], bool], length: float, sign: float) -> float:
+    """The largest peak that is held, ft/s, to 0.5; 60 means that or more."""
+    low, high = 0.0, 60.0
+    if held(length, sign * high):
+        return high
+    while high - low > 0.5:
+        middle = (low + high) / 2
+        low, high = (middle, high) if held(length, sign * middle) else (low, middle)
+    return low
+
+
+def main() -> None:
+    """Print both tables."""
+    angles = (0.0, 5.0, 11.0, 15.0, 20.0)
+    print("servo on dynamics, designed on published: 1/s, disk margin of the worst actuator, order 1 and 2")
+    for name in ("servo", "simvfa-1"):
+        table = design_controller(Aircraft(), load_design(name), np.radians(angles))
+        for degrees in angles:
+            for plant in PLANTS:
+                orders = (1, 2) if name == "servo" else (1,)
+                said = [margins(*opened(plant, degrees, table, order)) for order in orders]
+                print(f"{name:9} {degrees:3g} deg {plant:9}", *(f"{a:8.4f} {m:5.2f}" for a, m in said))
+    print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
+    for degrees in (5.0, 15.0):
+        for plant in PLANTS:
+            held = flier(plant, degrees)
+            said = [
+                f"{length} ft {largest(held, length, 1):.1f}/{largest(held, length, -1):.1f}"
+                for length in (150, 400, 1000)
+            ]
+            print(f"{degrees:3g} deg {plant:9}", *said, sep="  ", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""`--dynamics unsteady`: the commands that take any model have it; what is for seven states refuses in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+
+from hfa_model import LAG_STATES, LINEAR_STATES
+from hfa_model.unsteady import UNSTEADY
+
+UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
+
+
+def test_trims_models_and_games_have_the_lag_states() -> None:
+    trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
+    assert list(trimmed["states"])[7:] == list(LAG_STATES)
+    model = answer("linearize", *UNSTEADY_11)
+    assert model["states"] == list(UNSTEADY.linear)
+    assert "E" not in model
+    windy = answer("linearize", *UNSTEADY_11, "--disturbances", "updraft")
+    assert len(windy["A"]) == 25  # the states of gusts too
+    assert np.array(windy["E"]).shape == (25, 1)
+    game = answer("solve", *UNSTEADY_11)
+    assert game["certificate"]["ok"]
+    assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
+    assert game["states"] == model["states"]
+
+
+def test_effects_are_parameters_and_sweeps_have_them() -> None:
+    off = [word for name in ("local_motion", "apparent_mass", "lift_lag") for word in ("--hold", f"{name}=0")]
+    off += [word for name in ("gust_lag", "finite_span", "downwash_share") for word in ("--hold", f"{name}=0")]
+    plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
+    newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
+    np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
+    found = answer("sweep", "--dihedral", "0:20:10", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1")
+    assert found["reasons"] == [""] * 6
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("export", *UNSTEADY_11, "-o", "folder"), "more than seven states"),
+        (("prove", "schedule", "--dihedral", "14:15", "--dynamics", "unsteady"), "more than seven states"),
+        (("regenerate", "--dynamics", "unsteady"), "more than seven states"),
+        (("solve", *UNSTEADY_11, "--design", "servo"), "--design does not go with --dynamics unsteady"),
+        (("sweep", *UNSTEADY_11, "--game"), "--game is of six states"),
+    ],
+    ids=lambda each: each[0] if isinstance(each, tuple) else "",
+)
+def test_what_is_for_seven_states_refuses_in_one_line(words: tuple[str, ...], why: str) -> None:
+    code, out, err = hfa(*words)
+    assert (code, out) == (2, "")
+    assert why in err
+    assert err.count("\n") == 1
