@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+import numpy as np
+
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import OWN, some_of
 from hfa_cli.options.parser import add_value
@@ -60,8 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
     if isinstance(aircraft, Model) and aircraft.disturbances:
         # States beside the linear ones through which winds act on these: the model has them where winds are asked for.
         found = linearize(aircraft, point, full=True, disturbances=winds or tuple(aircraft.disturbances))
-        acts = found.A[[name in usual for name in found.states]].any(axis=0)
-        between = [name for i, name in enumerate(found.states) if acts[i] and found.E[i].any() and name not in usual]
+        rows = [i for i, name in enumerate(found.states) if name in usual]
+        beside = [i for i in range(len(found.states)) if i not in rows]
+        between = [found.states[i] for i in beside if np.any(found.A[rows, i]) and np.any(found.E[i])]
         if between:
             usual, winds = (usual, ()) if winds is None else ((*usual, *between), winds)
     states = arguments.states or tuple(name for name in usual if name not in follow)
