@@ -33,7 +33,7 @@ def coverage(samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]) ->
     assert (flights.status == 0).all()
     entries = np.concatenate([flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2)
     center = np.hstack([model.A, model.B])
-    errors = np.hstack([bands.A_rounding, bands.B_rounding])
+    errors = np.hstack([bands.A, bands.B]) / 2
     moved = errors > 1e-12
     assert moved.sum() == 35
     inside = (np.abs(entries - center) <= 1.96 * errors).mean(axis=0)

@@ -15,7 +15,7 @@ from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, L
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table
+from hfa_support.reporting.text import matrix_table
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
@@ -33,32 +33,19 @@ NO_BANDS = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bands(ByValue, Reported):
-    """Uncertainty of a linear model's entries, same shapes and units as A (6, 6) and B (6, 5).
-
-    rounding: standard error propagated from the rounding of the print through the parameters and the trim. The
-    equations are taken as they are: `docs/validation.md` says where they were tested.
+    """Half widths of the bands of a linear model's entries, A (6, 6) and B (6, 5), in their units: two standard errors,
+    propagated from the rounding of the print through the parameters and the trim. The equations are taken as they are:
+    `docs/validation.md` says where they were tested.
     """
 
-    A_rounding: np.ndarray
-    B_rounding: np.ndarray
-
-    @property
-    def A(self) -> np.ndarray:
-        """Half width of the band on A: two standard errors."""
-        return 2 * self.A_rounding
-
-    @property
-    def B(self) -> np.ndarray:
-        """Half width of the band on B: two standard errors."""
-        return 2 * self.B_rounding
+    A: np.ndarray
+    B: np.ndarray
 
     def report(self) -> Report:
-        """Half width of the band of every entry of A and B."""
+        """The half width of every entry."""
         tables = [
-            Table(
-                (name, *across), [(row, *(f"{value:.1e}" for value in band[i])) for i, row in enumerate(LINEAR_STATES)]
-            )
-            for name, across, band in (("A ±", LINEAR_STATES, self.A), ("B ±", INPUTS, self.B))
+            matrix_table(f"{name} ±", LINEAR_STATES, across, getattr(self, name))
+            for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
         ]
         return Report("Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s", tables)
 
@@ -96,7 +83,7 @@ def bands_known(parameters: ParameterSet) -> bool:
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
     """Bands of the entries of a six-state linear model, made with these parameters at a trim of this condition.
 
-    rounding: sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
+    2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit function
     theorem), C the covariance of the identified parameters p, v the free variables of the trim.
     BadInputError when the parameters have no bands (`bands_known`), or the model is not of the paper's six states.
     """
@@ -109,8 +96,10 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
         )
     variant = variant_named(model.point.dynamics)
     jacobian = _total_derivative(parameters, variant, condition, model.point)
-    rounding = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
-    return Bands(*_split(rounding))
+    n, m = len(LINEAR_STATES), len(INPUTS)
+    both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
+    # CasADi stacks columns.
+    return Bands(*np.split(both.reshape(n, n + m, order="F"), [n], axis=1))
 
 
 def _total_derivative(
@@ -147,9 +136,3 @@ def _derivatives(variant: Variant) -> ca.Function:
     entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
     jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (point, p)]
     return ca.Function("entry_derivatives", [x, u, p], [ca.densify(jacobian) for jacobian in jacobians])
-
-
-def _split(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    n, m = len(LINEAR_STATES), len(INPUTS)
-    # CasADi stacks columns.
-    return vector[: n * n].reshape(n, n, order="F"), vector[n * n :].reshape(n, m, order="F")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,9 +42,6 @@ def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[s
     )
 
 
-#: Matrix -> names of its rows, names of its columns, values.
-_Shown = dict[str, tuple[tuple[str, ...], tuple[str, ...], np.ndarray]]
-LINEAR_MODEL_SCHEMA = "hfa.linear-model/1"
 #: Condition number, in nominal units, from which a matrix counts as singular.
 _SINGULAR = 1e12
 
@@ -65,22 +62,14 @@ class LinearModel(ByValue, Reported):
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     point: OperatingPoint
-    outputs: tuple[str, ...] = ()
-    C: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    E: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    F: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    output_offsets: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    disturbances: tuple[str, ...] = ()
+    outputs: tuple[str, ...]
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+    output_offsets: np.ndarray
+    disturbances: tuple[str, ...]
     kinks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Without outputs, watch the states."""
-        if not self.outputs:
-            n = len(self.states)
-            seen = {"outputs": self.states, "C": np.eye(n), "D": np.zeros(self.B.shape), "E": np.zeros((n, 0))}
-            for name, value in (seen | {"F": np.zeros((n, 0)), "output_offsets": self.state_offsets}).items():
-                object.__setattr__(self, name, value)
 
     @property
     def output_units(self) -> tuple[str, ...]:
@@ -203,106 +192,90 @@ def linear_model_report(
     other: the model of the other dynamics at the same condition; the data then has the differences.
     windy: E, and F where the outputs are not the states, stand in the text and in the records too.
     """
-    point, shown = model.point, _shown(model, windy)
+    point, shown = model.point, [name for name, *_ in _blocks(model, windy)]
     rate, output = (" + E w", " + F w") if windy else ("", "")
     return Report(
         title=f"Linear model {at_scheduled(point)}, {point.called} "
         f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
-        f"{', '.join([*shown][:-1])} and {[*shown][-1]} in {_units_in(model)}; "
+        f"{', '.join(shown[:-1])} and {shown[-1]} in {_units_in(model)}; "
         "the offsets X0 and U0 in the units beside them",
-        parts=(
-            *matrices(model, windy=windy),
-            *filter(None, [trust]),
-            _offsets(model),
-            modes_table(model.modes),
-        ),
+        parts=(*matrices(model, windy=windy), *filter(None, [trust]), _offsets(model), modes_table(model.modes)),
         notes=[*point.warnings, *model.kinks],
         data=_data(model, bands, other),
-        records=_records(model, bands, shown),
+        records=_records(model, bands, windy),
     )
 
 
 def matrices(model: LinearModel, *, windy: bool = False) -> tuple[Table, ...]:
     """A and B with their names, C and D where the outputs are not the states; with winds E and F."""
-    columns = dict.fromkeys("AC", model.state_units) | dict.fromkeys("BD", model.input_units)
-    columns |= dict.fromkeys("EF", model.disturbance_units)
-    rows = dict.fromkeys("ABE", model.state_units) | dict.fromkeys("CDF", model.output_units)
+    units = model.point.model.units
     return tuple(
-        matrix_table(name, row_names, column_names, values, (rows[name], 1), (columns[name], -1))
-        for name, (row_names, column_names, values) in _shown(model, windy).items()
+        matrix_table(name, rows, columns, values, (units(rows), 1), (units(columns), -1))
+        for name, rows, columns, values in _blocks(model, windy)
     )
 
 
-def _shown(model: LinearModel, windy: bool) -> _Shown:
-    """The matrices of the text and of the records."""
-    columns = (("A", "C", model.states), ("B", "D", model.inputs), ("E", "F", model.disturbances))[: 3 if windy else 2]
-    found = {of_rates: (model.states, names, getattr(model, of_rates)) for of_rates, _, names in columns}
-    if model.outputs != model.states:
-        found |= {of_outputs: (model.outputs, names, getattr(model, of_outputs)) for _, of_outputs, names in columns}
-    return found
+def _blocks(model: LinearModel, windy: bool) -> list[tuple[str, tuple[str, ...], tuple[str, ...], np.ndarray]]:
+    """The matrices of the text and of the records: name, names of rows and of columns, values."""
+    columns = (model.states, "AC"), (model.inputs, "BD"), (model.disturbances, "EF")
+    rows = [model.states] if model.outputs == model.states else [model.states, model.outputs]
+    return [
+        (names[i], each, across, getattr(model, names[i]))
+        for i, each in enumerate(rows)
+        for across, names in columns[: 3 if windy else 2]
+    ]
+
+
+#: What the data has of every model, and of one with disturbances.
+_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs output_units C D"
+_WINDY = "disturbances disturbance_units E F output_offsets"
 
 
 def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) -> dict[str, Any]:
     """A linear model with names, units, offsets, modes and, where known, the bands of its entries."""
     point = model.point
+    names = [*_ALWAYS.split(), *(_WINDY.split() if model.disturbances else [])]
     data: dict[str, Any] = {
-        "schema": LINEAR_MODEL_SCHEMA,
+        "schema": "hfa.linear-model/1",
         **scheduled_data(point),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
-        "states": list(model.states),
-        "inputs": list(model.inputs),
-        "state_units": list(model.state_units),
-        "input_units": list(model.input_units),
-        "state_offsets": model.state_offsets.tolist(),
-        "input_offsets": model.input_offsets.tolist(),
-        "A": model.A.tolist(),
-        "B": model.B.tolist(),
-        "outputs": list(model.outputs),
-        "output_units": list(model.output_units),
-        "C": model.C.tolist(),
-        "D": model.D.tolist(),
+        **{name: np.asarray(getattr(model, name)).tolist() for name in names},
         "modes": [mode.to_dict() for mode in model.modes],
         "warnings": [*point.warnings, *model.kinks],
     }
-    if model.disturbances:
-        data |= {"disturbances": list(model.disturbances), "disturbance_units": list(model.disturbance_units)}
-        data |= {"E": model.E.tolist(), "F": model.F.tolist(), "output_offsets": model.output_offsets.tolist()}
     if bands is not None:
-        data["A_band"], data["B_band"] = bands.A.tolist(), bands.B.tolist()
+        data |= {"A_band": bands.A.tolist(), "B_band": bands.B.tolist()}
     if other is not None:
-        data["other_dynamics"] = other.point.dynamics
-        data["A_difference"], data["B_difference"] = (other.A - model.A).tolist(), (other.B - model.B).tolist()
+        differences = {f"{name}_difference": (getattr(other, name) - getattr(model, name)).tolist() for name in "AB"}
+        data |= {"other_dynamics": other.point.dynamics, **differences}
     return data
 
 
-def _records(
-    model: LinearModel,
-    bands: Bands | None,
-    shown: _Shown,
-) -> Table:
+def _records(model: LinearModel, bands: Bands | None, windy: bool) -> Table:
     """Header and rows (matrix, row, column, value, unit, band) of the matrices in the text, then the offsets."""
-    widths = {} if bands is None else {"A": bands.A, "B": bands.B}
-    of, of_outputs = model.point.model, dict(zip(model.outputs, model.output_units, strict=True))
-    rows: list[tuple[Any, ...]] = []
-    for name, (row_names, column_names, values) in shown.items():
-        band, of_rates = widths.get(name), name in "ABE"
-        for i, row in enumerate(row_names):
-            unit = of.rate_unit(row) if of_rates else of_outputs[row]
-            for j, column in enumerate(column_names):
-                per = f"({unit})/({of.unit(column)})"
-                rows.append((name, row, column, values[i, j], per, "" if band is None else band[i, j]))
-    offsets = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
-    rows += [("X0", name, "", value, unit, "") for name, value, unit in offsets]
-    controls = zip(model.inputs, model.input_offsets.tolist(), model.input_units, strict=True)
-    rows += [("U0", name, "", value, unit, "") for name, value, unit in controls]
+    own, rows = model.point.model, []
+    for name, down, across, values in _blocks(model, windy):
+        band = getattr(bands, name) if bands is not None and name in "AB" else None
+        for i, row in enumerate(down):
+            unit = own.rate_unit(row) if name in "ABE" else own.unit(row)
+            for j, column in enumerate(across):
+                one = "" if band is None else band[i, j]
+                rows.append((name, row, column, values[i, j], f"({unit})/({own.unit(column)})", one))
+    rows += [
+        (kind, name, "", value, own.unit(name), "")
+        for kind, names, offsets in (
+            ("X0", model.states, model.state_offsets),
+            ("U0", model.inputs, model.input_offsets),
+        )
+        for name, value in zip(names, offsets.tolist(), strict=True)
+    ]
     return Table(("matrix", "row", "column", "value", "unit", "band"), rows)
 
 
 def _offsets(model: LinearModel) -> Table:
-    states = zip(model.states, model.state_offsets.tolist(), model.state_units, strict=True)
-    inputs = zip(model.inputs, model.input_offsets.tolist(), model.input_units, strict=True)
-    rows = [(name, *degrees(value, unit)) for name, value, unit in (*states, *inputs)]
+    values = zip((*model.states, *model.inputs), (*model.state_offsets, *model.input_offsets), strict=True)
+    rows = [(name, *degrees(value, model.point.model.unit(name))) for name, value in values]
     return Table(("offset", "value", "unit"), rows)
 
 
@@ -310,7 +283,7 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
     """Where the names stand among the known ones; None names all."""
     chosen = known if names is None else names
     for name in chosen:
-        refuse_unknown(f"the model has no {what}", name, known)
+        refuse_unknown(f"unknown {what}", name, known)
         if chosen.count(name) > 1:
             raise BadInputError(f"{what} {name} is named twice; name it once")
     return [known.index(name) for name in chosen]
@@ -346,24 +319,17 @@ def linearize(
     point.refuse_other(own)
     if ground_drag:
         own = replace(own, equations=replace(own.equations, ground_drag=True))  # type: ignore[type-var]
-    seen = tuple(outputs or (own.states if full else own.linear))
+    plain = outputs is None and disturbances is None
+    seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
     winds = tuple(disturbances if disturbances is not None else [*own.disturbances][: outputs is not None])
-    for what, chosen, known in (
-        ("output", seen, (*own.states, *own.outputs)),
-        ("disturbance", winds, own.disturbances),
-    ):
-        for name in chosen:
-            refuse_unknown(f"unknown {what}", name, known)
-            if chosen.count(name) > 1:
-                raise BadInputError(f"{what} {name} is named twice; name it once")
-    if outputs is None and disturbances is None:
-        found = own.at(point.states, point.inputs)
-        model = LinearModel(found.A, found.B, tuple(own.states), tuple(own.inputs), point)
-    else:
-        found = own.at(point.states, point.inputs, seen, winds)
-        model = LinearModel(
-            found.A, found.B, tuple(own.states), tuple(own.inputs), point, seen, *found[4:], found.y, winds
-        )
+    _positions("output", seen, (*own.states, *own.outputs))
+    _positions("disturbance", winds, tuple(own.disturbances))
+    found = own.at(point.states, point.inputs, () if plain else seen, winds)
+    if plain:
+        eye = np.eye(len(seen))
+        found = found._replace(y=np.array(point.states), C=eye, D=np.zeros_like(found.B), F=found.E)
+    names = tuple(own.states), tuple(own.inputs)
+    model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds)
     if isinstance(aircraft, Model):
         model = replace(model, kinks=kinks_of(own, model))
     return model if full else model.select(own.linear)
@@ -376,29 +342,23 @@ def kinks_of(own: Model, model: LinearModel) -> tuple[str, ...]:
     from J by more than 1e-4 (1 + |J|), in scaled units.
     """
     names, n = [*own.states, *own.inputs], len(own.states)
-    z, nominal = np.array([*model.point.states, *model.point.inputs]), [own.signals[name].nominal for name in names]
+    z = np.array([*model.point.states, *model.point.inputs])
+    steps = 1e-6 * np.array([own.signals[name].nominal for name in names])
     function, exact = own.functions(()), np.hstack([model.A, model.B])
-    scales, said = np.array([own.rate_scale(name) for name in own.states]), []
 
-    def f(at: np.ndarray) -> np.ndarray:
-        return np.array(function(at[:n], at[n:], own.p)[0]).ravel()
+    def f(share: float) -> np.ndarray:
+        """The rates a share of each step away, a column a variable."""
+        moved = [z + share * step for step in np.diag(steps)]
+        return np.column_stack([np.array(function(at[:n], at[n:], own.p)[0]).ravel() for at in moved])
 
-    here = f(z)
-    for j, size in enumerate(nominal):
-        slopes = []
-        for side in (-1.0, 1.0):
-            h = side * 1e-6 * size
-            ends = [(f(z + step * np.eye(len(z))[j]) - here) / step for step in (h, h / 2)]
-            slopes.append(2 * ends[1] - ends[0])
-        scaled = [np.abs(each - exact[:, j]) * size / scales for each in slopes]
-        for i in np.flatnonzero(np.maximum(*scaled) > 1e-4 * (1 + np.abs(exact[:, j]) * size / scales)):
-            matrix = "A" if j < n else "B"
-            where = f"{matrix}({[*own.states][i]}, {names[j]})"
-            said.append(
-                f"kink: {where} is {exact[i, j] + 0.0:.5g}, but the slopes below and above are {slopes[0][i]:.5g} and "
-                f"{slopes[1][i]:.5g}"
-            )
-    return tuple(said)
+    below, above = ((4 * f(side / 2) - 3 * f(0.0) - f(side)) / (side * steps) for side in (-1.0, 1.0))
+    scale = 1e6 * steps / np.array([[own.rate_scale(name)] for name in own.states])
+    off = np.maximum(np.abs(below - exact), np.abs(above - exact)) * scale > 1e-4 * (1 + np.abs(exact) * scale)
+    return tuple(
+        f"kink: {'A' if j < n else 'B'}({names[i]}, {names[j]}) is {exact[i, j] + 0.0:.5g}, but the slopes below and "
+        f"above are {below[i, j]:.5g} and {above[i, j]:.5g}"
+        for j, i in np.argwhere(off.T).tolist()
+    )
 
 
 def level_model(aircraft: Aircraft | Model, dihedral: float) -> LinearModel:

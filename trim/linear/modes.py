@@ -98,30 +98,22 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
 
 def modes_table(modes: Iterable[Mode]) -> Table:
     """The mode table."""
-    rows = []
-    for mode in modes:
-        shares = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
-        rows.append(
-            (
-                mode.name,
-                eigenvalue_text(mode.eigenvalue),
-                f"{mode.damping:.4f}",
-                f"{mode.frequency:.4f}",
-                f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
-                _time_to(mode),
-                ", ".join(f"{name} {share:.0%}" for name, share in shares),
-            )
+    rows = [
+        (
+            mode.name,
+            eigenvalue_text(mode.eigenvalue),
+            *(f"{value:.4f}" for value in (mode.damping, mode.frequency)),
+            f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
+            _time_to(mode),
+            ", ".join(
+                f"{name} {share:.0%}"
+                for name, share in sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
+            ),
         )
-    header = (
-        "mode",
-        "eigenvalue 1/s",
-        "damping",
-        "frequency rad/s",
-        "period s",
-        "time to, s",
-        "participation",
-    )
-    return Table(header, rows)
+        for mode in modes
+    ]
+    names = "mode", "eigenvalue 1/s", "damping", "frequency rad/s", "period s", "time to, s", "participation"
+    return Table(names, rows)
 
 
 def _time_to(mode: Mode) -> str:

@@ -1,0 +1,113 @@
+"""A to F of the HFA beside the equations themselves: Taylor remainders and differences of high order, row by row, at
+random states far from any trim. A wrong entry is seen in its row, and in no other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_points import random_points
+
+from hfa_model import INPUTS, STATES, Aircraft, Input, State
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
+from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
+from hfa_model.winds import DISTURBANCES, winds_named
+
+NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
+ROWS, COLUMNS = (*STATES, *WATCHED), (*STATES, *INPUTS, *NAMES)
+#: What a step of 1 is, in the units of states, inputs and winds.
+SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *[10.0] * len(NAMES)])
+STEPS = np.array([5e-3, 1.5e-3, 5e-4])
+TROPOPAUSE = 36_152.0  # ft
+#: A remainder below this share of the values is rounding: the row is linear there.
+LINEAR = 1e-10
+
+
+def points(count: int, seed: int) -> np.ndarray:
+    """Random states beside inputs in still air, where the density has derivatives of all orders around them."""
+    states, inputs = random_points(count, seed)
+    altitude = np.clip(states[:, 2], 500.0, 64_500.0)
+    altitude[np.abs(altitude - TROPOPAUSE) < 500.0] += 1000.0
+    states[:, 2] = altitude
+    return np.hstack([states, inputs, np.zeros((count, len(NAMES)))])
+
+
+def at(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
+    """Rates and outputs at states, inputs and winds, by the equations in numbers."""
+    winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
+    moment = moment_of(State(*z[:7].tolist()), Input(*z[7:12].tolist()), aircraft.parameters, aircraft.variant, winds)
+    return np.array([*moment.rates, *outputs_of(moment, WATCHED)], dtype=float)
+
+
+def blocks(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
+    """[A B E; C D F] per step of `SCALES`."""
+    own = aircraft.model
+    own = replace(own, equations=replace(own.equations, ground_drag=ground_drag))
+    found = own.at(z[:7], z[7:12], WATCHED, NAMES)
+    return np.block([[found.A, found.B, found.E], [found.C, found.D, found.F]]) * SCALES
+
+
+def slopes(aircraft: Aircraft, count: int, planted: tuple[int, int] | None = None, **how: bool) -> np.ndarray:
+    """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is not."""
+    rng, found = np.random.default_rng(3), np.full((count, len(ROWS)), 2.0)
+    for slope, z in zip(found, points(count, seed=11), strict=True):
+        J, direction = blocks(aircraft, z, **how), rng.normal(size=len(COLUMNS))
+        if planted is not None:
+            J[planted] += 0.1 * np.abs(J[planted[0]]).max()
+        here, change = at(aircraft, z, **how), J @ direction
+        moved = np.array([at(aircraft, z + h * direction * SCALES, **how) for h in STEPS])
+        remainders = np.abs(moved - here - STEPS[:, None] * change)
+        curved = remainders[-1] > LINEAR * np.maximum(np.abs(here), np.abs(change))
+        slope[curved] = np.polyfit(np.log(STEPS), np.log(remainders[:, curved]), 1)[0]
+    return found
+
+
+@pytest.mark.parametrize("ground_drag", [False, True])
+def test_the_remainder_of_every_row_is_of_second_order(aircraft: Aircraft, ground_drag: bool) -> None:
+    """In a direction where the second order cancels the third is left, and between them anything: the median counts."""
+    found = slopes(aircraft, 100, ground_drag=ground_drag)
+    typical = np.median(found, axis=0)
+    assert typical.min() >= 1.9, ROWS[typical.argmin()]
+    assert typical.max() <= 2.1, ROWS[typical.argmax()]
+    assert np.mean(found >= 1.9) > 0.97
+
+
+@pytest.mark.parametrize(
+    ("row", "column"),
+    [
+        ("pitch_rate", "alpha"),  # A
+        ("dihedral_rate", "aileron_outer"),  # B
+        ("pitch_rate", "headwind_outer"),  # E
+        ("load_factor_outer", "alpha"),  # C
+        ("hinge_moment", "elevator_outer"),  # D
+        ("alpha_air_outer", "updraft_center"),  # F, where there should be nothing
+        ("lift_outer", "updraft_outer"),
+    ],
+)
+def test_one_wrong_entry_is_seen_in_its_row(published_aircraft: Aircraft, row: str, column: str) -> None:
+    at_row, at_column = ROWS.index(row), COLUMNS.index(column)
+    typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)
+    assert typical[at_row] < 1.5
+    assert np.delete(typical, at_row).min() >= 1.8
+
+
+@pytest.mark.parametrize("ground_drag", [False, True])
+def test_derivatives_equal_high_order_differences(aircraft: Aircraft, ground_drag: bool) -> None:
+    """Of eighth order: an error of 1e-10 of the largest entry of a row would show."""
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    for z in points(25, seed=12):
+        exact, columns, width = blocks(aircraft, z, ground_drag=ground_drag), [], 0.005
+        for step in np.diag(width * SCALES):
+            both = [
+                weight
+                * (
+                    at(aircraft, z + k * step, ground_drag=ground_drag)
+                    - at(aircraft, z - k * step, ground_drag=ground_drag)
+                )
+                for k, weight in weights.items()
+            ]
+            columns.append(sum(both) / width)
+        sizes = np.maximum(np.abs(exact).max(axis=1), 1e-2 * np.abs(at(aircraft, z)))
+        errors = np.abs(np.column_stack(columns) - exact).max(axis=1)
+        assert np.all(errors <= 1e-10 * sizes), ROWS[(errors / sizes).argmax()]
