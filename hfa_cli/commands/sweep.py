@@ -13,6 +13,7 @@ import argparse
 import warnings
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import OWN, whole
 from hfa_cli.options.games import add_weights, weights_of
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.ranges import Range, Span, array_of, grid_values, sample_limits, value_range
+from hfa_cli.options.ranges import Range, Span, array_of, grid_values, listed_conditions, sample_limits, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
@@ -58,7 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Sweep and report; exit 1 when no point has a trim."""
-    ranges = _ranges(arguments)
+    listing = arguments.condition if isinstance(arguments.condition, Path) else None
+    if listing is not None:
+        arguments.condition = None
+        options.refuse(arguments, ("samples",), "draws points at random; a list of points has none")
+    ranges = _ranges(arguments, listing)
     stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
     if stored:
         why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
@@ -69,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         if not arguments.game:
             options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
-    plan = _plan(arguments, ranges, stored)
+    plan = _plan(arguments, ranges, stored, listing)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
     # The notes on standard error: the table on standard output stays a table.
     show(replace(report, notes=()), arguments, target=None if stored else arguments.output)
@@ -77,28 +82,37 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if trimmed else 1
 
 
-def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool) -> SweepPlan:
+def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool, listing: Path | None) -> SweepPlan:
     """What is swept; what stays fixed comes first, because it is not drawn."""
-    if arguments.samples:
+    condition, own = options.swept_condition_of(arguments), options.own_of(arguments)
+    if listing is not None:
+        axes: dict[str, Any] = listed_conditions(listing, condition)
+        rows = len(next(iter(axes.values())))
+        for name, values in {**(arguments.hold or {}), **ranges}.items():
+            if name in axes or not (isinstance(values, tuple) and len(values) == 1):
+                raise BadInputError(f"{name} has a column or a range beside the list {listing}; give one value")
+            if name in ranges:
+                axes[name] = np.full(rows, values[0])
+    elif arguments.samples:
         if not any(isinstance(values, Span) for values in ranges.values()):
             raise BadInputError(f"--samples has nothing to draw; give one of {', '.join(ranges)} as LOW:HIGH")
-        axes: dict[str, Any] = {name: sample_limits(name, values) for name, values in ranges.items()}
+        axes = {name: sample_limits(name, values) for name, values in ranges.items()}
     elif stored:
         axes = {name: grid_values(name, values) for name, values in ranges.items()}
     else:
         axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
         axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
-        varied = [name for name, values in axes.items() if values.size > 1]
+    if not stored:
+        varied = [name for name, values in axes.items() if np.ptp(values) > 0]
         if arguments.picture is not None and len(varied) > 1:
             raise BadInputError(
                 f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
             )
-    condition, own = options.swept_condition_of(arguments), options.own_of(arguments)
-    random = arguments.samples or 0, arguments.seed or 0
+    random, start = (arguments.samples or 0, arguments.seed or 0), options.start_of(arguments)
     if own is not None:
-        return SweepPlan(axes, None, own, *random, condition, options.start_of(arguments))
+        return SweepPlan(axes, None, own, *random, condition, start, listing is not None)
     parameters = options.parameters_of(arguments).values
-    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, options.start_of(arguments))
+    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, start, listing is not None)
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
@@ -132,8 +146,8 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
     return report, bool(report.data["counts"]["trimmed"])
 
 
-def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
-    """Variable or parameter -> its range, of --dihedral and of --hold."""
+def _ranges(arguments: argparse.Namespace, listing: Path | None) -> dict[str, Range]:
+    """Variable or parameter -> its range, of --dihedral and of --hold; none are needed beside a list of points."""
     if arguments.aircraft is not None:
         options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
     elif OWN.get() is not None:
@@ -141,8 +155,8 @@ def _ranges(arguments: argparse.Namespace) -> dict[str, Range]:
     ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
     held = arguments.hold or {}
     ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
-    if not ranges:
+    if not ranges and listing is None:
         raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
-    if arguments.aircraft is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
+    if listing is None and arguments.aircraft is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
         warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
     return ranges

@@ -110,12 +110,19 @@ def add_flight(parser: argparse.ArgumentParser) -> None:
 def add_changes(parser: argparse.ArgumentParser, kind: Callable[[str, str], Any], form: str, about: str) -> None:
     """--condition, --free, --hold, --limit, --start; kind, form, about: the value of --hold, and what it does."""
     named = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the paper's values"
-    add_value(parser, "--condition", parsed(lambda text: load_condition(text, _usual())), "FILE", named)
+    if kind is not quantity:
+        named += "; or a list of points, .csv: a row of names, then a row each, typed as in --hold"
+    add_value(parser, "--condition", parsed(_condition), "FILE", named)
     parser.add_argument("--free", action="append", metavar="NAME", help="leave a variable free; repeatable")
     add_named(parser, "--hold", kind, f"NAME={form}", about)
     add_named(parser, "--limit", span, "NAME=LOW:HIGH", "limits of an unknown, degrees for angles; repeatable")
     about = "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE"
     add_value(parser, "--start", parsed(_start), "FILE", about)
+
+
+def _condition(text: str) -> TrimCondition | Path:
+    """A condition, or the path of a list of them."""
+    return Path(text) if text.lower().endswith(".csv") else load_condition(text, _usual())
 
 
 def _start(text: str) -> OperatingPoint | dict[str, float]:
@@ -220,6 +227,8 @@ def changed_condition(
         if "dihedral" in free and not dihedral_is_free:
             raise BadInputError("dihedral is given by --dihedral and set free by --free; leave one of them out")
     usual = arguments.condition or _usual()
+    if isinstance(usual, Path):
+        raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
     if (own := OWN.get()) is not None:
         for name in hold:
             own.refuse_unheld(f"--hold names nothing of {own.name}:", name, tuple(own.parameters))

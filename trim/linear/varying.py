@@ -48,8 +48,9 @@ class InterpolatedModel(Reported):
 
     def __post_init__(self) -> None:
         """Name what cannot be interpolated."""
-        for name, count in zip(self.sweep.variables, self.sweep.plan.sizes, strict=True):
-            if self.sweep.plan.samples or count < 2:
+        plan = self.sweep.plan
+        for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
+            if plan.samples or plan.listed or count < 2:
                 raise BadInputError(f"{name} has one value in the sweep; models are interpolated over two or more")
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:

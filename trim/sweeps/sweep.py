@@ -254,10 +254,12 @@ def sweep(
     *,
     condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
+    listed: bool = False,
     full: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Trim and linearize at every point of the product of the given values: a `SweepPlan` run in memory.
+    """Trim and linearize at every point of the product of the given values, or, when `listed`, at every row of these
+    columns: a `SweepPlan` run in memory.
 
     grid: trim variable or parameter of the aircraft -> values that are held (rad, ft/s, ft). condition: what the other
     variables do, by default the model's own trim, of the HFA the paper's level flight with a flat wing; the grid
@@ -267,9 +269,10 @@ def sweep(
     """
     asked = usual_condition(aircraft.model) if condition is None else condition
     if isinstance(aircraft, Model):
-        plan = SweepPlan(grid, None, aircraft, condition=asked, start=start)
+        own: tuple[Any, Any] = None, aircraft
     else:
-        plan = SweepPlan(grid, aircraft.parameters, aircraft.variant, condition=asked, start=start)
+        own = aircraft.parameters, aircraft.variant
+    plan = SweepPlan(grid, *own, condition=asked, start=start, listed=listed)
     return run_plan(plan, full=full, progress=progress)
 
 

@@ -47,7 +47,8 @@ class SweepPlan:
 
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
     fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
-    hypercube of that many points under `seed` (scipy.stats.qmc). Internal units. parameters, dynamics: the HFA where
+    hypercube of that many points under `seed` (scipy.stats.qmc). listed: the axes are columns of equal length, a point
+    a row. Internal units. parameters, dynamics: the HFA where
     it is not varied; dynamics by name or a `Variant`, or any other `Model`, which has its own parameters. condition:
     what the other variables do. start: where the search begins at each point. BadInputError when a name or a range is
     wrong.
@@ -60,6 +61,7 @@ class SweepPlan:
     seed: int = 0
     condition: TrimCondition = LEVEL_FLIGHT
     start: OperatingPoint | None = None
+    listed: bool = False
 
     def __post_init__(self) -> None:
         """Name what is wrong before anything runs."""
@@ -78,6 +80,8 @@ class SweepPlan:
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         object.__setattr__(self, "axes", listed)
+        if self.listed and len(set(self._lengths)) > 1:
+            raise BadInputError(f"the columns of a list of conditions have {shown(self._lengths)} values; give as many")
         if not 0 <= self.samples <= MOST_SAMPLES:
             raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
         if self.count > MOST_POINTS:
@@ -141,6 +145,8 @@ class SweepPlan:
         """Rows start .. stop - 1 of the (N, variables) table of values."""
         if self.samples:
             return self._hypercube[start:stop]
+        if self.listed:
+            return np.column_stack([np.asarray(values) for values in self.axes.values()])[start:stop]
         indices = np.unravel_index(np.arange(start, stop), self.sizes)
         columns = [
             values.at(index) if isinstance(values, Steps) else np.asarray(values)[index]
@@ -150,7 +156,11 @@ class SweepPlan:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of values of each variable of a grid, in order."""
+        """Number of values of each variable of a grid, in order; of a list the number of its rows."""
+        return self._lengths[:1] if self.listed else self._lengths
+
+    @property
+    def _lengths(self) -> list[int]:
         return [values.count if isinstance(values, Steps) else len(values) for values in self.axes.values()]
 
     def to_dict(self) -> dict[str, Any]:
@@ -163,6 +173,7 @@ class SweepPlan:
             "parameters": {name: each.start for name, each in self.aircraft.model.parameters.items()},
             "dynamics": self.dynamics_name,
             **({"source": list(self.dynamics.source)} if isinstance(self.dynamics, Model) else {}),
+            **({"listed": True} if self.listed else {}),
             "samples": self.samples,
             "seed": self.seed,
             "condition": self.condition.to_dict(),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import assert_refused, hfa
 
 from hfa_model import DEGREE, STATES, Aircraft
 from hfa_support import BadInputError
@@ -217,3 +220,44 @@ def test_columns_have_the_names_of_the_first_trimmed_point(published_aircraft: A
     result = sweep(published_aircraft, {"speed": [30.0, 68.0], "dihedral": [0.1, 0.2]})
     assert not result.trimmed[:2].any()
     assert set(result.mode_names) == {mode.name for mode in modes_of(result.A[2], result.model_states)}
+
+
+LISTS = [
+    ("dihedral,speed\n5,64\n10,6x8\n", "row 3, column speed is '6x8'; give a number"),
+    ("dihedral,speed\n5,64\n10,680\n", "row 3, column speed is 680 ft/s; it must lie between 1 ft/s and 500 ft/s"),
+    ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; choose from speed, "),
+    ("dihedral,dihedral\n5,64\n", "column dihedral comes twice; leave one out"),
+    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 columns; correct it"),
+    ("dihedral,speed\n", "has no conditions; give a row of names and a row for each condition"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), LISTS)
+def test_a_fault_in_a_list_of_points_is_named_by_row_and_column(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text, encoding="utf-8")
+    assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
+
+
+def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_path: Path) -> None:
+    """Degrees typed; each row is the single trim of its values; in a store the same; nothing is named twice."""
+    path = tmp_path / "points.csv"
+    path.write_text("speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8")
+    words = ("sweep", "--condition", str(path), "--free", "gamma")
+    data = json.loads(hfa(*words, "--json").out)
+    columns = {"speed": [64.0, 68.0], "dihedral": np.radians([5.0, 10.0]), "climb_rate": [0.0, 1.0]}
+    columns["panel_mass"] = [9.33, 9.3]
+    np.testing.assert_array_equal(data["values"], np.column_stack(list(columns.values())))
+    base = release(level_flight(0.0), free=("gamma",))
+    found = sweep(published_aircraft, columns, condition=base, listed=True)
+    np.testing.assert_array_equal(data["A"], found.A)
+    lighter = Aircraft(published_aircraft.parameters._replace(panel_mass=9.3))
+    held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
+    alone = linearize(lighter, find_operating_point(lighter, release(base, hold=held)))
+    np.testing.assert_allclose(found.A[1], alone.A, rtol=1e-9, atol=1e-12)
+    stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
+    assert json.loads(stored.out)["counts"]["trimmed"] == 2
+    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed has a column or a range beside ")
+    assert_refused(hfa("trim", "--dihedral", "5", *words[1:3]), 2, "is a list of points; `hfa sweep` takes it")
+    with pytest.raises(BadInputError, match="have \\[2, 1\\] values"):
+        sweep(published_aircraft, {"speed": [60.0, 70.0], "dihedral": [0.0]}, listed=True)
