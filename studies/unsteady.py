@@ -126,14 +126,14 @@ def largest(held: Callable[[float, float], bool], length: float, sign: float) ->
 def main() -> None:
     """Print both tables."""
     angles = (0.0, 5.0, 11.0, 15.0, 20.0)
-    print("servo on dynamics, designed on published: 1/s, disk margin of the worst actuator, order 1 and 2")
-    for name in ("servo", "simvfa-1"):
-        table = design_controller(Aircraft(), load_design(name), np.radians(angles))
+    print("servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2")
+    for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
+        table = design_controller(Aircraft(dynamics=of), load_design(name), np.radians(angles))
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)
                 said = [margins(*opened(plant, degrees, table, order)) for order in orders]
-                print(f"{name:9} {degrees:3g} deg {plant:9}", *(f"{a:8.4f} {m:5.2f}" for a, m in said))
+                print(f"{name:9} {of:9} {degrees:3g} deg {plant:9}", *(f"{a:8.4f} {m:5.2f}" for a, m in said))
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
         for plant in PLANTS:

@@ -13,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 from random_points import random_points
 from scipy import special
+from unsteady_energy import derived_unsteady
 
 import hfa_model.unsteady as source
 from hfa_model import (
@@ -33,7 +34,6 @@ from hfa_model.winds import DISTURBANCES, winds_named
 from hfa_support import Model
 from trim import find_operating_point, level_model, linearize
 from trim.point.condition import usual_condition
-from verification.physics.unsteady_energy import derived_unsteady
 
 DEGREES = np.pi / 180
 
