@@ -40,7 +40,7 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("export", *UNSTEADY_11, "-o", "folder"), "more than seven states"),
+        (("design", "--dihedral", "11", "--dynamics", "unsteady", "-o", "servo.npz"), "more than seven states"),
         (("prove", "schedule", "--dihedral", "14:15", "--dynamics", "unsteady"), "more than seven states"),
         (("regenerate", "--dynamics", "unsteady"), "more than seven states"),
         (("solve", *UNSTEADY_11, "--design", "servo"), "--design does not go with --dynamics unsteady"),
