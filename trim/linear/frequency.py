@@ -112,6 +112,8 @@ def _with_full_rows(
 
 def bode_figure(model: LinearModel) -> Figure:
     """Magnitude in dB and phase in degrees, a column an output and a line an input."""
+    if not model.inputs:
+        raise BadInputError("the model has no inputs: there is no Bode plot to draw")
     found = model.frequency_response()
     units = (model.output_units, 1), (model.input_units, -1)
     size = entries_in_force(np.moveaxis(np.abs(found.frdata), 2, 0), *units)
@@ -150,8 +152,7 @@ def transfer_tables(model: LinearModel, found: list[Transfer], zeros: np.ndarray
         for each in found
         if each.gain
     ]
-    several = f"all {len(model.outputs)} outputs" if len(model.outputs) > 1 else model.outputs[0]
-    said = f"Transmission zeros of {several} and {len(model.inputs)} inputs, 1/s: {_pairs_text(zeros)}"
+    said = f"Transmission zeros from {', '.join(model.inputs)} to {', '.join(model.outputs)}, 1/s: {_pairs_text(zeros)}"
     return said, Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
 
 

@@ -34,8 +34,8 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
     Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping, of two real
     eigenvalues those of their product and sum. `roll`: time constant -1/λ. `spiral`: time to double or half, ln 2/|λ|.
     With an output `load_factor` and a state `alpha` in the short period: n/alpha, and the control anticipation
-    parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1). n/alpha is the change of load factor by that of alpha, at
-    rest and at constant speed, after a step of the input that pitches the aircraft most.
+    parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1). n/alpha is the change of load factor by that of alpha, both at
+    rest after a step of the input that pitches the aircraft most, with every state but alpha and pitch rate held.
     """
     model = aircraft.model
     outputs = ("load_factor",) if "load_factor" in model.outputs else None

@@ -123,6 +123,8 @@ class LinearModel(ByValue, Reported):
             states = tuple(name for name in self.states if name not in residualize)
         rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
         left = _positions("state", (*states, *residualize), self.states)[len(rows) :]
+        if not rows:
+            raise BadInputError("no state is left in the model; leave at least one out of residualize")
         seen = rows if self.outputs == self.states else list(range(len(self.outputs)))
         A22 = self.A[np.ix_(left, left)]
         sizes = np.array([self.point.model.states[name].nominal for name in residualize])

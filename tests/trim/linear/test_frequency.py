@@ -15,7 +15,7 @@ from own_models import F16, NAVION, trimmed
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from trim import LinearModel, level_model, linearize
-from trim.linear.frequency import Transfer, transmission_zeros
+from trim.linear.frequency import Transfer, bode_figure, transmission_zeros
 
 OMEGA = np.logspace(-3, 2, 40)
 
@@ -98,9 +98,17 @@ def test_disturbances_are_residualized_too() -> None:
     np.testing.assert_allclose(*by_wind, rtol=1e-8, atol=1e-12)
 
 
-def test_what_cannot_follow_is_named() -> None:
+def test_what_cannot_be_done_is_said() -> None:
+    model = level_model(Aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot follow the other states"):
-        level_model(Aircraft(), 0.2).select(residualize=("pitch",))
+        model.select(residualize=("pitch",))
+    with pytest.raises(BadInputError, match="no state is left in the model"):
+        model.select(residualize=model.states)
+    with pytest.raises(BadInputError, match="the model has no inputs: there is no Bode plot to draw"):
+        bode_figure(model.select(inputs=()))
+    navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
+    with pytest.raises(BadInputError, match="no chosen input reaches a chosen output"):
+        bode_figure(navion)
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:

@@ -128,9 +128,3 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
     allowed = np.array([0.01, 0.001, np.hypot(0.01, 0.01), np.hypot(0.01, 0.01)])
     errors = eigenvalue_errors(found, quoted)
     assert np.all(errors <= allowed), errors
-
-
-def test_eigenvalue_errors_pairs_by_distance() -> None:
-    reference = np.array([1.0, 2.0 + 1j, 2.0 - 1j])
-    computed = np.array([2.0 - 1.25j, 1.5, 2.0 + 1j])
-    np.testing.assert_allclose(eigenvalue_errors(computed, reference), [0.5, 0.0, 0.25])

@@ -10,12 +10,11 @@ from known_models import released_simulation
 
 from controller.flight.plants import LinearizedAircraft
 from hfa_model import LINEAR_STATES, STATES, Aircraft
-from hfa_model.outputs import OUTPUTS
 from hfa_model.winds import DISTURBANCES
 from hfa_support import BadInputError
 from trim import OperatingPoint, find_operating_point, level_flight, linearize
 
-NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
+NAMES = tuple(DISTURBANCES)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11 deg.
 PEER: dict[str, dict[str, float]] = {
     "headwind_center": {"speed": 0.0, "alpha": -4.25540178e-03, "pitch_rate": -3.53879464e-03},
