@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -72,17 +74,34 @@ class InterpolatedModel(Reported):
             if not np.all((axis[0] <= column) & (column <= axis[-1])):
                 ends = (self.sweep.model.describe(name, end) for end in axis[[0, -1]])
                 raise BadInputError(f"{name} lies outside of the sweep, which goes from {' to '.join(ends)}")
-        order = np.lexsort(self.sweep.values.T[::-1])
-        found = []
-        for name in _QUANTITIES:
-            table = getattr(self.sweep, name)[order]
-            table = table.reshape(*map(len, self.axes), *table.shape[1:])
-            found.append(
-                RegularGridInterpolator(self.axes, table)(asked).reshape(
-                    *asked.shape[:-1], *table.shape[len(self.axes) :]
-                )
-            )
-        return Interpolated(*found)
+        found = (RegularGridInterpolator(self.axes, table)(asked) for table in self._tables)
+        shapes = (table.shape[len(self.axes) :] for table in self._tables)
+        return Interpolated(
+            *(each.reshape(*asked.shape[:-1], *shape) for each, shape in zip(found, shapes, strict=True))
+        )
+
+    def to_casadi(self) -> ca.Function:
+        """(values of the variables,) -> X0, U0, A, B, as `at`, held at the ends of the grid; `.generate("models.c")` of it
+        writes C that needs no library."""
+        asked, weights = ca.SX.sym("at", len(self.axes)), ca.SX(1)
+        for x, axis in zip(ca.vertsplit(asked), self.axes, strict=True):
+            x = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
+            up = [(x - low) / (high - low) for low, high in pairwise(axis)]
+            hats = [ca.fmax(0, ca.fmin(*each)) for each in zip([1, *up], [*(1 - each for each in up), 1], strict=True)]
+            weights = ca.kron(weights, ca.vertcat(*hats))
+        parts = []
+        for table in self._tables:
+            flat = ca.mtimes(table.reshape(weights.numel(), -1).T, weights)
+            shape = table.shape[len(self.axes) :]
+            parts.append(flat if len(shape) == 1 else ca.reshape(flat, *shape[::-1]).T)
+        return ca.Function("models", [asked], parts, ["at"], list(_QUANTITIES))
+
+    @cached_property
+    def _tables(self) -> list[np.ndarray]:
+        """Each quantity over the grid, the axes of the variables first."""
+        order, sizes = np.lexsort(self.sweep.values.T[::-1]), tuple(map(len, self.axes))
+        found = (getattr(self.sweep, name)[order] for name in _QUANTITIES)
+        return [table.reshape(*sizes, *table.shape[1:]) for table in found]
 
     @cached_property
     def errors(self) -> list[Worst]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
 from itertools import pairwise
+from pathlib import Path
 
+import casadi as ca
 import control
 import numpy as np
 import pytest
+from c_files import COMPILER, needs_gcc
 from own_models import F16, NAVION, trimmed
 from scipy.integrate import solve_ivp
 
@@ -31,6 +35,20 @@ def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel
     between = model.at(dihedral=np.radians(1.25), speed=66.0).B
     weights = np.outer([0.75, 0.25], [0.25, 0.75]).ravel()
     np.testing.assert_allclose(between, sum(w * B for w, B in zip(weights, ends, strict=True)), rtol=1e-12)
+
+
+@needs_gcc
+def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
+    """At random places, at the points, and beyond an end, where the last value holds."""
+    model.to_casadi().generate("models.c")
+    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-o", "models.so", "models.c", "-lm"], check=True)
+    function = ca.external("models", "./models.so")
+    rng, eta = np.random.default_rng(4), GRID["dihedral"]
+    places = [*zip(rng.uniform(0, eta[-1], 20), rng.uniform(60, 76, 20), strict=True), (eta[1], 68.0), (eta[-1], 76.0)]
+    for place in places:
+        for one, other in zip(function(list(place)), model.at(dihedral=place[0], speed=place[1]), strict=True):
+            np.testing.assert_allclose(np.array(one).reshape(other.shape), other, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
 
 
 def test_the_error_is_that_of_the_middles_and_falls_with_the_square_of_the_step(model: InterpolatedModel) -> None:
