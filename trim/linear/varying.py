@@ -81,8 +81,10 @@ class InterpolatedModel(Reported):
         )
 
     def to_casadi(self) -> ca.Function:
-        """(values of the variables,) -> X0, U0, A, B, as `at`, held at the ends of the grid; `.generate("models.c")` of it
-        writes C that needs no library."""
+        """(values of the variables,) -> X0, U0, A, B, as `at`, but held at the ends of the grid.
+
+        `.generate("models.c")` of it writes C that needs no library.
+        """
         asked, weights = ca.SX.sym("at", len(self.axes)), ca.SX(1)
         for x, axis in zip(ca.vertsplit(asked), self.axes, strict=True):
             x = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
